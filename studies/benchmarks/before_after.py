@@ -20,7 +20,6 @@ import sys
 import tarfile
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -87,9 +86,10 @@ def used_by(root: Path, *arguments: str, **more: str) -> Used:
     """What a command of the checkout at `root` takes with an empty results folder. CalledProcessError with what it said."""
     with tempfile.TemporaryDirectory(prefix="antinode-results-") as results, tempfile.TemporaryFile() as said:
         own = {"PYTHONPATH": str(root), "ANTINODE_RESULTS": results, **more}
+        usual = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
         command = [sys.executable, *arguments]
         begin = time.perf_counter()
-        with subprocess.Popen(command, cwd=root, env=os.environ | own, stdout=said, stderr=said) as process:
+        with subprocess.Popen(command, cwd=root, env=usual | own, stdout=said, stderr=said) as process:
             _, status, usage = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
         wall = time.perf_counter() - begin
@@ -104,12 +104,12 @@ def shares(root: Path, command: tuple[str, ...]) -> dict[str, float]:
     with tempfile.NamedTemporaryFile(suffix=".prof") as profile:
         used_by(root, "-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, ANTINODE_THREADS="1")
         entries = pstats.Stats(profile.name).stats.items()  # type: ignore[attr-defined]
-    spent: Counter[str] = Counter()
+    spent = dict.fromkeys((*SHARES, "rest"), 0.0)
     for (file, _, function), (_, _, own, whole, _) in entries:
         name = f"{Path(file).name}:{function}"
         spent[_kind(name)] += whole if name in KEPT else 0.0 if WAITING in name else own
     total = sum(spent.values())
-    return {name: spent[name] / total for name in (*SHARES, "rest")}
+    return {name: part / total for name, part in spent.items()}
 
 
 def _kind(function: str) -> str:
