@@ -6,7 +6,7 @@ The commit's files are put into a temporary folder and run there, in alternation
 folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
 take minutes, the other tasks seconds, which are run unless tasks are named. Processor seconds are those of all processes a
 command starts, wall seconds those until it ends, each the least of the repeats; memory is that of the largest process. --write
-puts the rows into docs/verification.md.
+puts the rows into docs/verification.md, without the wall seconds, which are those of one machine's cores.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ TASKS: dict[str, tuple[str, ...]] = {
 }
 LONG = ("main job", "grid")
 LEAD = """\
-Written by `python -m studies.benchmarks.before_after --write` on a machine of {cores} cores: processor and wall seconds of
-whole commands without kept cells, beside those of commit {commit}, each task in one run, and the memory of the largest process;
-shares are of the processor time after, in one thread under the profiler."""
+Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
+those of commit {commit}, each task in one run, and the memory of the largest process; shares are of the time after, in one
+thread under the profiler."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("splu", "gstrf", "rslab.py:__init__"),
@@ -116,6 +116,11 @@ def _kind(function: str) -> str:
     return next((kind for kind, marks in SHARES.items() if any(mark in function for mark in marks)), "rest")
 
 
+def _head(columns: tuple[str, ...]) -> str:
+    """The head of a Markdown table."""
+    return f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}"
+
+
 def _beside(before: float, after: float) -> tuple[str, str, str]:
     """Two times and their ratio."""
     return f"{before:.2f}", f"{after:.2f}", f"{after / before:.2f}"
@@ -136,14 +141,11 @@ def main(arguments: list[str] | None = None) -> None:
         "before, s",
         "after, s",
         "ratio",
-        "wall before, s",
-        "wall after, s",
-        "wall ratio",
         "peak after, MB",
         *(f"{name} after" for name in (*SHARES, "rest")),
     )
-    head, rows = f"| {' | '.join(columns)} |\n|{'---|' * len(columns)}", {}
-    print(head, flush=True)
+    head, rows = _head(columns), {}
+    print(_head((*columns, "wall before, s", "wall after, s", "wall ratio")), flush=True)
     with checkout(given.commit) as earlier:
         for name in given.tasks or [each for each in TASKS if each not in LONG]:
             before, after = Used(), Used()
@@ -157,11 +159,11 @@ def main(arguments: list[str] | None = None) -> None:
                 if name in LONG
                 else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
             )
-            times = (*_beside(before.seconds, after.seconds), *_beside(before.wall, after.wall))
-            rows[name] = f"| {' | '.join((name, *times, f'{after.peak_bytes / 1e6:.0f}', *spent))} |"
-            print(rows[name], flush=True)
+            memory = f"{after.peak_bytes / 1e6:.0f}"
+            rows[name] = f"| {' | '.join((name, *_beside(before.seconds, after.seconds), memory, *spent))} |"
+            print(rows[name], " | ".join(_beside(before.wall, after.wall)), "|", flush=True)
     if given.write:
-        lead = f"{LEAD.format(commit=given.commit, cores=os.cpu_count())}\n\n{head}"
+        lead = f"{LEAD.format(commit=given.commit)}\n\n{head}"
         write_atomic(verification.PAGE, verification.with_speed(verification.PAGE.read_text(), rows, lead).encode())
 
 
