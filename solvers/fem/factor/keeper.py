@@ -12,11 +12,37 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from queue import SimpleQueue
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Protocol, TypeVar
 from weakref import finalize
+
+from solvers.cores import workers
 
 Thing = TypeVar("Thing")
 Other = TypeVar("Other")
+
+
+class Hands(Protocol):
+    """What does calls: another thread, or the asking one."""
+
+    def run(self, call: Callable[[], Other]) -> Other:
+        """The call's result or exception."""
+        ...
+
+    def later(self, call: Callable[[], Any]) -> Any:
+        """Do the call, now or soon."""
+        ...
+
+
+class Alone:
+    """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
+
+    def run(self, call: Callable[[], Other]) -> Other:
+        """The call's result or exception."""
+        return call()
+
+    def later(self, call: Callable[[], Any]) -> None:
+        """Do the call now."""
+        call()
 
 
 class Keeper:
@@ -61,9 +87,9 @@ def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
 class Kept(Generic[Thing]):
     """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
 
-    def __init__(self, make: Callable[[], Thing], keeper: Keeper | None = None) -> None:
+    def __init__(self, make: Callable[[], Thing], keeper: Hands | None = None) -> None:
         box: list[Thing] = []
-        self._box, self._keeper = box, keeper or _own.lease.keeper
+        self._box, self._keeper = box, keeper or (_ALONE if workers() == 1 else _own.lease.keeper)
         self._keeper.run(lambda: box.append(make()))
         finalize(self, self._keeper.later, box.clear)
 
@@ -82,6 +108,7 @@ class Kept(Generic[Thing]):
         self._keeper.run(self._box.clear)
 
 
+_ALONE = Alone()
 _idle: deque[Keeper] = deque()
 
 

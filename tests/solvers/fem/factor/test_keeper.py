@@ -18,6 +18,12 @@ from solvers.fem.factor.keeper import Kept
 Touches = list[tuple[str, int]]
 
 
+@pytest.fixture(autouse=True)
+def two_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever the machine has."""
+    monkeypatch.setenv("ANTINODE_THREADS", "2")
+
+
 class Jealous:
     """Tells which thread made, used and freed it, and makes others of its kind."""
 
@@ -104,6 +110,18 @@ def test_an_exception_takes_nothing_to_another_thread() -> None:
     del kept, fault, caught
     settled()
     assert alone(touches)
+
+
+def test_a_process_of_one_thread_keeps_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ANTINODE_THREADS", "1")
+    touches: Touches = []
+    kept = Kept(lambda: Jealous(touches))
+    other = kept.make(lambda own: Jealous(own.touches))
+    assert kept.use(Jealous.used) == 7
+    del kept
+    other.free()
+    assert {ident for _, ident in touches} == {threading.get_ident()}
+    assert [name for name, _ in touches] == ["made", "made", "used", "freed", "freed"]
 
 
 def test_threads_that_end_leave_their_keeper_to_the_next() -> None:
