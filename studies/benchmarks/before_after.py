@@ -47,13 +47,11 @@ those of commit {commit}, each task in one run, and the memory of the largest pr
 thread under the profiler."""
 # by the name of a function, or of its file
 SHARES = {
-    "factorisation": ("splu", "gstrf", "rslab.py:__init__"),
-    "solves": ("method 'solve' of 'SuperLU", "rslab.py:solve"),
+    "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
+    "solves": ("'solve_many' of", "method 'solve' of 'rslab", "method 'solve' of 'SuperLU"),
     "orthogonalisation": ("block_lanczos.py", "linalg.py:qr", "eigh"),
     "products": ("matvecs", "matvec}", "csr_matmat"),
 }
-KEPT = ("rslab.py:__init__", "rslab.py:solve")  # what they wait for is done by a keeper's thread, which is not profiled
-WAITING = "method 'acquire' of '_thread.lock'"
 
 
 @contextmanager
@@ -105,9 +103,8 @@ def shares(root: Path, command: tuple[str, ...]) -> dict[str, float]:
         used_by(root, "-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, ANTINODE_THREADS="1")
         entries = pstats.Stats(profile.name).stats.items()  # type: ignore[attr-defined]
     spent = dict.fromkeys((*SHARES, "rest"), 0.0)
-    for (file, _, function), (_, _, own, whole, _) in entries:
-        name = f"{Path(file).name}:{function}"
-        spent[_kind(name)] += whole if name in KEPT else 0.0 if WAITING in name else own
+    for (file, _, function), (_, _, own, *_) in entries:
+        spent[_kind(f"{Path(file).name}:{function}")] += own
     total = sum(spent.values())
     return {name: part / total for name, part in spent.items()}
 
