@@ -102,6 +102,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from pipeline.logs import TerminalLog
     from pipeline.views import answer
 
+    _require_threads()
     lend_cache_folders()
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for some reads every distribution installed
     TerminalLog.verbose = arguments.verbose
@@ -110,6 +111,16 @@ def _run(arguments: argparse.Namespace) -> int:
         read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
         answer.check(arguments)
         return int(getattr(importlib.import_module(module), function)(arguments))
+
+
+def _require_threads() -> None:
+    """InputError for a limit of threads that is none."""
+    from pipeline.errors import InputError
+    from solvers.cores import LIMIT
+
+    given = os.environ.get(LIMIT, "0")
+    if not given.isdecimal():
+        raise InputError(f"{LIMIT} = {given!r}: must be a whole number of threads, 0 for every core")
 
 
 def _report_error(error: Exception) -> int:

@@ -243,3 +243,14 @@ def help_of(command: str, capsys: pytest.CaptureFixture[str]) -> str:
     with pytest.raises(SystemExit):
         main.main([command, "--help"])
     return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("given", ["abc", "-1", "1.5", ""])
+def test_a_limit_of_threads_that_is_none_is_wrong_input(
+    given: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("ANTINODE_THREADS", given)
+    assert main.main(["materials"]) == 2
+    assert capsys.readouterr().err == (
+        f"antinode: ANTINODE_THREADS = {given!r}: must be a whole number of threads, 0 for every core\n"
+    )
