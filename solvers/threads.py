@@ -26,17 +26,23 @@ HEARD_S = 0.2  # an interruption is heard so soon, whichever thread the signal r
 # How long a task in Python lets another wait that comes back from compiled code: the interpreter's own 5 ms, at each of
 # hundreds of returns, cost two symmetry classes side by side a fifth of what they save.
 WAIT_S = 5e-4
-ARENA_MAX = -8  # of glibc's malloc.h
+# Of glibc's malloc.h. All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it
+# once held. A solve makes and drops arrays of some megabytes by the hundred: given back to the system each time, their pages
+# cost a tenth of a small solve when they come anew.
+ARENA_MAX, TRIM_THRESHOLD, MMAP_THRESHOLD = -8, -1, -3
+HEAP = {ARENA_MAX: 1, TRIM_THRESHOLD: 2**26, MMAP_THRESHOLD: 2**23}
 
 
-def _one_arena() -> None:
-    """All threads share one heap: arrays are few and large, and an arena of each thread's own keeps what it once held."""
+def _set_heap() -> None:
+    """Tell the C library how this process takes memory."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):  # another C library than glibc
-            ctypes.CDLL(None).mallopt(ARENA_MAX, 1)
+            library = ctypes.CDLL(None)
+            for parameter, value in HEAP.items():
+                library.mallopt(parameter, value)
 
 
-_one_arena()
+_set_heap()
 
 
 class Abandoned(Exception):

@@ -108,6 +108,19 @@ class Shared:
     factorise: Factoriser = field(default_factory=Factoriser)
     static: Factor | None = None
     counts: dict[float, int] = field(default_factory=dict)
+    _norms: tuple[float, float] | None = None
+
+    def norms_of(self, pencil: SymmetricPencil) -> tuple[float, float]:
+        """Largest column sums |K| and |M|."""
+        if self._norms is None:
+            self._norms = _column_norm(pencil.stiffness), _column_norm(pencil.mass)
+        return self._norms
+
+
+def _column_norm(matrix: sp.csc_array) -> float:
+    """Largest column sum of moduli, without a copy of the pattern."""
+    starts = matrix.indptr[:-1][np.diff(matrix.indptr) > 0]
+    return float(np.add.reduceat(np.abs(matrix.data), starts).max(initial=0.0)) if len(starts) else 0.0
 
 
 @dataclass(frozen=True)
@@ -293,8 +306,7 @@ class _Solver:
         self._images: tuple[FloatArray, FloatArray, FloatArray] | None = None
         self._at_end: tuple[Factor, float] | None = None
         self.factorisations = 0
-        self.stiffness_norm = float(abs(pencil.stiffness).sum(axis=0).max())
-        self.mass_norm = float(abs(pencil.mass).sum(axis=0).max())
+        self.stiffness_norm, self.mass_norm = self.shared.norms_of(pencil)
         self.norm_ratio = self.stiffness_norm / self.mass_norm
 
     @cached_property

@@ -5,7 +5,6 @@ scipy's SuperLU is always there; rslab and MKL PARDISO are taken when they are i
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
@@ -71,8 +70,7 @@ class Factoriser:
             raise SolverError(
                 f"factorisation '{self.backend}' is not installed; there is {', '.join(choice.available())}"
             )
-        self._symbolic: Any | None = None
-        self._known = ("", b"")
+        self._symbolic: dict[str, Any] = {}  # of the pattern seen last, by backend
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
@@ -85,18 +83,10 @@ class Factoriser:
         backend = self.backend or choice.preferred(matrix.shape[0])
         if backend == "pardiso":
             return Pardiso(matrix)  # its analysis and its numbers live in one handle: nothing to share
-        name = (backend, _pattern_of(matrix))
-        shared = self._symbolic if name == self._known else None
-        factor = Rslab(matrix, shared) if backend == "rslab" else SuperLU(matrix, shared)
-        self._symbolic, self._known = factor.symbolic, name
+        make = Rslab if backend == "rslab" else SuperLU
+        factor = make(matrix, self._symbolic.get(backend))
+        self._symbolic[backend] = factor.symbolic
         return factor
-
-
-def _pattern_of(matrix: sp.csc_array) -> bytes:
-    """Digest of the whole sparsity pattern."""
-    digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
-    digest.update(np.ascontiguousarray(matrix.indices).data)
-    return digest.digest()
 
 
 def _probe(matrix: sp.csc_array, factor: Factor) -> None:

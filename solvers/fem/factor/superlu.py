@@ -7,6 +7,7 @@ back (higham2002, chapter 12), and how fast it contracts proves the inertia.
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,17 +42,21 @@ PROBES = 3  # sweeps that measure the contraction: a power iteration from a rand
 
 @dataclass(frozen=True)
 class Ordering:
-    """Order of elimination (n,), and the entries of L that it leads to; the order is None where SuperLU finds it."""
+    """Order of elimination (n,), and the entries of L that it leads to; the order is None where SuperLU finds it.
+
+    pattern: digest of the sparsity pattern that was analysed.
+    """
 
     order: IntArray | None
     entries: int
+    pattern: bytes
 
 
 def analyse(matrix: sp.csc_array) -> Ordering:
     """Minimum degree on the graph of alike degrees of freedom, and the exact count of L's entries. Source: davis2006."""
     count = matrix.shape[0]
     if count <= DENSE:
-        return Ordering(None, count * (count + 1) // 2)
+        return Ordering(None, count * (count + 1) // 2, pattern_of(matrix))
     label, size = alike(matrix)
     graph = matrix
     if len(size) > WORTH * count:
@@ -59,7 +64,7 @@ def analyse(matrix: sp.csc_array) -> Ordering:
     else:
         graph = quotient(matrix, label, len(size))
     place, entries = postordered(graph, _minimum_degree(graph), size)
-    return Ordering(np.argsort(place[label], kind="stable"), entries)
+    return Ordering(np.argsort(place[label], kind="stable"), entries, pattern_of(matrix))
 
 
 def _minimum_degree(graph: sp.csc_array) -> IntArray:
@@ -85,11 +90,19 @@ def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
     return moved
 
 
+def pattern_of(matrix: sp.csc_array) -> bytes:
+    """Digest of the whole sparsity pattern."""
+    digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
+    digest.update(np.ascontiguousarray(matrix.indices).data)
+    return digest.digest()
+
+
 class SuperLU:
     """Sparse LU on the diagonal: the signs of U's diagonal count the negative eigenvalues. Source: li2005."""
 
     def __init__(self, matrix: sp.csc_array, symbolic: Ordering | None = None) -> None:
-        self.symbolic = symbolic or analyse(matrix)
+        known = symbolic if symbolic and symbolic.pattern == pattern_of(matrix) else None
+        self.symbolic = known or analyse(matrix)
         self._matrix = matrix
         self._negative: int | None = None
         self.foreseen_bytes = self._foreseen()

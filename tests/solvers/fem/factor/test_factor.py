@@ -221,6 +221,19 @@ def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.Monkey
     assert made.negative == int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
 
 
+@pytest.mark.parametrize("name", available())
+def test_another_pattern_is_analysed_anew(name: str) -> None:
+    block = shifted(pencil("hex3"))
+    order = np.random.default_rng(1).permutation(block.shape[0])
+    as_large = sp.csc_array(block[order][:, order])
+    factorise = Factoriser(name)
+    for matrix in (block, as_large, shifted(pencil("tet2 bent")), block):
+        factor, right = factorise(matrix), np.cos(np.arange(matrix.shape[0]))
+        assert np.linalg.norm(matrix @ factor.solve(right) - right) < 1e-8 * np.linalg.norm(right)
+        assert factor.negative == int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
+        assert factor.foreseen_bytes == Factoriser(name)(matrix).foreseen_bytes
+
+
 def test_degrees_of_freedom_with_the_same_couplings_are_alike() -> None:
     block = np.kron(np.array([[1, 1, 0], [1, 1, 1], [0, 1, 1]]), np.ones((3, 3)))
     label, size = alike(sp.csc_array(block))
@@ -230,9 +243,10 @@ def test_degrees_of_freedom_with_the_same_couplings_are_alike() -> None:
 
 @pytest.mark.parametrize("what", ["stored", "filled"])
 def test_more_entries_than_superlu_can_count_are_refused(what: str) -> None:
-    plan = superlu.Ordering(None, 2**31 if what == "filled" else 5)
     matrix = sp.csc_array(sp.eye_array(4, format="csc"))
+    plan = superlu.Ordering(None, 2**31 if what == "filled" else 5, superlu.pattern_of(matrix))
     if what == "stored":
-        matrix = type("Huge", (), {"shape": (4, 4), "nnz": 80_000_000})()
+        pattern = {"indptr": matrix.indptr, "indices": matrix.indices}
+        matrix = type("Huge", (), {"shape": (4, 4), "nnz": 80_000_000, **pattern})()
     with pytest.raises(TooLarge, match=r"more than SuperLU can count: install rslab"):
         superlu.SuperLU(matrix, plan)
