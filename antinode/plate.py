@@ -254,10 +254,13 @@ class Plate(Frozen):
         solved = response.solve(self._case, _logged(progress), _hz(band_kHz), points)
         return Response(solved.record.to_dict() | self._about)
 
-    def tolerance(self, band_kHz: Pair | None = None, *, progress: bool | None = None) -> Tolerance:
+    def tolerance(
+        self, band_kHz: Pair | None = None, *, alike: bool = False, progress: bool | None = None
+    ) -> Tolerance:
         """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike; band_kHz: (low, high) in kHz.
 
-        Raises InputError where [tolerance] has no deviation.
+        alike: all pillars of a plate are off by the same, answered from the bases of `antinode explore`, without a band. Raises
+        InputError where [tolerance] has no deviation, or where the bases do not hold the design.
 
         >>> from antinode import Scatter, load
         >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
@@ -268,6 +271,10 @@ class Plate(Frozen):
         from antinode.results import Tolerance
         from pipeline.analysis import tolerance
 
+        if alike:
+            from pipeline.explore.alike import solve
+
+            return Tolerance(solve(self._case, _logged(progress)).to_dict() | self._about)
         solved = tolerance.solve(self._case, _logged(progress), _hz(band_kHz))
         return Tolerance(solved.record.to_dict() | self._about)
 
@@ -279,7 +286,7 @@ class Plate(Frozen):
         >>> from antinode import Finger, Patches, load
         >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
         >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)
-        >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality)
+        >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality_factor)
         (-300.0, 40)
         """
         from antinode.results import Touch
@@ -293,12 +300,12 @@ class Plate(Frozen):
     ) -> Hybrid:
         """Compute confinement in dB by rows, by patches and by both; alpha: weight of voltages that move little, of 1.
 
-        band_kHz: (low, high) in kHz; lists of a way are (points,). InputError without two driving patches, one in the zone.
+        band_kHz: (low, high) in kHz; lists of a method are (points,). InputError without two driving patches, one in the zone.
 
         >>> from antinode import Patches, load
         >>> two = Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0), (14.0, 0.0)])
-        >>> ways = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3).ways
-        >>> {name: round(ways[name].confinement_db[0]) for name in ("rows", "both")}
+        >>> methods = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3).methods
+        >>> {name: round(methods[name].confinement_db[0]) for name in ("rows", "both")}
         {'rows': 8, 'both': 16}
         """
         from antinode.results import Hybrid

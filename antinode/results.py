@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
-    from pipeline.records.record import HybridWay, LoadedModeRecord, PeakRecord, SampleRecord, TouchStateRecord
+    from pipeline.records.record import HybridMethod, LoadedModeRecord, PeakRecord, SampleRecord, TouchStateRecord
     from solvers.waves.gaps import Gap
 
 KIND = "kind"
@@ -391,7 +391,7 @@ class Response(Result):
 
     @property
     def wanted_peak(self) -> PeakRecord | None:
-        """The wanted mode's peak: frequency_hz, zone_rms_m_per_V, confinement_db, quality; None where the band has none."""
+        """The wanted mode's peak, None without one: frequency_hz, zone_rms_m_per_V, confinement_db, quality_factor."""
         peak: PeakRecord | None = typed("PeakRecord", self._document.get("wanted_peak"))
         return peak
 
@@ -451,7 +451,7 @@ class Tolerance(Result):
 
     @property
     def samples(self) -> tuple[SampleRecord, ...]:
-        """Each plate: peak_hz, zone_rms (m/V or m/N), confinement_db, quality, tracking."""
+        """Each plate: peak_hz, zone_rms (m/V or m/N), confinement_db, quality_factor, tracking."""
         return tuple(typed("SampleRecord", each) for each in self._document["samples"])
 
     def __repr__(self) -> str:
@@ -493,8 +493,8 @@ class Hybrid(Result):
     `plate.hybrid()` computes one; here is what it holds.
 
     >>> import antinode
-    >>> way = {"way": "rows", "confinement_db": [14.6]}
-    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "ways": [way]}).ways["rows"].confinement_db
+    >>> method = {"method": "rows", "confinement_db": [14.6]}
+    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "methods": [method]}).methods["rows"].confinement_db
     [14.6]
     """
 
@@ -504,12 +504,12 @@ class Hybrid(Result):
     frequencies_hz = column("frequency_hz", doc="Frequencies (points,) in Hz.")
 
     @property
-    def ways(self) -> dict[str, HybridWay]:
-        """Every way by its name: neither, rows, patches, both; lists over the frequencies, dB and V for 1 um."""
-        return {way["way"]: typed("HybridWay", way) for way in self._document["ways"]}
+    def methods(self) -> dict[str, HybridMethod]:
+        """Every method by its name: neither, rows, patches, both; lists over the frequencies, dB and V for 1 um."""
+        return {method["method"]: typed("HybridMethod", method) for method in self._document["methods"]}
 
     def __repr__(self) -> str:
-        return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.ways)}>"
+        return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.methods)}>"
 
 
 class Travel(Result):

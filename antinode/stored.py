@@ -18,7 +18,7 @@ MARKS = {
     "touch": "states",
     "crosstalk": "zones",
     "travel": "twr",
-    "hybrid": "ways",
+    "hybrid": "methods",
     "search": "evaluations",
     "predesign": "limits",
 }

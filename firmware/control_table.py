@@ -48,10 +48,10 @@ ROWS = (
 )  # title, what differs, values, their unit
 
 
-def mode_table(quality: float) -> bytes:
+def mode_table(quality_factor: float) -> bytes:
     """A table with one measured mode."""
     mode = np.zeros(1, layout.MODE)
-    mode["frequency_hz"], mode["tau_s"] = TRUE_HZ, quality / math.pi / TRUE_HZ
+    mode["frequency_hz"], mode["tau_s"] = TRUE_HZ, quality_factor / math.pi / TRUE_HZ
     mode["gain"], mode["delay_s"] = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
     mode["drive_limit"], mode["amplitude_limit"] = 1.0, 0.9
     mode["flags"] = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
@@ -59,15 +59,15 @@ def mode_table(quality: float) -> bytes:
     return layout.assemble(mode, np.zeros(0, layout.SHAPE), **one)
 
 
-def held_plate(quality: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
+def held_plate(quality_factor: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
     """A table and the plate that it describes."""
-    own = Resonance(TRUE_HZ, quality / math.pi / TRUE_HZ, GAIN)
-    return mode_table(quality), Plate((own,), delay_s=DELAY_S, noise=noise)
+    own = Resonance(TRUE_HZ, quality_factor / math.pi / TRUE_HZ, GAIN)
+    return mode_table(quality_factor), Plate((own,), delay_s=DELAY_S, noise=noise)
 
 
-def entry(quality: float, case: Case) -> str:
+def entry(quality_factor: float, case: Case) -> str:
     """Such as "1.9" (ms to 95 % of the envelope), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms after the step)."""
-    table, plate = held_plate(quality)
+    table, plate = held_plate(quality_factor)
     own = replace(plate.resonances[0], frequency_hz=TRUE_HZ + case.off_hz)
     tau_s = plate.resonances[0].tau_s
     others = (Resonance(TRUE_HZ + 200.0, tau_s, case.neighbour * GAIN),) if case.neighbour else ()
@@ -100,10 +100,10 @@ def markdown() -> str:
     """All tables."""
     lines = []
     for title, name, values, unit in ROWS:
-        lines += [f"| {title} | " + " | ".join(f"Q {quality}" for quality in QUALITIES) + " |"]
+        lines += [f"| {title} | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"]
         lines += ["|---" * (len(QUALITIES) + 1) + "|"]
         for value in values:
-            entries = [entry(quality, replace(Case(), **{name: value * unit})) for quality in QUALITIES]
+            entries = [entry(quality_factor, replace(Case(), **{name: value * unit})) for quality_factor in QUALITIES]
             lines.append(f"| {value:g} | " + " | ".join(entries) + " |")
         lines.append("")
     return "\n".join(lines)

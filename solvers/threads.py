@@ -79,8 +79,8 @@ def side_by_side(
     chosen = list(items)
     if len(chosen) < 2 or _task.abandoned:
         return [function(item) for item in chosen]
-    held = room / bytes_each if bytes_each > 0.0 else float("inf")
-    count = int(min(len(chosen), workers(), held))
+    fitting = room / bytes_each if bytes_each > 0.0 else float("inf")
+    count = int(min(len(chosen), workers(), fitting))
     abandoned = threading.Event()
 
     def alone(item: Item) -> Result:

@@ -372,13 +372,13 @@ def _of_hybrid(record: Record) -> tuple[str, ...] | None:
     if hybrid is None or hybrid.wanted_hz is None:
         return None
 
-    def level(way: str, values: str = "confinement_db", unit: str = "dB") -> str:
-        figure = hybrid.at_wanted(way, values) if hybrid else None
+    def level(method: str, values: str = "confinement_db", unit: str = "dB") -> str:
+        figure = hybrid.at_wanted(method, values) if hybrid else None
         return "none" if figure is None else f"{figure:.3g} {unit}"
 
     off = [level("rows", "rows_off_db"), level("patches", "off_db"), level("both", "rows_off_db")]
-    volts = [level(way, "volts_per_um", "V") for way in ("rows", "patches", "both")]
-    levels = [level(way) for way in ("neither", "rows", "patches", "both")]
+    volts = [level(method, "volts_per_um", "V") for method in ("rows", "patches", "both")]
+    levels = [level(method) for method in ("neither", "rows", "patches", "both")]
     return f"{record.design.rows if record.design else '?'}", f"{hybrid.wanted_hz / 1e3:.2f} kHz", *levels, *off, *volts
 
 

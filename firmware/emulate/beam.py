@@ -28,7 +28,7 @@ class Structure:
     """
 
     angular: Floats
-    quality: float
+    quality_factor: float
     actuators: Floats
     sensors: Floats
     residual: Floats | None = None
@@ -38,14 +38,14 @@ class Structure:
     @property
     def slowest_s(self) -> float:
         """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
-        return float(2.0 * self.quality / self.angular.min())
+        return float(2.0 * self.quality_factor / self.angular.min())
 
     def matrix(self, frequency_hz: float) -> Complexes:
         """T, sensors over drives, (6, 6), at a frequency."""
         omega = 2.0 * math.pi * frequency_hz
-        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality)
-        rest = 0.0 if self.residual is None else self.residual
-        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + rest)
+        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality_factor)
+        residual = 0.0 if self.residual is None else self.residual
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + residual)
 
     def sampled_matrix(self, frequency_hz: float) -> Complexes:
         """T as a board finds it that holds its drives between samples and samples just before it changes them, (6, 6).
@@ -57,25 +57,25 @@ class Structure:
         decay = np.exp(pole * step)
         push = (decay - 1.0) / pole
         modal = (push / (turn - decay) - push.conj() / (turn - decay.conj())) / (2j * pole.imag)
-        rest = 0.0 if self.residual is None else self.residual / turn
-        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + rest)
+        residual = 0.0 if self.residual is None else self.residual / turn
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + residual)
 
     @property
     def poles(self) -> Complexes:
         """One pole of each mode, rad/s."""
-        rate = self.angular / (2.0 * self.quality)
+        rate = self.angular / (2.0 * self.quality_factor)
         return np.asarray(-rate + 1j * np.sqrt(self.angular**2 - rate**2))
 
 
 @dataclass(frozen=True)
 class Beam:
-    """SI units; quality, the same for each mode; largest, the largest |T| at frequency_hz; noise, rms in full scales."""
+    """SI units; quality_factor, the same for each mode; largest, the largest |T| at frequency_hz; noise, rms in full scales."""
 
     length_m: float = 0.150
     thickness_m: float = 1e-3
     young_pa: float = 210e9
     density_kg_m3: float = 7850.0
-    quality: float = 50.0
+    quality_factor: float = 50.0
     modes: int = 12
     frequency_hz: float = 2400.0
     largest: float = 0.5
@@ -129,7 +129,7 @@ class Beam:
     def _by_modes(self, gain: float, at_m: Floats) -> Structure:
         actuators = gain * self.shapes(self.places_m)
         return Structure(
-            self.angular, self.quality, actuators, self.shapes(at_m), None, self.noise, self.sample_rate_hz
+            self.angular, self.quality_factor, actuators, self.shapes(at_m), None, self.noise, self.sample_rate_hz
         )
 
 

@@ -55,6 +55,10 @@ def _along_a_line(
         raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
     others = [np.delete(inner, i) for i in range(order + 1)]
     weights = np.stack(
-        [np.prod((local[:, None] - rest) / (inner[i] - rest), axis=1) for i, rest in enumerate(others)], axis=1
+        [
+            np.prod((local[:, None] - other_nodes) / (inner[i] - other_nodes), axis=1)
+            for i, other_nodes in enumerate(others)
+        ],
+        axis=1,
     )
     return order * element[:, None] + np.arange(order + 1), weights, order * (len(coarse) - 1) + 1

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.active.options import compared, only_frequency_hz, quality, seconds
+from pipeline.active.options import compared, only_frequency_hz, quality_factor, seconds
 from pipeline.board import table_file
 from pipeline.board.table_file import ModeTable, TableError
 from pipeline.case.model import Case
@@ -69,7 +69,7 @@ def _data(arguments: Namespace, case: Case | None, table: ModeTable | None, log:
         data = replace(data, wanted=_from_case(case, log))
     plant = data.wanted
     frequency = only_frequency_hz(arguments, plant.frequency_hz)
-    wanted = ModePlant.from_quality(frequency, quality(arguments, plant.quality), plant.gain)
+    wanted = ModePlant.from_quality_factor(frequency, quality_factor(arguments, plant.quality_factor), plant.gain)
     delays = arguments.delay or ()
     if len(delays) > 1:
         raise InputError(f"--delay: active dq takes one, {len(delays)} came")
@@ -89,7 +89,7 @@ def _from_case(case: Case, log: Log) -> ModePlant:
     if zone is None:
         raise InputError(f"{case.name}: [plate], [zone]: too little is given to size the zone")
     log.info(f"mode by predesign, {zone.frequency_hz:.0f} Hz; gain {WANTED_GAIN} assumed; --table takes computed modes")
-    return ModePlant.from_quality(zone.frequency_hz, case.quality, WANTED_GAIN)
+    return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, WANTED_GAIN)
 
 
 def _from_table(data: DqData, table: ModeTable, log: Log) -> DqData:
@@ -177,7 +177,8 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
     head = ("name", "detuning_hz", "reference", "reached_95_s", "settled_5_s", "overshoot", "limited_periods")
     rows: list[list[Any]] = [[step.to_dict()[key] for key in head] for step in (*study.steps, *study.windups)]
     return [
-        f"mode {data.wanted.frequency_hz:.1f} Hz, quality {data.wanted.quality:.0f}, {len(data.neighbours)} neighbours",
+        f"mode {data.wanted.frequency_hz:.1f} Hz, quality factor {data.wanted.quality_factor:.0f}, "
+        f"{len(data.neighbours)} neighbours",
         f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
         f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s / MS:.4f} ms, "
         f"|G| {abs(plant.gain):.4f}, delay {study.identified.delay_s / US:.2f} us",

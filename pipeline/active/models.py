@@ -8,7 +8,7 @@ from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
-from pipeline.active.options import compared, frequencies_hz, number, only_frequency_hz, quality, seconds
+from pipeline.active.options import compared, frequencies_hz, number, only_frequency_hz, quality_factor, seconds
 from pipeline.case.limits import span
 from pipeline.case.model import Case, load_case
 from pipeline.case.quantities import parse_band
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from solvers.resonators.mason_study import MasonStudy
 
 TAKES = {
-    "mason": ("frequency", "quality", "band"),
-    "pillar": ("quality", "band", "cell"),
-    "beam": ("frequency", "gain", "quality", "delay"),
+    "mason": ("frequency", "quality-factor", "band"),
+    "pillar": ("quality-factor", "band", "cell"),
+    "beam": ("frequency", "gain", "quality-factor", "delay"),
     "shaping": ("frequency",),
-    "dq": ("frequency", "quality", "delay", "settling-time", "table", "sweep"),
+    "dq": ("frequency", "quality-factor", "delay", "settling-time", "table", "sweep"),
 }
 COMPARED = ("quantity", "thesis", "ours", "agreement")
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
@@ -83,7 +83,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     from solvers.resonators.mason_study import MasonData, mason_study
 
     data = MasonData(target_hz=only_frequency_hz(arguments, MasonData.target_hz))
-    data = replace(data, quality=quality(arguments, case.quality if case else data.quality))
+    data = replace(data, quality_factor=quality_factor(arguments, case.quality_factor if case else data.quality_factor))
     if case is not None:
         data = replace(data, material=case.design.material)
     whole = study = mason_study(data)
@@ -94,7 +94,7 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     cell, one = data.cell, data.filter
     lines = [
         f"five cells of {data.material.name}, each {cell.length_m / MM:.3f} mm long, section {cell.area_m2 / MM**2:g} mm2, "
-        f"quality {data.quality:g}; 1 N in the middle one",
+        f"quality factor {data.quality_factor:g}; 1 N in the middle one",
         f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
         *(
             f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes) + ' Hz' if len(modes) else 'none in the band'}"
@@ -136,7 +136,7 @@ def _pillar(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     case.require("plate", "pillar", "array.pitch_mm", command="active pillar")
     case.require_lattice("active pillar is")
     band = parse_band(arguments.band, "--band") if arguments.band else None
-    loss = 1.0 / quality(arguments, case.quality if "damping" in case.given else inf)
+    loss = 1.0 / quality_factor(arguments, case.quality_factor if "damping" in case.given else inf)
     low, high = band or _pillar_window(case)
     pillar_row = pillar_filter(case.design, np.linspace(low, high, 801), loss)
     point = point_force()
@@ -183,7 +183,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Answer:
         data,
         frequencies_hz=frequencies_hz(arguments, data.frequencies_hz),
         gains_n_m=gains,
-        quality=quality(arguments, case.quality if case else data.quality),
+        quality_factor=quality_factor(arguments, case.quality_factor if case else data.quality_factor),
         delays_s=delays,
     )
     study = active_beam_study(data)

@@ -27,14 +27,14 @@ def only_frequency_hz(arguments: Namespace, default: float) -> float:
     return value[0]
 
 
-def quality(arguments: Namespace, default: float) -> float:
-    """Return --quality, infinite for "inf", or the default."""
-    if arguments.quality is None:
+def quality_factor(arguments: Namespace, default: float) -> float:
+    """Return --quality-factor, infinite for "inf", or the default."""
+    if arguments.quality_factor is None:
         return default
-    value = number(arguments.quality)
+    value = number(arguments.quality_factor)
     if not (QUALITY[0] <= value <= QUALITY[1] or value == inf):
         allowed = f"must be a number above 0, {span(QUALITY)}, or inf for no losses"
-        raise InputError(f"--quality = {arguments.quality}: {allowed}")
+        raise InputError(f"--quality-factor = {arguments.quality_factor}: {allowed}")
     return value
 
 

@@ -82,8 +82,8 @@ class Detail:
     def path(self) -> dict[str, Any]:
         """The fields of the whole path."""
         gaps = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
-        asked = {name: [vars(gap) for gap in known] for name, known in gaps.items() if known is not None}
-        return {"reduction_error": self.reduction_error, **asked}
+        gap_lists = {name: [vars(gap) for gap in known] for name, known in gaps.items() if known is not None}
+        return {"reduction_error": self.reduction_error, **gap_lists}
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ class Response:
     curve: Curve
     wanted: Peak | None
     highest: Peak
-    quality_given: float
+    quality_factor_given: float
     wanted_hz: float | None
     signs: tuple[int, ...]
     sensors: tuple[int, ...]
@@ -111,7 +111,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         curve,
         wanted,
         peak_of(curve, highest),
-        case.quality,
+        case.quality_factor,
         forced.wanted_hz(),
         tuple(int(sign) for sign in forced.signs),
         patches.sensors,
@@ -162,12 +162,12 @@ def _log_summary(forced_response: Response, log: Log) -> None:
         forced_response.curve.frequency_hz[-1],
     ):
         log.warning("PEAK_AT_END", "the response is largest at the end of the band: widen it")
-    quality = forced_response.peak.quality
-    if quality and abs(quality / forced_response.quality_given - 1.0) > 0.2:
+    quality_factor = forced_response.peak.quality_factor
+    if quality_factor and abs(quality_factor / forced_response.quality_factor_given - 1.0) > 0.2:
         log.warning(
             "SHARED_PEAK",
-            f"the peak's width tells a quality factor of {quality:.0f}, given is "
-            f"{forced_response.quality_given:.0f}: modes overlap",
+            f"the peak's width tells a quality factor of {quality_factor:.0f}, given is "
+            f"{forced_response.quality_factor_given:.0f}: modes overlap",
         )
 
 
@@ -205,10 +205,10 @@ def lines(forced_response: Response) -> list[str]:
 
 def _summary(name: str, peak: PeakRecord) -> str:
     confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
-    quality = "none" if peak.quality is None else f"{peak.quality:.0f}"
+    quality_factor = "none" if peak.quality_factor is None else f"{peak.quality_factor:.0f}"
     error = peak.height_error
     bar = "its error is not known" if error is None else f"\u00b1 {error:.1%} by the mesh, the damping given"
     return (
         f"{name} at {peak.frequency_hz:.1f} Hz: {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar}){confinement_text}; "
-        f"quality factor from the curve: {quality}"
+        f"quality factor from the curve: {quality_factor}"
     )

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -61,30 +63,40 @@ class ToleranceStudy:
     def record(self) -> ToleranceRecord:
         """Everything but curves and times."""
         given = self.tolerance
-        levels = [one.confinement_db for one in self.samples if one.confinement_db is not None]
-        peaks, nominal = self.peaks_hz, self.nominal.peak_hz
         return ToleranceRecord.of(
             self,
             tolerance={key: getattr(given, key) for key in ("height_m", "side_m", "position_m", "seed")}
             | {"cut_at_deviations": CUT},
             rms_unit=self.unit,
-            lost=len(self.samples) - len(peaks),
-            split=sum(one.tracking == "split" for one in self.samples),
-            peak_hz=_spread(peaks),
-            peak_shift_hz=_spread(peaks - nominal) if nominal else None,
-            confinement_db=_spread(np.array(levels)),
-            confined=sum(level >= CONFINED_DB for level in levels) if levels else None,
             space_check={"peak_hz": self.space_change_hz, "confinement_db": self.space_change_db},
+            **statistics(self.nominal, self.samples),
         )
 
     @property
     def peaks_hz(self) -> FloatArray:
         """Peaks of the samples whose wanted mode was tracked."""
-        return np.array([one.peak_hz for one in self.samples if one.peak_hz is not None])
+        return _known(self.samples, "peak_hz")
 
     def arrays(self) -> dict[str, FloatArray]:
         """Return the arrays that a figure draws."""
         return {"tolerance_hz": self.frequency_hz, "tolerance_curves": self.curves}
+
+
+def statistics(nominal: SampleRecord, samples: Sequence[SampleRecord]) -> dict[str, Any]:
+    """What samples come to, by the names of a tolerance record: those without the wanted mode are counted and left out."""
+    peaks, levels = _known(samples, "peak_hz"), _known(samples, "confinement_db")
+    return {
+        "lost": len(samples) - len(peaks),
+        "split": sum(one.tracking == "split" for one in samples),
+        "peak_hz": _spread(peaks),
+        "peak_shift_hz": _spread(peaks - nominal.peak_hz) if nominal.peak_hz else None,
+        "confinement_db": _spread(levels),
+        "confined": int((levels >= CONFINED_DB).sum()) if len(levels) else None,
+    }
+
+
+def _known(samples: Sequence[SampleRecord], name: str) -> FloatArray:
+    return np.array([value for one in samples if (value := getattr(one, name)) is not None])
 
 
 def _spread(values: FloatArray) -> SpreadRecord | None:
@@ -186,7 +198,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     else:
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
-            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality))
+            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor))
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(
@@ -201,7 +213,7 @@ def _measured(sample: ChangedPlate) -> SampleRecord:
     """
     tone, tracking = sample.tracked_hz, sample.tracked.status
     if tone is None:
-        return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality=None, tracking=tracking)
+        return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality_factor=None, tracking=tracking)
     top = near_hz(sample, tone)
     reach = DECAYED * top * sample.loss
     curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
@@ -228,11 +240,10 @@ def _summary(name: str, tolerance_study: SampleRecord) -> str:
     return f"{name}: peak at {tolerance_study.peak_hz:.1f} Hz{confinement}{split}"
 
 
-def lines(tolerance_study: ToleranceStudy) -> list[str]:
-    """Describe the study in words."""
-    summary = tolerance_study.record
-    peak, shift, level = summary.peak_hz, summary.peak_shift_hz, summary.confinement_db
-    out, count = [_summary("nominal", tolerance_study.nominal)], len(tolerance_study.peaks_hz)
+def lines(record: ToleranceRecord) -> list[str]:
+    """Describe the samples in words."""
+    peak, shift, level = record.peak_hz, record.peak_shift_hz, record.confinement_db
+    out, count = [_summary("nominal", record.nominal)], len(record.samples) - record.lost
     if peak and shift:
         out.append(
             f"{count} plates: peak {peak.mean:.1f} Hz, spread {peak.spread(1, 'Hz')}, "
@@ -241,23 +252,22 @@ def lines(tolerance_study: ToleranceStudy) -> list[str]:
     if level:
         out.append(
             f"confinement {level.mean:.1f} dB, spread {level.spread(1, 'dB')}, worst {level.lowest:.1f} dB; "
-            f"{summary.confined} of {count} confined"
+            f"{record.confined} of {count} confined"
         )
-    if summary.lost:
-        out.append(
-            f"{summary.lost} of {len(tolerance_study.samples)} plates lost the wanted mode: no mode has its shape"
-        )
+    if record.lost:
+        out.append(f"{record.lost} of {len(record.samples)} plates lost the wanted mode: no mode has its shape")
     return out
 
 
 def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
-    for line in lines(tolerance_study):
+    said = lines(tolerance_study.record)
+    for line in said:
         log.info(line)
     peaks, nominal = tolerance_study.peaks_hz, tolerance_study.nominal.peak_hz
     if ((peaks <= band[0]) | (peaks >= band[1])).any():
         log.warning("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
     if len(peaks) < len(tolerance_study.samples):
-        log.warning("LOST", lines(tolerance_study)[-1])
+        log.warning("LOST", said[-1])
     change = tolerance_study.space_change_hz
     if (
         change is not None

@@ -247,7 +247,7 @@ def _record(
         impedance_N_s_m=(impedance.real, impedance.imag),
         force_N=touch.force_n,
         gap_m=touch.gap_m,
-        quality_given=session.case.quality,
+        quality_factor_given=session.case.quality_factor,
         mode=mode,
         states=states,
         loop=loop,
@@ -272,11 +272,12 @@ def _of_finger(record: TouchRecord) -> str:
 
 def _of_mode(record: TouchRecord) -> Iterator[str]:
     if mode := record.mode:
-        quality = "none" if mode.quality is None else f"{mode.quality:.1f}"
+        quality_factor = "none" if mode.quality_factor is None else f"{mode.quality_factor:.1f}"
         mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
         yield (
             f"wanted mode from {mode.free_hz / KHZ:.3f} to {mode.frequency_hz / KHZ:.3f} kHz ({mode.shift_hz:+.0f} Hz), "
-            f"quality factor from {record.quality_given:.0f} to {quality}; it keeps {mode.share:.0%} of its shape{mixed}"
+            f"quality factor from {record.quality_factor_given:.0f} to {quality_factor}; "
+            f"it keeps {mode.share:.0%} of its shape{mixed}"
         )
 
 

@@ -146,11 +146,11 @@ class Progress:
             return "time left not known yet"
         spent = {case_id: time.monotonic() - start for case_id, start in self._begun.items()}
         usual = {case_id: self._known.get(case_id, mean or 0.0) for case_id in self._left}
-        rest = sum(max(0.0, usual[case_id] - spent.get(case_id, 0.0)) for case_id in usual)
-        if rest <= 0.0:
+        remaining_s = sum(max(0.0, usual[case_id] - spent.get(case_id, 0.0)) for case_id in usual)
+        if remaining_s <= 0.0:
             late = any(seconds > LONGER * usual.get(case_id, 0.0) for case_id, seconds in spent.items())
             return "taking longer than the cases before" if late else "about to end"
-        return f"about {_duration(rest / max(1, len(self._begun)))} left"
+        return f"about {_duration(remaining_s / max(1, len(self._begun)))} left"
 
 
 def _duration(seconds: float) -> str:

@@ -32,7 +32,9 @@ def table_of(case: Case, part_modes: PartModes, wanted: int) -> ModeTable:
     """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
     kept = _nearest([row.frequency_hz for row in part_modes.rows], wanted)
     modes = tuple(
-        Mode.from_quality(part_modes.rows[i].frequency_hz, case.quality, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
+        Mode.from_quality_factor(
+            part_modes.rows[i].frequency_hz, case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT
+        )
         for i in kept
     )
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(wanted))

@@ -69,7 +69,7 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
     if min(chosen) < MIN_SHAPE_HZ:
         raise InputError(f"--frequency: {min(chosen):g} Hz, the six-channel board takes {MIN_SHAPE_HZ:g} Hz and more")
     scale = full_scale(model, signal, chosen)
-    slowest_s = float((model.table.quality / (pi * model.table.frequencies_hz)).max())
+    slowest_s = float((model.table.quality_factor / (pi * model.table.frequencies_hz)).max())
     matrices = [scale * model.matrix(f, signal) * hold(f, SAMPLE_RATE_HZ) for f in chosen]
     shapes = tuple(
         Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())))

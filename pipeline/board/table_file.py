@@ -53,12 +53,12 @@ class Mode:
     frequency_identified: bool = False
 
     @classmethod
-    def from_quality(cls, frequency_hz: float, quality: float, **rest: object) -> Mode:
+    def from_quality_factor(cls, frequency_hz: float, quality_factor: float, **rest: object) -> Mode:
         """A mode whose time constant follows from an assumed quality factor: tau = Q / (pi f)."""
-        return cls(frequency_hz, quality / (math.pi * frequency_hz), **rest)  # type: ignore[arg-type]
+        return cls(frequency_hz, quality_factor / (math.pi * frequency_hz), **rest)  # type: ignore[arg-type]
 
     @property
-    def quality(self) -> float:
+    def quality_factor(self) -> float:
         """Quality factor Q = pi f tau."""
         return math.pi * self.frequency_hz * self.tau_s
 
@@ -385,6 +385,6 @@ def _describe_mode(index: int, mode: Mode, wanted: bool) -> str:
     mark = " (wanted)" if wanted else ""
     return (
         f"mode {index}{mark}: {mode.frequency_hz:.3f} Hz ({frequency}), tau {mode.tau_s / MS:.4g} ms, "
-        f"Q {mode.quality:.4g} ({tau}), gain {gain}, delay {mode.delay_s / US:.3g} us, "
+        f"Q {mode.quality_factor:.4g} ({tau}), gain {gain}, delay {mode.delay_s / US:.3g} us, "
         f"drive at most {mode.drive_limit:.3g}, amplitude at most {mode.amplitude_limit:.3g} of full scale"
     )

@@ -93,7 +93,7 @@ class Case:
     design: Design
     solve: SolveSettings
     bands: BandSettings
-    quality: float
+    quality_factor: float
     patches: Patches | None
     given: frozenset[str]
     tolerance: Tolerance | None = None
@@ -159,7 +159,7 @@ class Case:
     def to_dict(self) -> dict[str, Any]:
         """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
         plain: dict[str, Any] = {
-            name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality", "patches")
+            name: _plain(getattr(self, name)) for name in ("design", "solve", "bands", "quality_factor", "patches")
         }
         if self.tolerance:
             plain["tolerance"] = _plain(self.tolerance)
@@ -212,7 +212,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         design=design,
         solve=_solve(values),
         bands=_bands(values, design),
-        quality=values.good["damping.quality"],
+        quality_factor=values.good["damping.quality"],
         patches=patches,
         given=values.given,
         tolerance=_tolerance(values),

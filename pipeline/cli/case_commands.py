@@ -263,8 +263,10 @@ def tolerance(arguments: Namespace) -> int:
     if arguments.explain:
         from pipeline.measures import registry
 
-        planned = registry.plan_of(case, ["tolerance"])
+        planned = registry.plan_of(case, ["live" if arguments.alike else "tolerance"])
         return emit(arguments, "plan", Answer(planned.to_dict(), [planned.text()]))
+    if arguments.alike:
+        return _alike(arguments, case, log, band)
     from pipeline.analysis import tolerance as drawn
     from pipeline.plots.response import report_figure
 
@@ -272,9 +274,35 @@ def tolerance(arguments: Namespace) -> int:
     per = "V" if case.patches else "N"
     head = tuple(f"{name}_m_per_{per}" if name == "zone_rms" else name for name in solved.nominal.to_dict())
     rows = [list(one.to_dict().values()) for one in solved.samples]
-    lines = [f"{solved.pillars} pillars, driven by {solved.drive}", reading_table(head, rows), *drawn.lines(solved)]
+    lines = [
+        f"{solved.pillars} pillars, driven by {solved.drive}",
+        reading_table(head, rows),
+        *drawn.lines(solved.record),
+    ]
     pictures = lambda: [report_figure(solved.record, solved.arrays())]  # noqa: E731
     return emit(arguments, "tolerance", Answer(solved.record.to_dict(), lines, head, rows, pictures), log)
+
+
+def _alike(arguments: Namespace, case: Case, log: TerminalLog, band: Band | None) -> int:
+    """Plates whose pillars are all off by the same, answered from the explorer's bases."""
+    if band:
+        raise InputError("--band: the wanted mode of a column has a window of its own; leave --band or --alike out")
+    from pipeline.analysis.tolerance import lines
+    from pipeline.explore import alike
+    from pipeline.plots.response import report_figure
+
+    record = alike.solve(case, log)
+    head = ("peak_hz", "confinement_db", "tracking")
+    rows = [[getattr(one, name) for name in head] for one in record.samples]
+    said = [
+        f"{record.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
+        f"{record.frequency_error or 0.0:.1%} of its frequency",
+        reading_table(head, rows),
+        *lines(record),
+    ]
+    return emit(
+        arguments, "tolerance", Answer(record.to_dict(), said, head, rows, lambda: [report_figure(record, {})]), log
+    )
 
 
 def touch(arguments: Namespace) -> int:

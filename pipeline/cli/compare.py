@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 Flat = dict[str, Any]
 SHOWN_DIGITS = 6
 ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
-# what a part of a list is called by: states under a finger, ways of confining, complete gaps
-NAMED = (("state",), ("way",), ("lower_band", "upper_band"))
+# what a part of a list is called by: states under a finger, methods of confining, complete gaps
+NAMED = (("state",), ("method",), ("lower_band", "upper_band"))
 NOT_COMPARED = ("schema", "seconds", "proof", "plan", "meshes", "times", "directional_gaps")
 
 

@@ -34,6 +34,7 @@ RENAMED = {
     "--confirm": "--verify-with",
     "--within": "--settling-time",
     "--synthesise": "--synthetic-data",
+    "--quality": "--quality-factor",
 }
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 

@@ -16,7 +16,7 @@ from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning.foresight import announce
 from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
-from pipeline.records.record import HybridRecord, HybridWay, MeshRecord
+from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
 from pipeline.units import KHZ, UM
 from solvers.driven.contrast import contrast_volts
 from solvers.measures.levels import ratio_db
@@ -39,7 +39,7 @@ class Plates:
 
 @dataclass(frozen=True)
 class _Levels:
-    """Of one way at one frequency."""
+    """Of one method at one frequency."""
 
     db: float
     volts_per_um: float
@@ -65,9 +65,9 @@ def solve(
     tone, (low, high) = driven_hz(plates.rows), plates.rows.band_hz
     wanted = near_hz(plates.rows, tone) if tone and low <= tone <= high else None
     tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
-    with log.step(f"{len(tones)} frequencies, four ways each"):
-        ways = [
-            _way(name, [_levels(plates, name, inner, float(f), alpha) for f in tones])
+    with log.step(f"{len(tones)} frequencies, four methods each"):
+        methods = [
+            _method(name, [_levels(plates, name, inner, float(f), alpha) for f in tones])
             for name in ("neither", "rows", "patches", "both")
         ]
     patches, plate = case.patches, plates.rows.plate
@@ -81,7 +81,7 @@ def solve(
         alpha=alpha,
         wanted_hz=wanted,
         frequency_hz=tones.tolist(),
-        ways=ways,
+        methods=methods,
     )
     for line in lines(record):
         log.info(line)
@@ -135,10 +135,10 @@ def _retuned(design: Design, factor: float) -> Design:
     return replace(design, pillar=design.pillar and of(design.pillar), graded=tuple(map(of, design.graded)))
 
 
-def _levels(plates: Plates, way: str, inner: FloatArray, frequency_hz: float, alpha: float) -> _Levels:
+def _levels(plates: Plates, method: str, inner: FloatArray, frequency_hz: float, alpha: float) -> _Levels:
     """Voltages made for the plate as computed; off: every resonance, or the pillars' alone, elsewhere by the detuning."""
-    own = plates.rows if way in ("rows", "both") else plates.bare
-    shaped = contrast_volts(own, frequency_hz, alpha) if way in ("patches", "both") else None
+    own = plates.rows if method in ("rows", "both") else plates.bare
+    shaped = contrast_volts(own, frequency_hz, alpha) if method in ("patches", "both") else None
     volts: ComplexArray = np.asarray(plates.rows.signs * inner, dtype=complex) if shaped is None else shaped
 
     def level(plate: ForcedPlate, tone: float) -> tuple[float, float]:
@@ -153,10 +153,10 @@ def _levels(plates: Plates, way: str, inner: FloatArray, frequency_hz: float, al
     return _Levels(db, UM * float(np.abs(volts).max()) / zone, off, rows_off)
 
 
-def _way(name: str, levels: list[_Levels]) -> HybridWay:
+def _method(name: str, levels: list[_Levels]) -> HybridMethod:
     rows_off = [each.rows_off_db for each in levels if each.rows_off_db is not None]
-    return HybridWay(
-        way=name,  # type: ignore[arg-type]
+    return HybridMethod(
+        method=name,  # type: ignore[arg-type]
         confinement_db=[each.db for each in levels],
         volts_per_um=[each.volts_per_um for each in levels],
         off_db=[each.off_db for each in levels],
@@ -175,9 +175,10 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
         yield "the band holds no wanted mode: the levels over frequency stand alone"
         return
     yield f"at the wanted mode's peak, {record.wanted_hz / KHZ:.3f} kHz:"
-    for way in record.ways:
-        off = "" if way.rows_off_db is None else f", {way.rows_off_db[place]:.1f} with the pillars' alone"
+    for method in record.methods:
+        off = "" if method.rows_off_db is None else f", {method.rows_off_db[place]:.1f} with the pillars' alone"
         yield (
-            f"{way.way}: {way.confinement_db[place]:.1f} dB, {way.volts_per_um[place]:.3g} V for 1 um rms in the zone; "
-            f"{way.off_db[place]:.1f} dB with every resonance off by {record.detuning:.0%}{off}"
+            f"{method.method}: {method.confinement_db[place]:.1f} dB, {method.volts_per_um[place]:.3g} V for 1 um rms in "
+            f"the zone; "
+            f"{method.off_db[place]:.1f} dB with every resonance off by {record.detuning:.0%}{off}"
         )

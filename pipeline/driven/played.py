@@ -37,7 +37,7 @@ def table_of(wave: Travelling) -> ModeTable:
 
 
 def _tau_s(wave: Travelling) -> float:
-    return float((wave.table.quality / (pi * wave.table.frequencies_hz)).max())
+    return float((wave.table.quality_factor / (pi * wave.table.frequencies_hz)).max())
 
 
 def structure(wave: Travelling) -> Structure:
@@ -48,7 +48,7 @@ def structure(wave: Travelling) -> Structure:
     residual[: table.sensor_count, : table.actuator_count] = scale * table.sensor_residual
     return Structure(
         table.angular,
-        float(np.median(table.quality)),
+        float(np.median(table.quality_factor)),
         _padded(scale * table.actuators),
         _padded(table.sensors),
         residual,

@@ -176,12 +176,9 @@ class Explorer:
         document: Document = {"design": given, "warnings": self._warnings(case), "bands": self._bands(sizes)}
         window = mesh_rules.wanted_window_hz(design)
         document["rows"] = self._decay(case, sizes, window)
-        try:
-            document["plate"] = self._column(case, window)
-            if "frequency_error" in document["plate"]:
-                document["plate"]["frequency_error"] += self._mesh_at(sizes, document)
-        except (SolverError, InputError) as fault:
-            document["plate"] = {"why_not": " ".join(str(fault).split())}
+        document["plate"] = self.plate(case)
+        if "frequency_error" in document["plate"]:
+            document["plate"]["frequency_error"] += self._mesh_at(sizes, document)
         return document
 
     @cached_property
@@ -208,10 +205,7 @@ class Explorer:
         out = []
         for design in self.cloud_designs[first : first + min(count, BATCH)]:
             case = self.scene.at(design)
-            try:
-                plate = self._column(case, mesh_rules.wanted_window_hz(case.design))
-            except (SolverError, InputError) as fault:
-                plate = {"why_not": str(fault)}
+            plate = self.plate(case)
             known = {name: plate.get(name) for name in ("frequency_hz", "confinement_db")}
             out.append({"design": design, "mass_g": mass_kg(case.design) / GRAM} | known)
         return out
@@ -270,6 +264,14 @@ class Explorer:
             "kx_per_m": kx,
         }
 
+    @one_thread()
+    def plate(self, case: Case) -> Document:
+        """The wanted mode of a case's column, or `why_not`."""
+        try:
+            return self._column(case, mesh_rules.wanted_window_hz(case.design))
+        except (SolverError, InputError) as fault:
+            return {"why_not": " ".join(str(fault).split())}
+
     def _column(self, case: Case, window: tuple[float, float]) -> Document:
         design = case.design
         frequency_hz, profile = live_modes(case, self._live, self._bare, window)
@@ -284,6 +286,7 @@ class Explorer:
         return numbers | {
             "frequency_hz": float(frequency_hz[at]),
             "frequency_error": SLACK[COLUMN],
+            "status": level.wanted.status,
             "rivals": len(level.wanted.rivals),
             "profile": _profile(profile.y_m, profile.weights, squares, design.half_span_m),
             "half_width_mm": 5e2 * design.width_m,

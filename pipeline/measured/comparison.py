@@ -174,8 +174,8 @@ def _identified(identified: Resonance) -> dict[str, Any]:
     return {
         "peak_hz": identified.peak_hz,
         "frequency_hz": identified.frequency_hz,
-        "quality": identified.quality,
-        "quality_half_power": identified.half_power_quality,
+        "quality_factor": identified.quality_factor,
+        "quality_factor_half_power": identified.half_power_quality_factor,
         "circle": None if circle is None else circle.to_dict() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
         "no_circle": identified.trouble,
     }
@@ -183,7 +183,7 @@ def _identified(identified: Resonance) -> dict[str, Any]:
 
 def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
     shift = theirs.frequency_hz - ours.frequency_hz
-    losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality, ours.quality))
+    losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality_factor, ours.quality_factor))
     bar = "the model's error is not known" if error is None else f"the model may be off by {100.0 * error:.2f} %"
     return (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {theirs.frequency_hz:.1f} Hz, computed "

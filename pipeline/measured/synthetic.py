@@ -82,7 +82,7 @@ def _field(case: Case, response: Response, noise: float, random: np.random.Gener
 def tones(case: Case, response: Response) -> FloatArray:
     """Frequencies about the peak, evenly spaced, in Hz."""
     peak = response.peak.frequency_hz
-    reach = REACH * peak / case.quality / 2.0
+    reach = REACH * peak / case.quality_factor / 2.0
     return np.linspace(peak - reach, peak + reach, TONES)
 
 

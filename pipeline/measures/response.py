@@ -41,7 +41,7 @@ COLUMNS = (
     Column("highest_peak_db", "confinement at the highest", _highest(lambda p: p.confinement_db), ".2f", "dB"),
     Column("measured_hz", "measured resonance", _sweep(lambda s: s.frequency_hz), ".2f", "Hz"),
     Column("measured_shift_hz", "measured less computed", _sweep(lambda s: s.frequency_shift_hz), "+.2f", "Hz"),
-    Column("measured_quality", "measured quality factor", _sweep(lambda s: s.quality), ".1f"),
+    Column("measured_quality_factor", "measured quality factor", _sweep(lambda s: s.quality_factor), ".1f"),
     Column("measured_db", "measured confinement", _map(lambda m: m.confinement_db), ".2f", "dB"),
     Column("measured_mac", "MAC, measured to computed", _map(lambda m: m.mac_operating), ".4f"),
 )

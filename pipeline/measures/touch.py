@@ -36,7 +36,7 @@ _loop = figures_of(lambda r: r.touch.loop if r.touch else None)
 _touched = figures_of(lambda r: r.touch.state("touched") if r.touch else None)
 COLUMNS = (
     Column("touch_shift_hz", "detuning by the finger", _mode(lambda m: m.shift_hz), "+.1f", "Hz"),
-    Column("touch_quality", "quality factor under the finger", _mode(lambda m: m.quality), ".1f"),
+    Column("touch_quality_factor", "quality factor under the finger", _mode(lambda m: m.quality_factor), ".1f"),
     Column("touch_share", "share of the wanted mode under the finger", _mode(lambda m: m.share), ".3f"),
     *(column for name in ("free", "touched", "shaped") for column in _state(name)),
     Column(

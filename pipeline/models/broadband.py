@@ -42,7 +42,7 @@ def broadband(
     column, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
-        driven = column.driven(tones, case.quality)
+        driven = column.driven(tones, case.quality_factor)
         passed = [_through(column, bare, float(tone)) for tone in tones]
     samples = [
         BroadbandPoint(frequency_hz=tone, confinement_db=level, transmission=shares)

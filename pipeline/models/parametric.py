@@ -220,10 +220,10 @@ class CellModelCache(CellCache):
         """One process at a time makes a model; none waits where the folder cannot be written."""
         import fcntl
 
-        with contextlib.ExitStack() as held:
+        with contextlib.ExitStack() as resources:
             with contextlib.suppress(OSError):
                 self.folder.mkdir(parents=True, exist_ok=True)
-                file = held.enter_context((self.folder / ".making").open("w"))
+                file = resources.enter_context((self.folder / ".making").open("w"))
                 fcntl.flock(file, fcntl.LOCK_EX)  # the kernel frees it when the process ends
             yield
 

@@ -61,7 +61,7 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     if plate.undriven:
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
-        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality, patches.circuit)
+        drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit)
         return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
 
 

@@ -182,8 +182,8 @@ class _Pilot:
         return self._whole.up_to(reduction.interface, reduction.top_hz)
 
     def _holds(self, face: Interface, reduction: ReductionSettings) -> bool:
-        asked = reduction.interface
-        return asked.along <= face.along and asked.through <= face.through and reduction.top_hz <= self._top_hz
+        interface = reduction.interface
+        return interface.along <= face.along and interface.through <= face.through and reduction.top_hz <= self._top_hz
 
     def _reduced(self, reduction: ReductionSettings) -> Lattice:
         design, material = self.design, self.design.material

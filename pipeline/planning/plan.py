@@ -237,7 +237,12 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     low, high = driven_band_hz(case, band_hz)
     choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
-    numbers = {"band_hz": [low, high], "frequencies": points, "patches": patches.count, "quality": case.quality}
+    numbers = {
+        "band_hz": [low, high],
+        "frequencies": points,
+        "patches": patches.count,
+        "quality_factor": case.quality_factor,
+    }
     demand = foresight.of_response(case, choice, (low, high), points)
     if not choice.quarter:
         return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)

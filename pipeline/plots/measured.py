@@ -61,7 +61,7 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> 
 def _shown_hz(record: MeasuredSweepRecord) -> tuple[float, float]:
     """A window that holds both resonances, within what was measured or computed."""
     both = [record, record.computed]
-    width = max(one.frequency_hz / (one.quality or 100.0) for one in both)
+    width = max(one.frequency_hz / (one.quality_factor or 100.0) for one in both)
     tones = [one.frequency_hz for one in both]
     return min(tones) - AROUND * width, max(tones) + AROUND * width
 
@@ -79,8 +79,8 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> N
         axes.plot(around.real, around.imag, color="black", lw=0.9)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True)
-    quality = "none" if record.quality is None else f"{record.quality:.0f}"
-    axes.set(xlabel="real, over the peak", ylabel="imaginary", title=f"Quality factor {quality}")
+    quality_factor = "none" if record.quality_factor is None else f"{record.quality_factor:.0f}"
+    axes.set(xlabel="real, over the peak", ylabel="imaginary", title=f"Quality factor {quality_factor}")
 
 
 def _fields(
@@ -119,10 +119,12 @@ def _decibels(level: float | None) -> str:
 def _alt(record: MeasuredRecord) -> str:
     said = []
     if sweep := record.sweep:
-        quality = "" if sweep.quality is None else f", with a quality factor of {sweep.quality:.0f}"
+        quality_factor = (
+            "" if sweep.quality_factor is None else f", with a quality factor of {sweep.quality_factor:.0f}"
+        )
         said.append(
             f"The measured resonance{_marked(sweep)} lies at {sweep.frequency_hz / KHZ:.2f} kHz, "
-            f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one{quality}"
+            f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one{quality_factor}"
         )
     if field := record.map:
         said.append(

@@ -79,10 +79,12 @@ def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
 def _alt(record: ResponseRecord) -> str:
     peak, whose = record.peak, "the wanted mode peaks" if record.wanted_peak else "the zone peaks highest"
     level_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
-    quality = "" if peak.quality is None else f", quality factor {peak.quality:.0f} read from the curve"
+    quality_factor = (
+        "" if peak.quality_factor is None else f", quality factor {peak.quality_factor:.0f} read from the curve"
+    )
     return (
         f"Displacement per volt over frequency: {whose} at {peak.frequency_hz / KHZ:.2f} kHz with "
-        f"{peak.zone_nm_per_V:.4g} nm/V rms{level_text}{quality}"
+        f"{peak.zone_nm_per_V:.4g} nm/V rms{level_text}{quality_factor}"
     )
 
 
@@ -93,13 +95,18 @@ def tolerance(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 
 def report_figure(record: ToleranceRecord, arrays: dict[str, Any]) -> ReportFigure:
-    """Curves over frequency; below, each plate's peak and how well its zone confines the mode there."""
-    level = record.confinement_db
-    figure, panels = style.panels(5.6 if level else 3.0, 2 if level else 1, 1, squeeze=False)
-    _curves(panels[0, 0], record, arrays)
-    if level:
-        draw_peaks(panels[1, 0], record)
-    title = "What printed pillars do to the response"
+    """Curves over frequency, where there are any; below, each plate's peak and how well its zone confines the mode there."""
+    draw = [lambda axes: _curves(axes, record, arrays)] if arrays else []
+    if record.confinement_db:
+        draw.append(lambda axes: draw_peaks(axes, record))
+    figure, panels = style.panels(0.4 + 2.6 * len(draw), len(draw), 1, squeeze=False)
+    for panel, own in zip(panels[:, 0], draw, strict=True):
+        own(panel)
+    title = (
+        "What printed pillars do to the response"
+        if arrays
+        else "What pillars that are all off alike do to the wanted mode"
+    )
     return ReportFigure("tolerance", title, _spread_alt(record), figure, vector=True)
 
 
@@ -144,7 +151,7 @@ def _spread_alt(record: ToleranceRecord) -> str:
         else (f"; confinement {level.mean:.1f} dB (spread {level.spread(1, 'dB')}), at worst {level.lowest:.1f} dB")
     )
     return (
-        f"Response of {len(record.samples)} plates whose pillars differ: the peak lies at {peak.mean / KHZ:.2f} kHz "
+        f"{len(record.samples)} plates whose pillars differ: the wanted mode's peak lies at {peak.mean / KHZ:.2f} kHz "
         f"(spread {peak.spread(0, 'Hz')}){nominal}{spread}"
     )
 
@@ -155,16 +162,18 @@ def hybrid(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 
 def hybrid_levels(record: HybridRecord) -> ReportFigure:
-    """Levels of the four ways over frequency, the same detuned, and the voltages."""
+    """Levels of the four methods over frequency, the same detuned, and the voltages."""
     figure, panels = style.panels(7.6, 3, 1, sharex=True)
     draw_hybrid(panels[0], record)
-    off = {way.way: way.off_db if way.rows_off_db is None else way.rows_off_db for way in record.ways}
+    off = {
+        method.method: method.off_db if method.rows_off_db is None else method.rows_off_db for method in record.methods
+    }
     title = f"Resonances of the pillars (of the plate without rows) off by {record.detuning:.0%}, the worse sign"
     _ways(panels[1], record, off, "confinement (dB)", title)
     _ways(
         panels[2],
         record,
-        {w.way: w.volts_per_um for w in record.ways},
+        {w.method: w.volts_per_um for w in record.methods},
         "largest voltage (V)",
         "For 1 µm rms in the zone",
     )
@@ -174,7 +183,7 @@ def hybrid_levels(record: HybridRecord) -> ReportFigure:
 
 def draw_hybrid(axes: Any, record: HybridRecord) -> None:
     """Confinement by rows, by patches, by both and by neither over frequency."""
-    levels = {way.way: way.confinement_db for way in record.ways}
+    levels = {method.method: method.confinement_db for method in record.methods}
     _ways(axes, record, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
     axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
     axes.set_xlabel(FREQUENCY)
@@ -191,10 +200,10 @@ def _ways(axes: Any, record: HybridRecord, curves: Any, label: str, title: str) 
 
 def _alt_hybrid(record: HybridRecord) -> str:
     where = "least over the band" if record.wanted_hz is None else f"at {record.wanted_hz / KHZ:.2f} kHz"
-    at = [record.at_wanted(way.way, "confinement_db") for way in record.ways]
+    at = [record.at_wanted(method.method, "confinement_db") for method in record.methods]
     levels = (
-        f"{way.way} {min(way.confinement_db) if level is None else level:.1f} dB"
-        for way, level in zip(record.ways, at, strict=True)
+        f"{method.method} {min(method.confinement_db) if level is None else level:.1f} dB"
+        for method, level in zip(record.methods, at, strict=True)
     )
     return f"Confinement over frequency by rows, by patches, by both and by neither; {where}: {', '.join(levels)}"
 

@@ -490,7 +490,7 @@ class PeakRecord(Part):
     zone_rms_m_per_V: float
     passive_rms_m_per_V: float | None
     confinement_db: float | None
-    quality: float | None
+    quality_factor: float | None
     height_error: float | None = None
 
     @property
@@ -511,7 +511,7 @@ class ResponseRecord(Part):
     sensors: list[int]
     polarisation_signs: list[int]
     wanted_hz: float | None
-    quality_given: float
+    quality_factor_given: float
     expected_error: float | None
     circuit: dict[str, Any]  # how the drivers are fed, and what opening every patch does to the wanted mode
     wanted_status: str
@@ -524,15 +524,15 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
-class HybridWay(Part):
-    """One way of confining, over the record's frequencies: levels in dB, the largest voltage for 1 um rms in the zone.
+class HybridMethod(Part):
+    """One method of confining, over the record's frequencies: levels in dB, the largest voltage for 1 um rms in the zone.
 
     neither and rows: patches inside the zone in phase with the wanted mode; patches and both: all patches with the voltages
     of the largest contrast. off_db, rows_off_db: the least level with the same voltages and frequency where every resonance,
     or the pillars' alone, is lower or higher by the detuning; without rows none of the latter.
     """
 
-    way: Literal["neither", "rows", "patches", "both"]
+    method: Literal["neither", "rows", "patches", "both"]
     confinement_db: list[float]
     volts_per_um: list[float]
     off_db: list[float]
@@ -550,20 +550,20 @@ class HybridRecord(Part):
     alpha: float
     wanted_hz: float | None
     frequency_hz: list[float]
-    ways: list[HybridWay]
+    methods: list[HybridMethod]
 
     @property
     def wanted_place(self) -> int | None:
         """Place of the wanted mode's peak among the frequencies; None where the band holds none."""
         return None if self.wanted_hz is None else self.frequency_hz.index(self.wanted_hz)
 
-    def way(self, name: str) -> HybridWay:
-        """A way by its name."""
-        return next(way for way in self.ways if way.way == name)
+    def method(self, name: str) -> HybridMethod:
+        """A method by its name."""
+        return next(method for method in self.methods if method.method == name)
 
-    def at_wanted(self, way: str, values: str) -> float | None:
-        """A figure of a way at the wanted mode's peak, such as off_db."""
-        figures: list[float] | None = getattr(self.way(way), values)
+    def at_wanted(self, method: str, values: str) -> float | None:
+        """A figure of a method at the wanted mode's peak, such as off_db."""
+        figures: list[float] | None = getattr(self.method(method), values)
         return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
 
 
@@ -682,13 +682,13 @@ class LoadedModeRecord(Part):
     free_hz: float
     frequency_hz: float
     shift_hz: float
-    quality: float | None
+    quality_factor: float | None
     added_loss: float
     share: float
 
 
 class TouchStateRecord(Part):
-    """One way of driving the plate, with the finger or without: amplitudes are peaks, powers means over a period.
+    """One method of driving the plate, with the finger or without: amplitudes are peaks, powers means over a period.
 
     finger_m: rms of u_z over the contact. friction_low, friction_high: mu over mu at rest for the two gaps; None where the
     relation says nothing. drawn_W: patches_W and dielectric_W; drawn_mW_at_1um: at an amplitude of 1 um under the finger.
@@ -752,7 +752,7 @@ class TouchRecord(Part):
     impedance_N_s_m: tuple[float, float]
     force_N: float | None
     gap_m: tuple[float, float] | None
-    quality_given: float
+    quality_factor_given: float
     mode: LoadedModeRecord | None
     states: list[TouchStateRecord]
     loop: LoopRecord | None
@@ -782,7 +782,7 @@ class ResonanceRecord(Open):
     """A resonance as identified from a sweep; circle: None where it is the peak's."""
 
     frequency_hz: float
-    quality: float | None
+    quality_factor: float | None
     circle: FittedMode | None
 
 
@@ -842,18 +842,21 @@ class SampleRecord(Part):
     peak_hz: float | None
     zone_rms: float | None
     confinement_db: float | None
-    quality: float | None
+    quality_factor: float | None
     tracking: str
 
 
 class ToleranceRecord(Part):
-    """Plates whose pillars differ: the nominal one, the samples, their statistics without those `lost`, which it counts."""
+    """Plates whose pillars differ: the nominal one, the samples, their statistics without those `lost`, which it counts.
+
+    frequency_error, relative: what every frequency may be off by where a column of cells stands for the plate; dofs None then.
+    """
 
     tolerance: dict[str, int | float]
     drive: str
     rms_unit: str
     pillars: int
-    dofs: int
+    dofs: int | None
     nominal: SampleRecord
     samples: list[SampleRecord]
     lost: int
@@ -863,6 +866,7 @@ class ToleranceRecord(Part):
     confinement_db: SpreadRecord | None
     confined: int | None
     space_check: dict[str, float | None]
+    frequency_error: float | None = None
 
 
 class BoardRecord(Part):
@@ -944,7 +948,7 @@ class Record(Part):
     `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
     """
 
-    schema_version: Literal[3] = Field(default=3, alias="schema")
+    schema_version: Literal[4] = Field(default=4, alias="schema")
     case_id: str
     name: str = ""
     status: Literal["OK", "WARNING", "FAILED", "MISSING"]

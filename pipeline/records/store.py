@@ -29,7 +29,7 @@ INPUT, RECORD, ARRAYS, TIMING, MANIFEST, RUN_LOG = (
 )
 TEMPORARY = files.PART
 UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
-SCHEMA = 3  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
+SCHEMA = 4  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
 PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")

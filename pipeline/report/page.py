@@ -277,15 +277,15 @@ def _shown(
         for case in ordered
         if case.case_id in figure_sets
     }
-    asked = [(case, name) for name in TELLING for case in ordered[1:]]
-    asked = [(case, name) for case in ordered[:1] for name in drawn.get(case.case_id, {})] + asked
+    in_order = [(case, name) for name in TELLING for case in ordered[1:]]
+    in_order = [(case, name) for case in ordered[:1] for name in drawn.get(case.case_id, {})] + in_order
     for case in ordered:
         if twin := _twin(study, case):  # only what the same plate has not
             own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
-            asked = [(case, name) for name in own] + [pair for pair in asked if pair[0] is not case]
+            in_order = [(case, name) for name in own] + [pair for pair in in_order if pair[0] is not case]
     by_case: dict[str, dict[str, EmbeddedFigure]] = {}
     cells: set[tuple[str, str]] = set()
-    for case, name in asked:
+    for case, name in in_order:
         mark = (name, dispersion.same_bands(case.record.bands) if case.record.bands else case.case_id)
         picture = drawn.get(case.case_id, {}).get(name)
         if picture is None or (name in gallery.OF_A_CELL and mark in cells):

@@ -98,7 +98,7 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
         alone = _of_profile(STRIP, solved.frequency_hz, solved.confinement)
         if design.zones == 1 or alone.frequency_hz is None:
             return alone
-        return _of_zones(alone, strip_zones(design, *_about(alone.frequency_hz), case.quality, softness), design)
+        return _of_zones(alone, strip_zones(design, *_about(alone.frequency_hz), case.quality_factor, softness), design)
     except SolverError as error:
         return FidelityResult(STRIP, None, None, None, None, str(error))
 
@@ -176,7 +176,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
     if design.zones == 1 or alone.frequency_hz is None:
         return alone
     both = Column(design, reductions, case.kx_wanted_per_m)
-    return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.quality), design)
+    return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.quality_factor), design)
 
 
 def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> FidelityResult:

@@ -120,10 +120,10 @@ class _Search:
         design = space.case().design
         shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
         self.columns = bool(design.pillar and not shifted and _have_columns(space))
-        self.asked = {"banded": True} if settings.goal == "widest" else {}
+        self.goal_options = {"banded": True} if settings.goal == "widest" else {}
 
     def go(self) -> Outcome:
-        if not self.asked:
+        if not self.goal_options:
             if self.columns:
                 self._calibrate()
             self._screen()
@@ -132,13 +132,17 @@ class _Search:
         source = STRIP
         if self.columns:
             first = max(2, self.budget[COLUMN] // 2)
-            even = first if self.asked else first // 3
+            even = first if self.goal_options else first // 3
             self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
         else:
             self.log.left_out("columns of reduced cells", "they take rows in line of pillars that hexahedra follow")
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
-        own = evaluate(self.space.case(), COLUMN, None, self.cache, **self.asked).frequency_hz if self.columns else None
+        own = (
+            evaluate(self.space.case(), COLUMN, None, self.cache, **self.goal_options).frequency_hz
+            if self.columns
+            else None
+        )
         base = self._confirmed((), own)
         best = self._best()
         window = window_around(self.space.case(best.values), best.result.frequency_hz)
@@ -262,7 +266,7 @@ class _Search:
         def evaluated(each: Case) -> FidelityResult:
             if fidelity == STRIP:
                 return by_strip(each, self.softness)
-            return evaluate(each, fidelity, near_hz, self.cache, **self.asked)
+            return evaluate(each, fidelity, near_hz, self.cache, **self.goal_options)
 
         spread_m = case.tolerance.height_m if case.tolerance and self.settings.goal == "worst" else 0.0
         results = worst(case, spread_m, evaluated) if spread_m else evaluated(case)

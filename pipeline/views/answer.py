@@ -60,8 +60,8 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
     seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
     document = {"schema": 1, **about, **answer.document, **seconds}
-    asked = arguments.json or getattr(arguments, "out", None)
-    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if asked else b""
+    wants_json = arguments.json or getattr(arguments, "out", None)
+    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
     written = _files(arguments, name, answer, encoded)
     alone = [data for place, data in written.items() if is_standard_output(place)]
     if alone:
@@ -96,8 +96,8 @@ def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> d
     rows = csv_bytes(answer.head, answer.rows) if answer.head else b""
     readable = reading_markdown(answer.head, answer.rows).encode() if answer.head else b""
     known = {"json": encoded, "csv": rows, "markdown": readable}
-    asked = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
-    written = {Path(place): data for place, data in asked.items()}
+    chosen = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
+    written = {Path(place): data for place, data in chosen.items()}
     if out := getattr(arguments, "out", None):
         named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {}), **answer.files}
         written |= {folder(out) / file: data for file, data in named.items()}

@@ -76,15 +76,15 @@ def touch(document: Document) -> Rows:
 
 
 def hybrid(document: Document) -> Rows:
-    """One row a frequency: of each way the level in dB, with every resonance or the pillars' alone off, and V for 1 um."""
+    """One row a frequency: of each method the level in dB, with every resonance or the pillars' alone off, and V for 1 um."""
     keys = {"confinement_db": "db", "off_db": "off_db", "rows_off_db": "rows_off_db", "volts_per_um": "volts_per_um"}
     return [
         {"frequency_hz": frequency}
         | {
-            f"{way['way']}_{name}": way[key][place]
-            for way in document["ways"]
+            f"{method['method']}_{name}": method[key][place]
+            for method in document["methods"]
             for key, name in keys.items()
-            if way[key] is not None
+            if method[key] is not None
         }
         for place, frequency in enumerate(document["frequency_hz"])
     ]

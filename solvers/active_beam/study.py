@@ -22,9 +22,9 @@ STEPS = 1500  # of x
 class ActiveBeamData:
     """The thesis states no beam; ours is the steel strip of its later experiments, free at both ends, driven in its middle.
 
-    Lengths m, frequencies Hz, gains K' N/m, force N. apart_m: two points of a pair, one patch apart. quality: 1/(omega theta)
-    at the first frequency, inf without losses. delays_s: one sample at 250 and at 40 kHz. left_m: middle of the loops on
-    the left; None takes the antinode nearest to a quarter of the length at the first frequency.
+    Lengths m, frequencies Hz, gains K' N/m, force N. apart_m: two points of a pair, one patch apart. quality_factor:
+    1/(omega theta) at the first frequency, inf without losses. delays_s: one sample at 250 and at 40 kHz. left_m: middle of
+    the loops on the left; None takes the antinode nearest to a quarter of the length at the first frequency.
     """
 
     length_m: float = 0.150
@@ -35,14 +35,16 @@ class ActiveBeamData:
     gains_n_m: tuple[float, ...] = (1e7, 1e8)
     force_n: float = 1.0
     apart_m: float = 0.012
-    quality: float = 300.0
+    quality_factor: float = 300.0
     left_m: float | None = None
     delays_s: tuple[float, ...] = (4e-6, 25e-6)
 
     @property
     def beam(self) -> FreeBeam:
         """The strip with its losses."""
-        viscosity = 0.0 if isinf(self.quality) else 1.0 / (self.quality * 2.0 * pi * self.frequencies_hz[0])
+        viscosity = (
+            0.0 if isinf(self.quality_factor) else 1.0 / (self.quality_factor * 2.0 * pi * self.frequencies_hz[0])
+        )
         return strip(self.length_m, self.width_m, self.thickness_m, self.material, viscosity)
 
     @property
@@ -152,7 +154,7 @@ class ActiveBeamStudy:
             "beam": {
                 **{key: getattr(data, key) for key in ("length_m", "width_m", "thickness_m", "apart_m", "force_n")},
                 "material": data.material.name,
-                "quality": _number(data.quality),
+                "quality_factor": _number(data.quality_factor),
                 "bending_n_m2": beam.bending_n_m2,
                 "mass_kg_m": beam.mass_kg_m,
                 "left_m": self.left_m,
@@ -226,8 +228,8 @@ def _check(data: ActiveBeamData) -> None:
         raise SolverError(f"gains K' = {data.gains_n_m} N/m: must be finite and above 0 (0 leaves the loops open)")
     if not data.frequencies_hz or not all(isfinite(f) and f > 0.0 for f in data.frequencies_hz):
         raise SolverError(f"frequencies {data.frequencies_hz} Hz: must be finite and above 0")
-    if isnan(data.quality) or data.quality <= 0.0 or not (isfinite(data.force_n) and data.force_n > 0.0):
-        raise SolverError("quality and excitation force must be above 0")
+    if isnan(data.quality_factor) or data.quality_factor <= 0.0 or not (isfinite(data.force_n) and data.force_n > 0.0):
+        raise SolverError("quality factor and excitation force must be above 0")
     if not all(isfinite(delay) and delay >= 0.0 for delay in data.delays_s):
         raise SolverError(f"delays {data.delays_s} s: must be finite, 0 or more")
 

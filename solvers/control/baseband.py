@@ -37,14 +37,14 @@ class ModePlant:
             )
 
     @classmethod
-    def from_quality(cls, frequency_hz: float, quality: float, gain: complex) -> ModePlant:
+    def from_quality_factor(cls, frequency_hz: float, quality_factor: float, gain: complex) -> ModePlant:
         """tau = 2 Q/omega_0. SolverError without losses (Q infinite: resonance has no bound) or for values not above 0."""
         check_above_zero("mode: frequency in Hz", frequency_hz)
-        if not (isfinite(quality) and quality > 0.0):
+        if not (isfinite(quality_factor) and quality_factor > 0.0):
             raise SolverError(
-                f"quality {quality:g}: must be finite and above 0; a mode without losses has no steady state"
+                f"quality factor {quality_factor:g}: must be finite and above 0; a mode without losses has no steady state"
             )
-        return cls(frequency_hz, quality / (pi * frequency_hz), gain)
+        return cls(frequency_hz, quality_factor / (pi * frequency_hz), gain)
 
     @property
     def omega_rad_s(self) -> float:
@@ -52,7 +52,7 @@ class ModePlant:
         return 2.0 * pi * self.frequency_hz
 
     @property
-    def quality(self) -> float:
+    def quality_factor(self) -> float:
         """Q = omega_0 tau/2."""
         return 0.5 * self.omega_rad_s * self.tau_s
 

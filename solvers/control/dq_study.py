@@ -33,7 +33,7 @@ class DqData:
     the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
     """
 
-    wanted: ModePlant = field(default_factory=lambda: ModePlant.from_quality(31_000.0, 300.0, 0.8))
+    wanted: ModePlant = field(default_factory=lambda: ModePlant.from_quality_factor(31_000.0, 300.0, 0.8))
     neighbours: tuple[ModePlant, ...] = ()
     within_s: float = THESIS_95_S
     share: float = 0.18
@@ -150,7 +150,7 @@ class DqStudy:
             "schema": 1,
             "plant": {
                 "frequency_hz": plant.frequency_hz,
-                "quality": plant.quality,
+                "quality_factor": plant.quality_factor,
                 "tau_s": plant.tau_s,
                 "gain": abs(plant.gain),
                 "sensor": data.sensor,

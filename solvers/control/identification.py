@@ -66,7 +66,7 @@ class Identified:
         return {
             "frequency_hz": plant.frequency_hz,
             "tau_s": plant.tau_s,
-            "quality": plant.quality,
+            "quality_factor": plant.quality_factor,
             "gain": [plant.gain.real, plant.gain.imag],
             "delay_s": self.delay_s,
             "background": [self.background.real, self.background.imag],

@@ -20,14 +20,14 @@ MIN_COUNT = 8
 class Resonance:
     """A sweep's highest point and what is identified about it.
 
-    frequency_hz, quality: the circle's, or the highest point and the half-power width where there is no circle
+    frequency_hz, quality_factor: the circle's, or the highest point and the half-power width where there is no circle
     (`trouble` says why); low_hz, high_hz: what the circle was fitted to.
     """
 
     peak_hz: float
     frequency_hz: float
-    quality: float | None
-    half_power_quality: float | None
+    quality_factor: float | None
+    half_power_quality_factor: float | None
     circle: Identified | None
     low_hz: float
     high_hz: float
@@ -40,7 +40,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
     peak = int(np.argmax(amplitude))
     low, high = _about(amplitude, peak)
     part = Sweep(sweep.frequencies_hz[low:high], sweep.response[low:high])
-    half = half_power_quality(sweep.frequencies_hz, amplitude, peak)
+    half = half_power_quality_factor(sweep.frequencies_hz, amplitude, peak)
     identified, trouble = None, None
     try:
         identified = identify(part, sensor)
@@ -54,7 +54,7 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
     return Resonance(
         peak_hz,
         identified.plant.frequency_hz if identified else peak_hz,
-        identified.plant.quality if identified else half,
+        identified.plant.quality_factor if identified else half,
         half,
         identified,
         float(part.frequencies_hz[0]),
@@ -73,7 +73,7 @@ def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
     return low, high
 
 
-def half_power_quality(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> float | None:
+def half_power_quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> float | None:
     """f0 over the width at 1/sqrt(2) of the peak, between interpolated crossings; None when a side does not fall that far."""
     level = amplitude[peak] / np.sqrt(2.0)
     sides = []

@@ -42,7 +42,7 @@ def plate_table(
     size = 1.0 / np.sqrt(scale.mass_kg)  # of a mode of 1 kg
     return ModalTable(
         frequencies_hz=np.asarray(scale.frequency(mu)),
-        quality=np.asarray(mu / (elastic * forced.loss)),
+        quality_factor=np.asarray(mu / (elastic * forced.loss)),
         actuators=vectors.T @ (gain[:, d] - heard.T @ residual[np.ix_(s, d)]) * scale.angular**2 / size,
         sensors=-(vectors.T @ heard.T) * size,
         field=vectors.T @ (moves - beyond[:, s] @ heard).T * size,

@@ -33,8 +33,8 @@ def slice_of(size: int) -> int:
     """Eigenpairs of `size` degrees of freedom that one shift is asked for at most: as many as a basis kept whole holds, each
     further shift being three factorisations, as long as orthogonalisation is the smaller part.
     """
-    held = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
-    return int(min(max(held / 1.1 - 4, SLICE), MAX_SLICE))
+    fitting = min((BYTES / (16.0 * size) - 24 * BLOCK) / MAX_COUNT, size / WIDE)
+    return int(min(max(fitting / 1.1 - 4, SLICE), MAX_SLICE))
 
 
 def basis_size(size: int, count: int) -> int:

@@ -57,7 +57,7 @@ def peak_hz(
 
 
 def drive_zones(
-    design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality: float
+    design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality_factor: float
 ) -> DrivenZones:
     """Zones driven in turn by a pressure of the wanted shape, by M-orthonormal modes (k,) over the whole width of the plate:
     a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2), each at its peak within the band. SolverError without modes.
@@ -70,7 +70,7 @@ def drive_zones(
     forces = [adjoint @ (part * profile.shape) for part in parts[:-1]]
 
     def shares(zone: int, tones: FloatArray) -> FloatArray:
-        return np.asarray(forces[zone][:, None] / (frequency_hz[:, None] ** 2 * (1.0 + 1j / quality) - tones**2))
+        return np.asarray(forces[zone][:, None] / (frequency_hz[:, None] ** 2 * (1.0 + 1j / quality_factor) - tones**2))
 
     def squares(zone: int, tones: FloatArray) -> FloatArray:
         moved = shares(zone, tones)
@@ -78,7 +78,7 @@ def drive_zones(
 
     peaks, levels, macs = [], [], []
     for zone, (part, force) in enumerate(zip(parts, forces, strict=False)):
-        top = peak_hz(lambda tones, zone=zone: squares(zone, tones)[zone], frequency_hz, band_hz, 1.0 / quality)  # type: ignore[misc]
+        top = peak_hz(lambda tones, zone=zone: squares(zone, tones)[zone], frequency_hz, band_hz, 1.0 / quality_factor)  # type: ignore[misc]
         (at,) = squares(zone, np.array([top])).T
         own = part @ np.abs(profile.shape) ** 2 * part.sum() * at[zone]
         peaks.append(top)

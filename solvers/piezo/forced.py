@@ -116,12 +116,14 @@ class Drive:
     drivers: tuple[int, ...]
     sensors: tuple[int, ...]
     band_hz: tuple[float, float]
-    quality: float
+    quality_factor: float
     circuit: str = "short"
 
     def __post_init__(self) -> None:
-        if not (self.quality > 0.0 and 0.0 < self.band_hz[0] < self.band_hz[1]):
-            raise SolverError(f"quality {self.quality}, band {self.band_hz} Hz: must be above 0 and ascending")
+        if not (self.quality_factor > 0.0 and 0.0 < self.band_hz[0] < self.band_hz[1]):
+            raise SolverError(
+                f"quality factor {self.quality_factor}, band {self.band_hz} Hz: must be above 0 and ascending"
+            )
         if not self.drivers:
             raise SolverError("no patch drives: at least one must")
         if self.circuit not in ("short", "open"):
@@ -145,7 +147,7 @@ class ForcedPlate:
         bytes_each: float = 0.0,
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
-        self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality
+        self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality_factor
         self.margin = margin
         solved = partial(group_modes, band_hz=drive.band_hz, margin=margin)
         self.modes = side_by_side(solved, plate.groups, bytes_each)

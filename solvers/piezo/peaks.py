@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from geometry.elements import FloatArray
-from solvers.control.resonance import half_power_quality
+from solvers.control.resonance import half_power_quality_factor
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import Curve
 
@@ -41,7 +41,7 @@ class Peak:
     frequency_hz: float
     zone_rms: float
     passive_rms: float | None
-    quality: float | None
+    quality_factor: float | None
 
     @property
     def confinement_db(self) -> float | None:
@@ -119,7 +119,7 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
         float(curve.frequency_hz[at]),
         float(curve.zone_rms_m_per_v[at]),
         None if passive is None else float(passive[at]),
-        half_power_quality(curve.frequency_hz, curve.zone_rms_m_per_v, at) if _is_top(curve, at) else None,
+        half_power_quality_factor(curve.frequency_hz, curve.zone_rms_m_per_v, at) if _is_top(curve, at) else None,
     )
 
 

@@ -28,8 +28,8 @@ def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0,
     phase = w * beam.length_m * np.sqrt(beam.mass_kg_m / (axial_n * (1.0 - 1j * loss)))
     heavy = np.tan(phase)
     if beam.end is not None:
-        carried = beam.end_shares[0] * phase
-        heavy = (heavy + carried) / (1.0 - carried * heavy)
+        transmitted = beam.end_shares[0] * phase
+        heavy = (heavy + transmitted) / (1.0 - transmitted * heavy)
     foot[:, 0, 0] = -beam.mass_kg_m * beam.length_m * w**2 * heavy / phase
     bending = np.stack([bending_foot(beam, value, loss) for value in w])
     foot[:, 1, 1] = bending[:, 1, 1] + 2.0 * lever_m * bending[:, 0, 1] + lever_m**2 * bending[:, 0, 0]

@@ -21,27 +21,27 @@ class MasonData:
 
     target_hz: the mode to confine between the joints 1 and 4. The middle cell pushes both ways, so only the even modes of
     three clamped cells answer: the target is their second, c/(3 l), which sets the cells' length. area_m2: 10 x 2 mm.
-    mass_ratio: filter mass over cell mass. quality: of cells and of the filter's own losses.
+    mass_ratio: filter mass over cell mass. quality_factor: of cells and of the filter's own losses.
     """
 
     target_hz: float = 25_000.0
     material: Material = MATERIALS["aluminium"]
     area_m2: float = 20e-6
     mass_ratio: float = 0.2
-    quality: float = 500.0
+    quality_factor: float = 500.0
 
     @property
     def cell(self) -> Cell:
         """One cell: l = c/(3 f), c = sqrt(E/rho)."""
         length = sqrt(self.material.young_pa / self.material.density_kg_m3) / (3.0 * self.target_hz)
-        loss = 1.0 / self.quality
+        loss = 1.0 / self.quality_factor
         return Cell(length, self.area_m2, self.material.density_kg_m3, self.material.young_pa, loss)
 
     @property
     def filter(self) -> Filter:
-        """L = mass_ratio cell masses, C = 1/((2 pi f)^2 L), R = 2 pi f L quality."""
+        """L = mass_ratio cell masses, C = 1/((2 pi f)^2 L), R = 2 pi f L Q."""
         mass, omega = self.mass_ratio * self.cell.mass_kg, 2.0 * pi * self.target_hz
-        return Filter(mass, 1.0 / (omega**2 * mass), omega * mass * self.quality)
+        return Filter(mass, 1.0 / (omega**2 * mass), omega * mass * self.quality_factor)
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class MasonStudy:
         return {
             "schema": 1,
             "target_hz": self.data.target_hz,
-            "quality": self.data.quality if isfinite(self.data.quality) else None,
+            "quality_factor": self.data.quality_factor if isfinite(self.data.quality_factor) else None,
             "cell": {"length_m": cell.length_m, "area_m2": cell.area_m2, "material": self.data.material.name},
             "filter": {
                 "inductance_kg": one.inductance_kg,
@@ -95,8 +95,8 @@ def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None
     """Figures 1.24 to 1.27 computed; the window defaults to 1 kHz ... 1.6 times the target, wide enough to hold it."""
     data = MasonData() if data is None else data
     check_above_zero("target frequency in Hz", data.target_hz)
-    if not (data.quality > 0.0 and data.mass_ratio > 0.0):
-        raise SolverError("quality and mass ratio must be above 0")
+    if not (data.quality_factor > 0.0 and data.mass_ratio > 0.0):
+        raise SolverError("quality factor and mass ratio must be above 0")
     if frequencies_hz is None:
         frequencies_hz = np.linspace(0.04, 1.6, 3121) * data.target_hz
     low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))

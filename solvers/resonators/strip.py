@@ -58,12 +58,14 @@ def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float =
     return StripModes(frequency_hz, measure_profile(profile, design))
 
 
-def strip_zones(design: Design, low_hz: float, high_hz: float, quality: float, softness: float = 0.5) -> DrivenZones:
+def strip_zones(
+    design: Design, low_hz: float, high_hz: float, quality_factor: float, softness: float = 0.5
+) -> DrivenZones:
     """Zones of a plate driven in turn at their peaks within a window, by its modes and those somewhat beyond. SolverError as
     strip_modes, and where no mode lies there.
     """
     frequency_hz, profile = _solved(design, (BESIDE[0] * low_hz, BESIDE[1] * high_hz), softness)
-    return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality)
+    return drive_zones(design, frequency_hz, profile, (low_hz, high_hz), quality_factor)
 
 
 def _solved(design: Design, window_hz: tuple[float, float], softness: float) -> tuple[FloatArray, Profile]:

@@ -20,17 +20,17 @@ from solvers.shaping.modal_table import ModalTable, field_matrix
 
 
 def attach_oscillators(
-    table: ModalTable, points: NDArray[np.intp], mass_kg: float, frequency_hz: float, quality: float
+    table: ModalTable, points: NDArray[np.intp], mass_kg: float, frequency_hz: float, quality_factor: float
 ) -> ModalTable:
     """The structure with equal mass-spring oscillators at some of its points; modes of both, residuals as they were.
 
-    The loss of a joined mode is its share of strain energy over each part's quality. SolverError for no point, a point that is
-    not in the table, or a mass, frequency or quality that is not above 0.
+    The loss of a joined mode is its share of strain energy over each part's quality factor. SolverError for no point, a point
+    that is not in the table, or a mass, frequency or quality factor that is not above 0.
     """
     chosen = np.asarray(points, dtype=int)
     if not chosen.size or chosen.min() < 0 or chosen.max() >= len(table.points_m):
         raise SolverError(f"oscillators: points must be from 0 to {len(table.points_m) - 1}, at least one")
-    for name, value in (("mass", mass_kg), ("frequency", frequency_hz), ("quality", quality)):
+    for name, value in (("mass", mass_kg), ("frequency", frequency_hz), ("quality_factor", quality_factor)):
         if not value > 0.0:
             raise SolverError(f"oscillators: {name} = {value:g}: must be above 0")
     modes, hung = table.frequencies_hz.size, len(chosen)
@@ -40,12 +40,14 @@ def attach_oscillators(
     own[:modes, :modes] = np.diag(table.angular**2)
     values, vectors = eigh(own + springs, np.diag(np.concatenate([np.ones(modes), np.full(hung, mass_kg)])))
     energy = vectors[:modes] ** 2 * (table.angular**2)[:, None]
-    lost = (energy / table.quality[:, None]).sum(axis=0) + np.einsum("im,ij,jm->m", vectors, springs, vectors) / quality
+    lost = (energy / table.quality_factor[:, None]).sum(axis=0) + np.einsum(
+        "im,ij,jm->m", vectors, springs, vectors
+    ) / quality_factor
     with np.errstate(divide="ignore", invalid="ignore"):
-        composite_quality = np.where(lost > 0.0, values / lost, np.inf)
+        composite_quality_factor = np.where(lost > 0.0, values / lost, np.inf)
     return ModalTable(
         frequencies_hz=np.sqrt(np.maximum(values, 0.0)) / (2.0 * pi),
-        quality=composite_quality,
+        quality_factor=composite_quality_factor,
         actuators=vectors[:modes].T @ table.actuators,
         sensors=vectors[:modes].T @ table.sensors,
         field=vectors[:modes].T @ table.field,

@@ -22,13 +22,13 @@ EXACT = 1e-12  # relative distance of squared frequencies below which an undampe
 class ModalTable:
     """m modes, a actuators, s sensors, p points; any structure. Raises SolverError for what cannot be one.
 
-    frequencies_hz (m,); quality (m,), inf without loss; actuators (m, a), N/V per sqrt(kg); sensors (m, s), signal per
+    frequencies_hz (m,); quality_factor (m,), inf without loss; actuators (m, a), N/V per sqrt(kg); sensors (m, s), signal per
     modal coordinate (m sqrt(kg)); field (m, p), 1/sqrt(kg); points_m (p, d). Residuals (s, a) and (p, a): static answer
     of the modes that are not in the table, None for none.
     """
 
     frequencies_hz: FloatArray
-    quality: FloatArray
+    quality_factor: FloatArray
     actuators: FloatArray
     sensors: FloatArray
     field: FloatArray
@@ -67,13 +67,13 @@ def receptance(table: ModalTable, frequency_hz: float) -> ComplexArray:
     check_above_zero("frequency in Hz", frequency_hz)
     omega = 2.0 * pi * frequency_hz
     detuning = table.angular**2 - omega**2
-    hit = np.flatnonzero((np.abs(detuning) <= EXACT * omega**2) & np.isinf(table.quality))
+    hit = np.flatnonzero((np.abs(detuning) <= EXACT * omega**2) & np.isinf(table.quality_factor))
     if hit.size:
         raise SolverError(
             f"{frequency_hz:.6g} Hz is the frequency of mode {hit[0] + 1}, which has no loss: its response is infinite; "
             "give it a quality factor or move off the resonance"
         )
-    return np.asarray(1.0 / (detuning + 1j * omega * table.angular / table.quality))
+    return np.asarray(1.0 / (detuning + 1j * omega * table.angular / table.quality_factor))
 
 
 def modal_drive(table: ModalTable, frequency_hz: float) -> ComplexArray:
@@ -103,7 +103,7 @@ def _check(table: ModalTable) -> None:
             raise SolverError(f"modal table: the list of {name} is empty, at least one {axis} is needed")
     points, sensors, actuators = len(table.points_m), table.sensors.shape[1], table.actuators.shape[1]
     wanted = {
-        "quality": (modes,),
+        "quality_factor": (modes,),
         "actuators": (modes, actuators),
         "sensors": (modes, sensors),
         "field": (modes, points),
@@ -114,9 +114,9 @@ def _check(table: ModalTable) -> None:
         values = getattr(table, name)
         if values is not None and values.shape != shape:
             raise SolverError(f"modal table: {name} has shape {values.shape}, must be {shape}")
-        if values is not None and name != "quality" and not np.isfinite(values).all():
+        if values is not None and name != "quality_factor" and not np.isfinite(values).all():
             raise SolverError(f"modal table: {name} holds a value that is not finite")
     if not (np.isfinite(table.frequencies_hz).all() and (table.frequencies_hz >= 0.0).all()):
         raise SolverError("modal table: frequencies must be finite and not below 0")
-    if not (table.quality > 0.0).all():
+    if not (table.quality_factor > 0.0).all():
         raise SolverError("modal table: quality factors must be above 0 (inf for no loss)")

@@ -33,7 +33,7 @@ class LowPass:
         return 1.0 / (2.0 * pi * sqrt(self.inductance_h * self.capacitance_f))
 
     @property
-    def quality(self) -> float:
+    def quality_factor(self) -> float:
         """sqrt(L/C)/R; 1/sqrt(2) is maximally flat."""
         return sqrt(self.inductance_h / self.capacitance_f) / self.resistance_ohm
 
@@ -59,16 +59,16 @@ class LowPass:
         return self.resistance_ohm * s + self.inductance_h * s**2
 
 
-def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality: float = sqrt(0.5)) -> LowPass:
+def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality_factor: float = sqrt(0.5)) -> LowPass:
     """L and R for a corner half-way (geometrically) between the highest operating and the PWM frequency.
 
-    SolverError unless 0 < highest_hz < pwm_hz and the quality is above 0.
+    SolverError unless 0 < highest_hz < pwm_hz and the quality factor is above 0.
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
             f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
         )
-    check_above_zero("filter: quality, capacitance", quality, capacitance_f)
+    check_above_zero("filter: quality factor, capacitance", quality_factor, capacitance_f)
     corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
     inductance = 1.0 / (corner**2 * capacitance_f)
-    return LowPass(inductance, sqrt(inductance / capacitance_f) / quality, capacitance_f)
+    return LowPass(inductance, sqrt(inductance / capacitance_f) / quality_factor, capacitance_f)

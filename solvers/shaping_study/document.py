@@ -96,7 +96,7 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
         "material": beam.material.name,
         "piezo": beam.piezo.name,
         "centres_m": list(beam.centres_m),
-        "quality": beam.quality,
+        "quality_factor": beam.quality_factor,
         "modes_hz": table.frequencies_hz[:8].tolist(),
         "antinodes": peaks.sum(axis=1).tolist(),
         "bare_modes_hz": bare_modes_hz(beam, 8).tolist(),
@@ -113,7 +113,7 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
 def _choice(one: Choice) -> dict[str, Any]:
     return {
         "pitch_m": one.pitch_m,
-        "quality": one.quality,
+        "quality_factor": one.quality_factor,
         "peak_twr": one.peak_twr,
         "peak_wavelength_m": one.peak_wavelength_m,
         **{

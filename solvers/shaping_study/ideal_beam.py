@@ -46,7 +46,7 @@ def point_beam_table(
     at_places = unit * np.stack([shape.shape(places / beam.length_m) for shape in shapes])
     return ModalTable(
         frequencies_hz=frequency_hz(np.array([shape.kappa for shape in shapes]), beam.length_m, bending, mass),
-        quality=np.full(modes, beam.quality),
+        quality_factor=np.full(modes, beam.quality_factor),
         actuators=force_n_v * at_places,
         sensors=sense_v_m * at_places,
         field=unit * np.stack([shape.shape(points / beam.length_m) for shape in shapes]),

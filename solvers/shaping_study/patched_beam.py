@@ -36,7 +36,8 @@ def evenly(length_m: float, count: int, pitch_m: float | None = None) -> tuple[f
 class PatchedBeam:
     """The beam and its patches, SI. centres_m from the left end; sensor_width_m is that of both strips of a pair.
 
-    quality: the same for every mode, inf for no loss. ends: clamped, pinned or free; the first two hold the middle plane.
+    quality_factor: the same for every mode, inf for no loss. ends: clamped, pinned or free; the first two hold the middle
+    plane.
     """
 
     length_m: float = 0.150
@@ -49,7 +50,7 @@ class PatchedBeam:
     actuator_width_m: float = 12e-3
     sensor_width_m: float = 6e-3
     patch_thickness_m: float = 0.3e-3
-    quality: float = 50.0
+    quality_factor: float = 50.0
     ends: tuple[End, End] = ("clamped", "clamped")
 
     @property
@@ -171,7 +172,7 @@ def _table(
     residual = np.linalg.solve(body.stiffness, body.forces) - vectors @ (actuators / values[:, None])
     return ModalTable(
         frequencies_hz=np.sqrt(values) / (2.0 * np.pi),
-        quality=np.full(modes, beam.quality),
+        quality_factor=np.full(modes, beam.quality_factor),
         actuators=actuators,
         sensors=sensors,
         field=field,
@@ -186,8 +187,8 @@ def check_beam(beam: PatchedBeam) -> None:
     for name, value in vars(beam).items():
         if name.endswith("_m") and name != "centres_m":
             check_above_zero(f"beam: {name}", value)
-    if not beam.quality > 0.0:
-        raise SolverError(f"beam: quality = {beam.quality:g}: must be above 0 (inf for no loss)")
+    if not beam.quality_factor > 0.0:
+        raise SolverError(f"beam: quality_factor = {beam.quality_factor:g}: must be above 0 (inf for no loss)")
     if not beam.centres_m:
         raise SolverError("beam: the list of actuators is empty, at least one patch is needed")
     if beam.layer_width_m > beam.width_m * (1.0 + 1e-9):

@@ -183,6 +183,6 @@ def resonators_and_patches(
     bare = line_table(model)
     inside = inner_window(bare.points_m, *zone_m)
     nearest = np.argmin(np.abs(bare.points_m[:, 0] - places_m[:, None]), axis=1)
-    passive = attach_oscillators(bare, nearest, mass_kg, frequency_hz, model.beam.quality)
+    passive = attach_oscillators(bare, nearest, mass_kg, frequency_hz, model.beam.quality_factor)
     driver = int(np.argmin(np.abs(model.places_m - sum(zone_m) / 2.0)))
     return PassiveActive(*(confinement(table, frequency_hz, inside, driver) for table in (bare, passive)))

@@ -69,7 +69,7 @@ class Choice:
     """What another pitch of the patches or another loss gives at one frequency on the long beam: T, and the largest TWR."""
 
     pitch_m: float
-    quality: float
+    quality_factor: float
     conditioning: dict[Signal, Conditioning]
     peak_twr: float
     peak_wavelength_m: float
@@ -198,16 +198,18 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
 
 
 def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
-    """Pitches of 1/6, 1/6.5 and 1/7 of the length with quality 20, 50 and 200; TWR of waves asked for in displacement."""
+    """Pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200; TWR of waves asked for in displacement."""
     length = data.beam.length_m
-    variants = [(length / share, quality) for share in (6.0, 6.5, 7.0) for quality in (20.0, 50.0, 200.0)]
+    variants = [(length / share, quality_factor) for share in (6.0, 6.5, 7.0) for quality_factor in (20.0, 50.0, 200.0)]
     drives = []
-    for pitch, quality in variants:
-        beam = replace(data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality=quality)
+    for pitch, quality_factor in variants:
+        beam = replace(
+            data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality_factor=quality_factor
+        )
         model = patched("variant", beam, data.modes, data.calibrate_near_hz)
         wavelengths = np.linspace(*data.wavelengths_m)
         twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
         matrices = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
         best = int(np.argmax(twr))
-        drives.append(Choice(pitch, quality, matrices, float(twr[best]), float(wavelengths[best])))
+        drives.append(Choice(pitch, quality_factor, matrices, float(twr[best]), float(wavelengths[best])))
     return tuple(drives)

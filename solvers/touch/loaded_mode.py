@@ -38,7 +38,7 @@ class LoadedMode:
         return self.frequency_hz - self.free_hz
 
     @property
-    def quality(self) -> float | None:
+    def quality_factor(self) -> float | None:
         """Quality factor under the finger; None where nothing is lost."""
         return 1.0 / self.loss if self.loss > 0.0 else None
 

@@ -69,8 +69,8 @@ def orthonormal(basis: GroupModes) -> GroupModes:
 class ChangedPlate:
     """A plate's modes in that space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
 
-    w the nominal plate's wanted mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; held (n,): w's share in the
-    mode, of 1, by the nominal plate's mass. Both zero where it has none.
+    w the nominal plate's wanted mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; wanted_share (n,): w's share in
+    the mode, of 1, by the nominal plate's mass. Both zero where it has none.
     """
 
     forced: ForcedPlate
@@ -79,7 +79,7 @@ class ChangedPlate:
     inside: FloatArray
     outside: FloatArray
     alike: FloatArray
-    held: FloatArray
+    wanted_share: FloatArray
 
     @property
     def loss(self) -> float:
@@ -93,7 +93,7 @@ class ChangedPlate:
         """
         inside, outside = np.diag(self.inside), np.diag(self.outside)
         share = inside / np.maximum(inside + outside, 1e-300)
-        return verdict(self.held, share, self.alike / np.maximum(inside, 1e-300))
+        return verdict(self.wanted_share, share, self.alike / np.maximum(inside, 1e-300))
 
     @property
     def tracked_hz(self) -> float | None:

@@ -101,14 +101,14 @@ class Column:
         frequency_hz, vectors = self.solve(low_hz, high_hz)
         return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
 
-    def zones(self, low_hz: float, high_hz: float, quality: float) -> DrivenZones:
+    def zones(self, low_hz: float, high_hz: float, quality_factor: float) -> DrivenZones:
         """Zones of a plate of several driven in turn at their peaks within a window, by its modes and those somewhat beyond.
         Errors as solve and drive_zones.
         """
         frequency_hz, vectors = self.solve(BESIDE[0] * low_hz, BESIDE[1] * high_hz)
-        return drive_zones(self.design, frequency_hz, self.profile(vectors), (low_hz, high_hz), quality)
+        return drive_zones(self.design, frequency_hz, self.profile(vectors), (low_hz, high_hz), quality_factor)
 
-    def driven(self, frequencies_hz: FloatArray, quality: float) -> Driven:
+    def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
         """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
 
         SolverError as solve.
@@ -118,7 +118,7 @@ class Column:
         pressed = np.where(np.abs(own.y_m) < self.design.width_m / 2.0, own.weights * own.shape, 0.0)
         force = own.values.conj().T @ pressed
         stiff, moved = (np.array([self.scale.eigenvalue(f) for f in tones]) for tones in (tones_hz, frequencies_hz))
-        shares = force[:, None] / (stiff[:, None] * (1.0 + 1j / quality) - moved)
+        shares = force[:, None] / (stiff[:, None] * (1.0 + 1j / quality_factor) - moved)
         forced = measure_profile(replace(own, values=own.values @ shares), self.design)
         return Driven(ColumnModes(tones_hz, measure_profile(own, self.design)), forced.confinement_db)
 

@@ -177,7 +177,7 @@ def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, sett
 def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
     sizes = plate.predesign()
     row = antinode.SweepTable([{"case": "a", "level_db": 1.0}], Path())
-    driven = antinode.Response({"wanted_peak": {"frequency_hz": 34e3, "quality": 300.0}})
+    driven = antinode.Response({"wanted_peak": {"frequency_hz": 34e3, "quality_factor": 300.0}})
     for frozen, name in ((plate, "name"), (plate, "colour"), (sizes, "zone_hz"), (sizes, "kind"), (row, "swept"),
                          (driven, "frequency_hz"), (antinode.Wanted("none", *[None] * 5, ()), "mac")):  # fmt: skip
         with pytest.raises(AttributeError):

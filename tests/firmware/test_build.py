@@ -17,7 +17,7 @@ from firmware.image.svd import svd_text
 from firmware.table_format import MAX_SHAPES
 from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, describe, from_bytes, to_bytes, to_header
 
-TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality(31404.5, 300.0, delay_s=2e-6),))
+TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality_factor(31404.5, 300.0, delay_s=2e-6),))
 SECTOR = 0x0800C000
 
 
@@ -175,7 +175,7 @@ def test_what_is_missing_is_said_with_the_way_to_get_it(
     tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table = tmp_path / "table.bin"
-    table.write_bytes(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(31404.5, 300.0),))))
+    table.write_bytes(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31404.5, 300.0),))))
     monkeypatch.setattr(builder, "find_spec", lambda name: None if name == "elftools" else True)
     assert builder.main(["--table", str(table), "--out", str(tmp_path)]) == 5
     assert "pip install pyelftools" in capsys.readouterr().err

@@ -18,7 +18,7 @@ DROOP = abs(hold(TRUE, 250e3))
 PERIOD, HALF_WINDOW = 200e-6, 92e-6
 NEIGHBOURS = (Resonance(TRUE - 800.0, TAU, 0.03), Resonance(TRUE + 1100.0, TAU, -0.04))
 PLATE = Plate((Resonance(TRUE, TAU, GAIN), *NEIGHBOURS), delay_s=7.3e-6, noise=1e-3, offset=0.03)
-UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(GUESS, 260.0, delay_s=2e-6),)))
+UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(GUESS, 260.0, delay_s=2e-6),)))
 MEASURED = Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6, frequency_identified=True)
 KNOWN = to_bytes(ModeTable(250e3, bytes(16), (MEASURED,)))
 
@@ -73,7 +73,7 @@ def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(mak
     from tests.helpers.hosted_boards import HostedSingle
 
     tau_s = TAU / 3.0  # the sweep takes as long as the plate rings
-    unknown = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality(GUESS, 87.0, delay_s=2e-6),)))
+    unknown = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(GUESS, 87.0, delay_s=2e-6),)))
     plate = replace(PLATE, resonances=(replace(PLATE.resonances[0], tau_s=tau_s),))
     board, hosted = make_single(unknown, plate), HostedSingle(unknown, plate)
     board.run(2e-3)

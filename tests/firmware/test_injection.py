@@ -107,7 +107,7 @@ MEASURING = [*WORDS, "ident.stage", "ident.index", "ident.points", "ident.rounds
 def measuring(core):
     """A rig that looks for the resonance, and the moments of its coarse sweep, its fine one and the survey."""
     _, plate = held_plate(100.0, noise=1e-3)
-    guess = Mode.from_quality(plate.resonances[0].frequency_hz - 60.0, 90.0, delay_s=2e-6)
+    guess = Mode.from_quality_factor(plate.resonances[0].frequency_hz - 60.0, 90.0, delay_s=2e-6)
     rig, moments = Rig(to_bytes(ModeTable(250e3, bytes(16), (guess,))), plate), []
     rig.run(5e-3)
     assert rig.start()

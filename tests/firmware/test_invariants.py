@@ -93,7 +93,7 @@ def test_more_than_is_kept_ends_the_program(core) -> None:
 @pytest.fixture(scope="module")
 def boards(core) -> dict[str, Any]:
     """Both builds at work."""
-    unknown = ModeTable(250e3, bytes(16), (Mode.from_quality(31400.0, 300.0),))
+    unknown = ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31400.0, 300.0),))
     measuring, beam = Rig(to_bytes(unknown), held_plate(300.0)[1]), Beam()
     shape = Shape(beam.frequency_hz, beam.slowest_s, (Pattern("all", (1,) * 6),))
     six = [

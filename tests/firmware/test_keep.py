@@ -15,7 +15,7 @@ from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 TRUE, TAU = 31437.3, 300.0 / math.pi / 31437.3
 DROOP = abs(hold(TRUE, 250e3))
 PLATE = Plate((Resonance(TRUE, TAU, 0.8),), delay_s=7.3e-6, noise=1e-3)
-GUESS = Mode.from_quality(31400.0, 260.0, delay_s=2e-6)
+GUESS = Mode.from_quality_factor(31400.0, 260.0, delay_s=2e-6)
 UNKNOWN = to_bytes(ModeTable(250e3, bytes(16), (GUESS,)))
 OTHER = to_bytes(ModeTable(250e3, bytes(16), (replace(GUESS, drive_limit=0.5),)))
 EMPTY, REFUSED, READ, WRITTEN = range(1, 5)

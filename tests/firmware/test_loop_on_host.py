@@ -28,7 +28,7 @@ PERIOD, HALF_WINDOW = 200e-6, 92e-6
 
 
 def table(**changes) -> bytes:
-    mode = Mode.from_quality(GUESS, 260.0, delay_s=2e-6)
+    mode = Mode.from_quality_factor(GUESS, 260.0, delay_s=2e-6)
     return to_bytes(ModeTable(250e3, bytes(16), (replace(mode, **changes),)))
 
 
@@ -317,9 +317,9 @@ def test_two_resonances_in_one_are_not_vouched_for(swept, half_gap_hz: float) ->
     assert board.state == FAULT and board.faults == Fault.IDENTIFY
 
 
-@pytest.mark.parametrize("quality", [100.0, 900.0])
-def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(swept, quality: float) -> None:
-    board = swept(table(tau_s=quality / math.pi / GUESS), PLATE, 12.0)
+@pytest.mark.parametrize("quality_factor", [100.0, 900.0])
+def test_a_badly_guessed_quality_is_found_and_the_sweep_repeated(swept, quality_factor: float) -> None:
+    board = swept(table(tau_s=quality_factor / math.pi / GUESS), PLATE, 12.0)
     assert board.state == RUN
     assert board.app.mode.tau_s == pytest.approx(TAU, rel=5e-3)
     assert abs(gain_of(board)) == pytest.approx(GAIN * DROOP, rel=5e-3)

@@ -26,7 +26,7 @@ from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
 WAVELENGTH = 2.0 * np.pi / np.sqrt(2.0 * np.pi * 2400.0 / np.sqrt(210e9 * 1e-6 / 12.0 / 7850.0))
-QUICK = dataclasses.replace(BEAM, quality=15.0)  # rings for a third of the time
+QUICK = dataclasses.replace(BEAM, quality_factor=15.0)  # rings for a third of the time
 PATTERNS = (
     Pattern("left", (1, 0.5, 0, 0, 0, 0)),
     Pattern("middle", (0, 0, 1, 1, 0, 0)),
@@ -273,7 +273,9 @@ def pressed(structure, share: float):
     """A finger at 60 mm: a quality of 8 instead of 50, and a mass of a tenth of the beam's there."""
     shapes = BEAM.shapes(np.array([0.06]))[:, 0]
     angular = structure.angular / np.sqrt(1.0 + 0.1 * share * shapes**2)
-    return dataclasses.replace(structure, angular=angular, quality=structure.quality / (1.0 + 5.0 * share))
+    return dataclasses.replace(
+        structure, angular=angular, quality_factor=structure.quality_factor / (1.0 + 5.0 * share)
+    )
 
 
 def warmed(structure, share: float):

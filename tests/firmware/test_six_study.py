@@ -34,7 +34,7 @@ def structure(model: ShapedBeam, noise: float = 1e-3) -> Structure:
     """The study's own modes, all of them, with noise and full scales as the table's."""
     table, scale = model.table, full_scale(model, "displacement", (TONE,))
     return Structure(
-        table.angular, float(table.quality[0]), scale * table.actuators, table.field[:, LINE:], noise=noise
+        table.angular, float(table.quality_factor[0]), scale * table.actuators, table.field[:, LINE:], noise=noise
     )
 
 

@@ -20,20 +20,20 @@ MISMATCH, CLIPPED, OFFSET = Fault.MISMATCH, Fault.SENSOR_CLIPPED, Fault.SENSOR_O
 RAMP_S = 50e-3
 
 
-def tau_of(quality: float) -> float:
-    return quality / math.pi / TRUE
+def tau_of(quality_factor: float) -> float:
+    return quality_factor / math.pi / TRUE
 
 
-def known(quality: float, gain: float, **changes) -> bytes:
-    exact = Mode(TRUE, tau_of(quality), -1j * gain * DROOP, 9.3e-6, drive_limit=1.0, frequency_identified=True)
+def known(quality_factor: float, gain: float, **changes) -> bytes:
+    exact = Mode(TRUE, tau_of(quality_factor), -1j * gain * DROOP, 9.3e-6, drive_limit=1.0, frequency_identified=True)
     return to_bytes(ModeTable(250e3, bytes(16), (replace(exact, **changes),)))
 
 
 @pytest.fixture
 def make(core):
-    def build(quality: float = 300.0, gain: float = 0.8, table: bytes | None = None, **changes) -> Rig:
-        plate = Plate((Resonance(TRUE, tau_of(quality), gain),), delay_s=7.3e-6, noise=1e-3)
-        rig = Rig(table or known(quality, gain), replace(plate, **changes))
+    def build(quality_factor: float = 300.0, gain: float = 0.8, table: bytes | None = None, **changes) -> Rig:
+        plate = Plate((Resonance(TRUE, tau_of(quality_factor), gain),), delay_s=7.3e-6, noise=1e-3)
+        rig = Rig(table or known(quality_factor, gain), replace(plate, **changes))
         rig.run(10e-3)
         return rig
 
@@ -68,10 +68,10 @@ def test_a_finger_is_not_a_fault(make, shift_hz: float, share: float) -> None:
     assert np.abs(rig.windows(0.1)["measured"]).mean() == pytest.approx(reference, rel=5e-3)
 
 
-@pytest.mark.parametrize("quality", [100.0, 600.0, 1000.0])
-def test_a_plate_that_warms_by_ten_kelvin_is_followed(make, quality: float) -> None:
+@pytest.mark.parametrize("quality_factor", [100.0, 600.0, 1000.0])
+def test_a_plate_that_warms_by_ten_kelvin_is_followed(make, quality_factor: float) -> None:
     """-75 Hz within 8 s, which is a hundred times as fast as a plate warms: no loss of amplitude, and no fault."""
-    rig = make(quality)
+    rig = make(quality_factor)
     first = rig.plate
     assert rig.start(0.1)
     rig.run(0.1)
@@ -90,11 +90,11 @@ def test_a_plate_that_warms_by_ten_kelvin_is_followed(make, quality: float) -> N
 
 
 @pytest.mark.parametrize("gain", [0.8, 0.15, 0.1, 0.05, 0.02])
-@pytest.mark.parametrize("quality", [100.0, 1000.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 1000.0])
 @pytest.mark.parametrize("share", [0.05, 0.5])
-def test_a_lost_sensor_is_noticed_on_any_plate(make, gain: float, quality: float, share: float) -> None:
+def test_a_lost_sensor_is_noticed_on_any_plate(make, gain: float, quality_factor: float, share: float) -> None:
     """Dead, stuck or reversed; however weakly the plate answers."""
-    rig = make(quality, gain)
+    rig = make(quality_factor, gain)
     assert rig.start(share * gain * DROOP)
     rig.run(0.1)
     assert rig.state == RUN
@@ -108,10 +108,10 @@ def test_a_lost_sensor_is_noticed_on_any_plate(make, gain: float, quality: float
         assert rig.rig.code == 2048
 
 
-@pytest.mark.parametrize("quality", [100.0, 200.0, 300.0, 320.0, 400.0, 460.0, 600.0])
-def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) -> None:
+@pytest.mark.parametrize("quality_factor", [100.0, 200.0, 300.0, 320.0, 400.0, 460.0, 600.0])
+def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality_factor: float) -> None:
     """The true envelope of a step to a fifth of what full drive holds, over the phases of the step in a window."""
-    rig = make(quality, noise=0.0)
+    rig = make(quality_factor, noise=0.0)
     assert rig.start(0.1)
     rig.set_reference(0.0)
     rig.run(0.1)
@@ -131,7 +131,7 @@ def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) 
 
 
 @pytest.mark.parametrize(
-    ("quality", "late_us", "neighbour"),
+    ("quality_factor", "late_us", "neighbour"),
     [
         (600.0, 7.0, 0.0),
         (1000.0, 7.0, 0.0),
@@ -143,11 +143,11 @@ def test_95_percent_within_2_ms_at_any_moment_of_a_window(make, quality: float) 
         (400.0, 0.0, -0.25),
     ],
 )
-def test_a_limit_cycle_is_a_fault(make, quality: float, late_us: float, neighbour: float) -> None:
+def test_a_limit_cycle_is_a_fault(make, quality_factor: float, late_us: float, neighbour: float) -> None:
     """A delay or a neighbour at +200 Hz that the table does not know of, and that the loop cannot stand."""
-    others = (Resonance(TRUE + 200.0, tau_of(quality), neighbour * 0.8),) if neighbour else ()
-    own = Resonance(TRUE, tau_of(quality), 0.8)
-    rig = make(quality, delay_s=(7.3 + late_us) * 1e-6, resonances=(own, *others))
+    others = (Resonance(TRUE + 200.0, tau_of(quality_factor), neighbour * 0.8),) if neighbour else ()
+    own = Resonance(TRUE, tau_of(quality_factor), 0.8)
+    rig = make(quality_factor, delay_s=(7.3 + late_us) * 1e-6, resonances=(own, *others))
     assert rig.start(0.2 * 0.8 * DROOP)
     assert rig.run_while(RUN, 0.3) < 0.3 and rig.faults == MISMATCH
 
@@ -184,12 +184,12 @@ def test_a_stream_ends_with_its_job(make, end: str) -> None:
     assert abs(rig.windows(10e-3)["measured"]).mean() == pytest.approx(0.1, rel=0.01)
 
 
-@pytest.mark.parametrize("quality", [100.0, 1000.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 1000.0])
 @pytest.mark.parametrize("rate_hz", [20.0, 250.0])
 @pytest.mark.parametrize("touched", [False, True])
-def test_textures_are_no_limit_cycles(make, quality: float, rate_hz: float, touched: bool) -> None:
+def test_textures_are_no_limit_cycles(make, quality_factor: float, rate_hz: float, touched: bool) -> None:
     """Full depth, at and beyond what the drive reaches, with a finger or without."""
-    rig = make(quality)
+    rig = make(quality_factor)
     first = rig.plate
     assert rig.start(0.8 * 0.8 * DROOP)
     if touched:
@@ -199,11 +199,11 @@ def test_textures_are_no_limit_cycles(make, quality: float, rate_hz: float, touc
     assert rig.state == RUN, hex(rig.faults)
 
 
-@pytest.mark.parametrize("quality", [100.0, 600.0, 2000.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 600.0, 2000.0])
 @pytest.mark.parametrize("share", [0.05, 0.5])
-def test_a_plate_that_is_braked_is_no_lost_sensor(make, quality: float, share: float) -> None:
+def test_a_plate_that_is_braked_is_no_lost_sensor(make, quality_factor: float, share: float) -> None:
     """The drive has pushed hard, and nothing moves any more: that is what it was for."""
-    rig = make(quality, noise=1e-4)
+    rig = make(quality_factor, noise=1e-4)
     reference = share * 0.8 * DROOP
     assert rig.start(reference)
     for level in (reference, 0.02 * reference, reference, 0.0):
@@ -256,12 +256,12 @@ def test_most_moments_of_a_swinging_level_are_decided_within_100_us(core) -> Non
 
 
 @pytest.mark.parametrize("level", [0.02, 0.05, 0.15, 0.4])
-@pytest.mark.parametrize("quality", [100.0, 300.0, 1000.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 300.0, 1000.0])
 def test_a_sensor_that_turns_round_while_it_shows_nothing_never_doubles_the_motion(
-    make, quality: float, level: float
+    make, quality_factor: float, level: float
 ) -> None:
     """The loop drives away from what it takes for the plate: the energy shown is more than the drive's work, within 5 ms."""
-    rig = make(quality)
+    rig = make(quality_factor)
     assert rig.start(level)
     assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), 100.0, 1.0, 5000.0)
     rig.run(60e-3)
@@ -271,12 +271,12 @@ def test_a_sensor_that_turns_round_while_it_shows_nothing_never_doubles_the_moti
 
 @pytest.mark.parametrize("rate_hz", [0.0, 20.0, 100.0, 300.0])
 @pytest.mark.parametrize("level", [0.002, 0.01, 0.05])
-@pytest.mark.parametrize("quality", [100.0, 300.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 300.0])
 def test_a_sensor_that_dies_at_a_low_level_is_told_before_the_plate_moves_far(
-    make, quality: float, level: float, rate_hz: float
+    make, quality_factor: float, level: float, rate_hz: float
 ) -> None:
     """As soon as noise would let be seen what the drive does to a plate 24 times as damped: at a tenth of its limit."""
-    rig = make(quality)
+    rig = make(quality_factor)
     assert rig.start(level)
     assert rig.lib.an_texture_sine(rig.ffi.addressof(rig.app.base, "texture"), rate_hz, 1.0, 5000.0)
     rig.run(60e-3)
@@ -284,11 +284,13 @@ def test_a_sensor_that_dies_at_a_low_level_is_told_before_the_plate_moves_far(
     assert result.unsafe == 0 and result.broken.motion < 0.13
 
 
-@pytest.mark.parametrize("quality", [100.0, 600.0, 2000.0])
+@pytest.mark.parametrize("quality_factor", [100.0, 600.0, 2000.0])
 @pytest.mark.parametrize("sensitivity", [0.5, 1.0, 1.5])
-def test_a_plate_that_is_braked_and_pushed_does_no_work_of_its_own(make, quality: float, sensitivity: float) -> None:
+def test_a_plate_that_is_braked_and_pushed_does_no_work_of_its_own(
+    make, quality_factor: float, sensitivity: float
+) -> None:
     """Where the sensor shows half of the motion, the drive takes out twice what is seen to go."""
-    rig = make(quality)
+    rig = make(quality_factor)
     rig.rig.plate.sensitivity = sensitivity
     assert rig.start(0.1)
     for level in (0.1, 0.0, 0.1, 0.01) * 10:
@@ -321,8 +323,8 @@ def test_noise_is_no_fault(make, noise: float) -> None:
     assert rig.state == RUN
 
 
-def guessed(quality: float, **changes) -> bytes:
-    guess = Mode(TRUE, tau_of(quality), delay_s=2e-6, drive_limit=0.85)
+def guessed(quality_factor: float, **changes) -> bytes:
+    guess = Mode(TRUE, tau_of(quality_factor), delay_s=2e-6, drive_limit=0.85)
     return to_bytes(ModeTable(250e3, bytes(16), (replace(guess, **changes),)))
 
 
@@ -337,19 +339,19 @@ def identified(rig, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("away", [-0.039, -0.02, 0.03, 0.039])
-@pytest.mark.parametrize("quality", [100.0, 300.0, 600.0, 1500.0])
-def test_the_search_covers_four_percent(make, quality: float, away: float) -> None:
-    own = Resonance(TRUE * (1.0 + away), tau_of(quality), 0.8)
-    rig = make(table=guessed(quality), resonances=(own,), noise=1e-4)
+@pytest.mark.parametrize("quality_factor", [100.0, 300.0, 600.0, 1500.0])
+def test_the_search_covers_four_percent(make, quality_factor: float, away: float) -> None:
+    own = Resonance(TRUE * (1.0 + away), tau_of(quality_factor), 0.8)
+    rig = make(table=guessed(quality_factor), resonances=(own,), noise=1e-4)
     identified(rig, 40.0)
     assert rig.state == RUN, hex(rig.faults)
     assert rig.frequency_hz == pytest.approx(own.frequency_hz, abs=0.3)
     assert rig.app.mode.tau_s == pytest.approx(own.tau_s, rel=5e-3)
 
 
-@pytest.mark.parametrize("quality", [300.0, 1000.0])
-def test_a_sensor_that_is_dead_before_the_start_is_never_driven_hard(make, quality: float) -> None:
-    rig = make(table=guessed(quality))
+@pytest.mark.parametrize("quality_factor", [300.0, 1000.0])
+def test_a_sensor_that_is_dead_before_the_start_is_never_driven_hard(make, quality_factor: float) -> None:
+    rig = make(table=guessed(quality_factor))
     rig.rig.plate.sensor = rig.lib.RIG_DEAD
     assert identified(rig, 61.0) <= 0.16 * 0.85 * 1.001
     assert rig.state == FAULT and rig.faults == Fault.IDENTIFY

@@ -157,14 +157,14 @@ class Rig(Orders, SingleRig):
         super().__init__(table, plate, seed, faults)
         self.build = self.ffi.addressof(self.lib, "an_single_build")
 
-    def touch(self, quality_share: float, shift_hz: float, first: Plate) -> None:
+    def touch(self, quality_factor_share: float, shift_hz: float, first: Plate) -> None:
         """The plate under a finger: the first resonance of a plate damped and shifted, force and mass as they were."""
         mode = first.resonances[0]
         touched = replace(
             mode,
             frequency_hz=mode.frequency_hz + shift_hz,
-            tau_s=mode.tau_s * quality_share,
-            gain=mode.gain * quality_share,
+            tau_s=mode.tau_s * quality_factor_share,
+            gain=mode.gain * quality_factor_share,
         )
         self.set_plate(replace(first, resonances=(touched, *first.resonances[1:])))
 

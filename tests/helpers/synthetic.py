@@ -233,7 +233,7 @@ def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) ->
     """A peak of a response."""
     passive_rms = zone_rms / 10.0 ** ((level_db or 0.0) / 20.0)
     own = {"frequency_hz": frequency_hz, "zone_rms_m_per_V": zone_rms, "passive_rms_m_per_V": passive_rms}
-    return PeakRecord(**own, confinement_db=level_db, quality=298.0)
+    return PeakRecord(**own, confinement_db=level_db, quality_factor=298.0)
 
 
 def response(level_db: float | None) -> ResponseRecord:
@@ -253,7 +253,7 @@ def response(level_db: float | None) -> ResponseRecord:
         sensors=[7],
         polarisation_signs=[1],
         wanted_hz=31500.0,
-        quality_given=300.0,
+        quality_factor_given=300.0,
         expected_error=None,
         circuit={"drivers": "short"},
         wanted_status="single",

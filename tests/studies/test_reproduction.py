@@ -81,7 +81,7 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
         "at_m": (0, 0),
         "radius_m": 5e-3,
         "impedance_N_s_m": (5, 0),
-        "quality_given": 300,
+        "quality_factor_given": 300,
     }
     empty: dict[str, Any] = dict.fromkeys(("force_N", "gap_m", "mode", "loop", "map"))
     record = SimpleNamespace(

@@ -18,7 +18,7 @@ from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS, Material
 from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
-from solvers.control.resonance import half_power_quality
+from solvers.control.resonance import half_power_quality_factor
 from solvers.fem.assembly import assemble
 from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -190,10 +190,10 @@ def test_a_voltage_peaks_at_the_short_and_a_charge_at_the_open_frequency(circuit
     curve = forced.curve(tones).zone_rms_m_per_v
     peak = int(np.argmax(curve))
     assert tones[peak] == pytest.approx(hz, rel=1e-4)
-    quality = half_power_quality(tones, curve, peak)
-    assert quality is not None
+    quality_factor = half_power_quality_factor(tones, curve, peak)
+    assert quality_factor is not None
     lossless = 1.0 if circuit == "short" else 1.0 - shift.coupling  # what the voltage stiffens has no losses
-    assert quality == pytest.approx(500.0 / lossless, rel=0.01)
+    assert quality_factor == pytest.approx(500.0 / lossless, rel=0.01)
 
 
 @pytest.mark.parametrize(

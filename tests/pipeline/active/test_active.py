@@ -76,20 +76,32 @@ def test_options_reach_the_model(capsys) -> None:
         and beam["gains_n_m"] == [3e6, 4e6]
         and beam["delays_s"] == pytest.approx([1e-5])
     )
-    assert run("mason", "--frequency", "20kHz", "--quality", "100", "--band", "5kHz:30kHz", "--json", "-") == 0
+    assert run("mason", "--frequency", "20kHz", "--quality-factor", "100", "--band", "5kHz:30kHz", "--json", "-") == 0
     mason = json.loads(capsys.readouterr().out)
     assert (
-        mason["target_hz"] == 20e3 and mason["filter"]["rejected_hz"] == pytest.approx(20e3) and mason["quality"] == 100
+        mason["target_hz"] == 20e3
+        and mason["filter"]["rejected_hz"] == pytest.approx(20e3)
+        and mason["quality_factor"] == 100
     )
     assert (mason["frequencies_hz"][0], mason["frequencies_hz"][-1]) == (5e3, 30e3)
     assert (
         run(
-            "dq", "--frequency", "28kHz", "--quality", "200", "--settling-time", "3ms", "--delay", "12us", "--json", "-"
+            "dq",
+            "--frequency",
+            "28kHz",
+            "--quality-factor",
+            "200",
+            "--settling-time",
+            "3ms",
+            "--delay",
+            "12us",
+            "--json",
+            "-",
         )
         == 0
     )
     dq = json.loads(capsys.readouterr().out)
-    assert dq["plant"]["frequency_hz"] == 28e3 and dq["plant"]["quality"] == pytest.approx(200)
+    assert dq["plant"]["frequency_hz"] == 28e3 and dq["plant"]["quality_factor"] == pytest.approx(200)
     assert dq["design"]["within_s"] == 3e-3 and dq["plant"]["delay_s"] == pytest.approx(12e-6)
     assert dq["comparison"][0]["agreement"].startswith("differs, 3 ms were asked for")
 
@@ -98,10 +110,10 @@ def test_the_case_gives_material_pillar_mode_and_losses(capsys) -> None:
     one = ("--frequency", "3kHz", "--gain", "3e6", "--delay", "10us")
     assert run("beam", CASE, *one, "--set", "material=steel", "--set", "damping.quality=150", "--json", "-") == 0
     beam = json.loads(capsys.readouterr().out)["beam"]
-    assert beam["material"] == "steel" and beam["quality"] == 150.0
+    assert beam["material"] == "steel" and beam["quality_factor"] == 150.0
     assert run("dq", CASE, "--set", "damping.quality=250", "--json", "-") == 0
     plant = json.loads(capsys.readouterr().out)["plant"]
-    assert plant["frequency_hz"] == pytest.approx(33_979, rel=1e-3) and plant["quality"] == pytest.approx(250)
+    assert plant["frequency_hz"] == pytest.approx(33_979, rel=1e-3) and plant["quality_factor"] == pytest.approx(250)
     assert run("pillar", CASE, "--set", "pillar.height_mm=7.1", "--json", "-") == 0
     lower = json.loads(capsys.readouterr().out)
     assert run("pillar", "--json", "-") == 0
@@ -115,7 +127,7 @@ def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     text = Path(CASE).read_text().replace("[damping]\nquality = 300.0\n", "")
     bare.write_text(text)
     absorbed, duller = [], ("--set", "damping.quality=50")
-    for arguments in ((str(bare),), (CASE,), (CASE, "--quality", "inf"), (CASE, *duller)):
+    for arguments in ((str(bare),), (CASE,), (CASE, "--quality-factor", "inf"), (CASE, *duller)):
         assert run("pillar", *arguments, "--json", "-") == 0
         result = json.loads(capsys.readouterr().out)
         shares = 1.0 - np.array(result["transmitted"]) - np.array(result["reflected"])
@@ -156,12 +168,15 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("beam", "--frequency=-3kHz"), "above 0"),
         (("beam", "--delay", "4"), "--delay"),
         (("mason", "--frequency", "0"), "--frequency"),
-        (("mason", "--quality", "inf"), "hit exactly"),
-        (("mason", "--quality", "0"), "--quality"),
+        (("mason", "--quality-factor", "inf"), "hit exactly"),
+        (("mason", "--quality-factor", "0"), "--quality-factor"),
         (("mason", "--gain", "1"), "does not take it"),
         (("mason", "--settling-time", "2ms"), "--settling-time: active mason does not take it"),
         (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be a number above 0 in N/m, from 0.001 to 1e+12"),
-        (("pillar", "--quality", "1e-300"), "--quality = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf"),
+        (
+            ("pillar", "--quality-factor", "1e-300"),
+            "--quality-factor = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf",
+        ),
         (("dq", "--settling-time", "1e300s"), "--settling-time = '1e300s': must be a time of 0 or more in s, ms or us"),
         (("mason", "--band", "1kHz:30MHz"), "must end at 2500 kHz or below"),
         (("pillar", "--band", "30:34"), "30:34 could mean 30 Hz to 34 Hz or 30 kHz to 34 kHz: write the unit"),
@@ -169,7 +184,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("mason", "--set", "plate.thickness_mm=1"), "needs a CASE"),
         (("pillar", "--band", "0Hz:3kHz"), "--band"),
         (("pillar", "--set", "pillar.height_mm=-1"), "pillar.height_mm"),
-        (("dq", "--quality", "inf"), "without losses"),
+        (("dq", "--quality-factor", "inf"), "without losses"),
         (("dq", "--frequency", "0"), "--frequency"),
         (("dq", "--frequency", "1kHz", "--frequency", "2kHz"), "takes one"),
         (("dq", "--settling-time", "0.1ms"), "latency"),
@@ -187,10 +202,10 @@ def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str
 
 
 def test_lossless_resonance_of_the_beam_is_told(capsys) -> None:
-    exact = float(ActiveBeamData(quality=inf).beam.natural_rad_s(7)[6]) / (2 * pi)
-    assert run("beam", "--quality", "inf", "--frequency", f"{exact!r}Hz") == 2
+    exact = float(ActiveBeamData(quality_factor=inf).beam.natural_rad_s(7)[6]) / (2 * pi)
+    assert run("beam", "--quality-factor", "inf", "--frequency", f"{exact!r}Hz") == 2
     assert "hit exactly" in capsys.readouterr().err
-    assert MasonData(quality=inf).cell.loss == 0.0
+    assert MasonData(quality_factor=inf).cell.loss == 0.0
 
 
 @pytest.mark.parametrize("band", ["24.9kHz:25.1kHz", "5kHz:8kHz"])
@@ -275,7 +290,7 @@ def test_times_refused(text: str) -> None:
 
 
 def table(**changes) -> table_file.ModeTable:
-    modes = tuple(table_file.Mode.from_quality(f, 300.0) for f in (30_900.0, 31_400.0, 32_200.0))
+    modes = tuple(table_file.Mode.from_quality_factor(f, 300.0) for f in (30_900.0, 31_400.0, 32_200.0))
     return table_file.ModeTable(250e3, bytes(16), modes, 1, **changes)
 
 
@@ -304,7 +319,7 @@ def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
 @pytest.mark.parametrize("displacement", [True, False])
 def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: Path, capsys) -> None:
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
-    truth = ModePlant.from_quality(31_437.3, 260.0, 0.6)
+    truth = ModePlant.from_quality_factor(31_437.3, 260.0, 0.6)
     sensor = "displacement" if displacement else "velocity"
     result = noisy(sweep_of((truth,), np.linspace(31_100.0, 31_800.0, 141), sensor, 8e-6, 0.001), 1e-4)
     sweep = tmp_path / "sweep.csv"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.cli.main import main
-from solvers.control.resonance import half_power_quality
+from solvers.control.resonance import half_power_quality_factor
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
@@ -98,8 +98,8 @@ def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None
 def test_the_quality_of_a_lorentzian_is_read_back() -> None:
     f = np.linspace(900.0, 1100.0, 4001)
     curve = np.abs(1.0 / (1000.0**2 * (1.0 + 1j / 50.0) - f**2))
-    assert half_power_quality(f, curve, int(curve.argmax())) == pytest.approx(50.0, rel=0.01)
-    assert half_power_quality(f[1900:2100], curve[1900:2100], int(curve[1900:2100].argmax())) is None
+    assert half_power_quality_factor(f, curve, int(curve.argmax())) == pytest.approx(50.0, rel=0.01)
+    assert half_power_quality_factor(f[1900:2100], curve[1900:2100], int(curve[1900:2100].argmax())) is None
 
 
 @pytest.mark.parametrize(

@@ -74,7 +74,7 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
     assert document["confined"] == sum(level >= 10.0 for level in levels)
     shift = document["peak_shift_hz"]["mean"]
     assert shift == pytest.approx(np.mean(peaks) - document["nominal"]["peak_hz"])
-    assert document["nominal"]["quality"] == pytest.approx(100.0, rel=0.1)
+    assert document["nominal"]["quality_factor"] == pytest.approx(100.0, rel=0.1)
 
 
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:

@@ -20,8 +20,8 @@ PATCHED = ["--set", "patches={size_mm=[8.0,3.0,0.3]}", "--set", "solve.accuracy=
 class Two:
     """Two resonances, (Hz, height), of one quality factor."""
 
-    def __init__(self, *peaks: tuple[float, float], quality: float = 300.0) -> None:
-        self.peaks, self.loss = peaks, 1.0 / quality
+    def __init__(self, *peaks: tuple[float, float], quality_factor: float = 300.0) -> None:
+        self.peaks, self.loss = peaks, 1.0 / quality_factor
 
     def curve(self, frequency_hz: np.ndarray) -> Curve:
         f = np.asarray(frequency_hz, dtype=float)
@@ -35,7 +35,7 @@ def test_a_weaker_peak_is_found_where_its_mode_is() -> None:
     assert near_hz(plate, 34e3) == pytest.approx(34e3, abs=0.05 * 34e3 / 300)
     curve = curve_about(plate, 20e3, 45e3, 51, [near_hz(plate, 34e3)])
     result = peak_of(curve, near_hz(plate, 34e3))
-    assert result.quality == pytest.approx(300.0, rel=0.02)
+    assert result.quality_factor == pytest.approx(300.0, rel=0.02)
     assert result.confinement_db == pytest.approx(20.0 * np.log10(4.0))
 
 
@@ -44,24 +44,24 @@ def test_a_mode_on_anothers_flank_keeps_its_own_frequency_and_has_no_quality_fac
     plate = Two((34e3, 1.0), (34.25e3, 1e-3))
     assert near_hz(plate, 34.25e3) == 34.25e3
     curve = curve_about(plate, 30e3, 38e3, 51, [34.25e3])
-    assert peak_of(curve, 34.25e3).quality is None
+    assert peak_of(curve, 34.25e3).quality_factor is None
 
 
 def test_a_curve_that_rises_to_the_end_of_its_band_has_no_peak() -> None:
     plate = Two((50e3, 1.0))
     top = highest_hz(plate, 30e3, 45e3, 51)
-    assert top == 45e3 and peak_of(curve_about(plate, 30e3, 45e3, 51, [top]), top).quality is None
+    assert top == 45e3 and peak_of(curve_about(plate, 30e3, 45e3, 51, [top]), top).quality_factor is None
 
 
-@pytest.mark.parametrize("quality", [20.0, 300.0])
-def test_a_peak_found_twice_is_one_peak_with_its_quality_factor(quality: float) -> None:
+@pytest.mark.parametrize("quality_factor", [20.0, 300.0])
+def test_a_peak_found_twice_is_one_peak_with_its_quality_factor(quality_factor: float) -> None:
     """Each search ends somewhere else within its own precision: two points beside each other are not both a top."""
-    plate = Two((34e3, 1.0), (38e3, 0.2), quality=quality)
+    plate = Two((34e3, 1.0), (38e3, 0.2), quality_factor=quality_factor)
     highest = highest_hz(plate, 30e3, 40e3, 401)
     own = own_or(plate, 34e3, highest)
     curve = curve_about(plate, 30e3, 40e3, 401, [own, highest])
     assert peak_of(curve, own) == peak_of(curve, highest)
-    assert peak_of(curve, own).quality == pytest.approx(quality, rel=0.05)
+    assert peak_of(curve, own).quality_factor == pytest.approx(quality_factor, rel=0.05)
     assert own_or(plate, 38e3, highest) == near_hz(plate, 38e3)
 
 
@@ -82,11 +82,11 @@ def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) 
     """The small plate's response is highest at 26 kHz, which leaks; its wanted mode at 34.5 kHz is confined."""
     wanted, highest = document["wanted_peak"], document["highest_peak"]
     assert document["wanted_status"] == "single"
-    assert abs(wanted["frequency_hz"] / document["wanted_hz"] - 1.0) < 1.0 / document["quality_given"]
+    assert abs(wanted["frequency_hz"] / document["wanted_hz"] - 1.0) < 1.0 / document["quality_factor_given"]
     assert highest["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) > wanted["zone_rms_m_per_V"]
     assert highest["frequency_hz"] < 0.8 * wanted["frequency_hz"]
     assert wanted["confinement_db"] > highest["confinement_db"] + 6.0
-    assert wanted["quality"] == pytest.approx(document["quality_given"], rel=0.05)
+    assert wanted["quality_factor"] == pytest.approx(document["quality_factor_given"], rel=0.05)
 
 
 def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> No
     document = json.loads(file.read_text())
     peaks = document["highest_peak"], document["wanted_peak"]
     assert peaks[0]["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) >= peaks[1]["zone_rms_m_per_V"]
-    assert [peak["quality"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
+    assert [peak["quality_factor"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
 
 
 def test_it_is_said_and_so_is_a_band_without_the_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:

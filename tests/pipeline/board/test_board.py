@@ -24,7 +24,7 @@ CASE = three_patches((20.0, 40.0), 0.05)
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    table = ModeTable(250e3, bytes(16), (Mode.from_quality(31e3, 300.0),))
+    table = ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31e3, 300.0),))
     (tmp_path / emulation.TABLE).write_bytes(to_bytes(table))
     return tmp_path
 

@@ -149,9 +149,9 @@ def test_a_table_out_of_range_is_not_written(change: dict, words: str) -> None:
 
 
 def test_quality_and_time_constant_are_one_number() -> None:
-    mode = Mode.from_quality(31400.0, 300.0, delay_s=2e-6)
+    mode = Mode.from_quality_factor(31400.0, 300.0, delay_s=2e-6)
     assert mode.tau_s == pytest.approx(2.0 * 300.0 / (2.0 * math.pi * 31400.0), rel=1e-15)
-    assert mode.quality == pytest.approx(300.0, rel=1e-15)
+    assert mode.quality_factor == pytest.approx(300.0, rel=1e-15)
     assert mode.gain is None and not mode.tau_identified
 
 

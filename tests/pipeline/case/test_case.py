@@ -32,7 +32,7 @@ def test_every_value_in_si():
     assert case.solve.band_hz == (25_000.0, 45_000.0)
     assert (case.solve.near_hz, case.solve.count) == (None, None)
     assert (case.solve.accuracy, case.solve.model, case.solve.mesh) == (0.003, "auto", "auto")
-    assert (case.bands.path, case.bands.points, case.bands.count, case.quality) == ("GXMG", 25, 10, 300.0)
+    assert (case.bands.path, case.bands.points, case.bands.count, case.quality_factor) == ("GXMG", 25, 10, 300.0)
     assert case.patches.size_m == pytest.approx((12e-3, 3e-3, 0.3e-3), rel=1e-15)
     assert case.kx_wanted_per_m == pytest.approx(7.5 * pi / 0.1155)
 
@@ -40,7 +40,7 @@ def test_every_value_in_si():
 def test_defaults_when_settings_are_left_out():
     case = case_from_dict(without("solve", "bands", "damping", "patches", "name"))
     assert case.solve.band_hz is None and case.solve.accuracy == 0.003
-    assert (case.bands.path, case.bands.points, case.bands.count, case.quality) == ("GXMG", 25, 10, 300.0)
+    assert (case.bands.path, case.bands.points, case.bands.count, case.quality_factor) == ("GXMG", 25, 10, 300.0)
     assert case.patches is None
 
 
@@ -146,7 +146,7 @@ def test_set_another_shape_with_its_keys():
 
 def test_set_creates_an_absent_table():
     case = case_from_dict(without("damping"), overrides=["damping.quality=50"])
-    assert case.quality == 50.0
+    assert case.quality_factor == 50.0
 
 
 def test_overrides_are_texts_or_keys_with_values():

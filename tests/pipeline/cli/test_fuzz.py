@@ -44,7 +44,9 @@ ODD = [
     "{young_GPa = 1e-9, density_kg_m3 = 1, poisson = 0.4}", "1979-05-27", "0x10", *SHAPES, "antinodes", "steel",
     "[" * 30 + "]" * 30, "{a.b.c.d.e.f.g.h.i = 1}", '"' + "s" * 5000 + '"',
 ]  # fmt: skip
-SIZES = [key for key in KEYS if key.endswith(("_mm", "young_GPa", "kg_m3", "quality", "near_kHz")) and "." in key]
+SIZES = [
+    key for key in KEYS if key.endswith(("_mm", "young_GPa", "kg_m3", "quality_factor", "near_kHz")) and "." in key
+]
 QUANTITIES = ["30", "31.5", "4e1", "0", "1e308", "1e-308", "-1", "nan", "inf", "", ":", "3e999", "1e-9", "٣", "30:34"]
 DESIGN = Design(60e-3, 20e-3, 2e-3, 4, MATERIALS["aluminium"], None, float("nan"), float("nan"), 0, 12e-3)
 SWEEP = "# a note\nfrequency_Hz,amplitude_m_per_s,phase_deg\n" + "".join(

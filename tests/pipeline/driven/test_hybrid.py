@@ -1,4 +1,4 @@
-"""Rows and patches together on a small plate: each way against the response, the best of all voltages, and what is refused."""
+"""Rows and patches together on a small plate: each method against the response, the best voltages, and what is refused."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_each_way_is_what_the_response_says(record: HybridRecord, coarse: pytest
     curve = forced.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(tones)
     assert curve.passive_rms_m_per_v is not None
     level = 20.0 * np.log10(curve.zone_rms_m_per_v / curve.passive_rms_m_per_v)
-    rows = record.way("rows")
+    rows = record.method("rows")
     assert rows.confinement_db == pytest.approx(level, abs=1e-9)
     assert rows.volts_per_um == pytest.approx(1e-6 / curve.zone_rms_m_per_v, rel=1e-9)
     off = [forced.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(tones / f) for f in (0.98, 1.02)]
@@ -84,9 +84,9 @@ def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none
     record: HybridRecord,
 ) -> None:
     for plain, shaped in (("neither", "patches"), ("rows", "both")):
-        more = np.array(record.way(shaped).confinement_db) - np.array(record.way(plain).confinement_db)
+        more = np.array(record.method(shaped).confinement_db) - np.array(record.method(plain).confinement_db)
         assert more.min() >= -1e-9 and more.max() > 1.0
-    assert [way.rows_off_db is None for way in record.ways] == [True, False, True, False]
+    assert [method.rows_off_db is None for method in record.methods] == [True, False, True, False]
 
 
 @pytest.mark.slow
@@ -101,13 +101,13 @@ def test_pillars_off_by_two_percent_are_stiffer_or_softer_pillars(
         curve = other.driven_by(forced.signs * np.array([1.0, 1.0, 0.0, 0.0])).curve(np.array(record.frequency_hz))
         assert curve.passive_rms_m_per_v is not None
         levels.append(20.0 * np.log10(curve.zone_rms_m_per_v / curve.passive_rms_m_per_v))
-    assert record.way("rows").rows_off_db == pytest.approx(np.min(levels, axis=0), abs=1e-6)
+    assert record.method("rows").rows_off_db == pytest.approx(np.min(levels, axis=0), abs=1e-6)
 
 
 def test_rows_and_pictures_come_from_the_record_alone(record: HybridRecord, tmp_path: Path) -> None:
     assert HybridRecord.model_validate(record.to_dict()) == record
     rows = ROWS["hybrid"](record.to_dict())
-    assert len(rows) == len(record.frequency_hz) and rows[0]["both_db"] == record.way("both").confinement_db[0]
+    assert len(rows) == len(record.frequency_hz) and rows[0]["both_db"] == record.method("both").confinement_db[0]
     assert "bare_rows_off_db" not in rows[0] and "rows_rows_off_db" in rows[0]
     assert len(hybrid_levels(record).figure.axes) == 3
     figures.write("hybrid", record.to_dict(), tmp_path / "hybrid.svg")

@@ -87,15 +87,15 @@ def close(first: np.ndarray, second: np.ndarray) -> None:
 def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, specimen: Path) -> None:
     """Five standard deviations of noise/sqrt(points) about the specimen's own peak and its given losses."""
     result, given = document(compared)["measured"]["sweep"], document(specimen)
-    width = given["wanted_peak"]["frequency_hz"] / given["quality_given"]
+    width = given["wanted_peak"]["frequency_hz"] / given["quality_factor_given"]
     assert result["synthetic"] and result["quantity"] == "velocity"
-    assert result["quality"] == pytest.approx(given["quality_given"], rel=0.05)
+    assert result["quality_factor"] == pytest.approx(given["quality_factor_given"], rel=0.05)
     assert result["frequency_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"], abs=0.05 * width)
     ours = document(compared)["wanted_peak"]["frequency_hz"]
     assert result["computed"]["frequency_hz"] == pytest.approx(ours, abs=0.1 * width)
     assert result["frequency_shift_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"] - ours, abs=0.15 * width)
     assert result["frequency_shift_hz"] < -width  # the shipped specimen is softer than the case
-    assert result["computed"]["quality"] == pytest.approx(document(compared)["quality_given"], rel=0.05)
+    assert result["computed"]["quality_factor"] == pytest.approx(document(compared)["quality_factor_given"], rel=0.05)
 
 
 @pytest.mark.slow

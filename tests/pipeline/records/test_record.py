@@ -52,16 +52,16 @@ def test_a_field_that_is_not_of_this_version_refuses_the_record_by_its_place(tmp
     made = stored(tmp_path / "case").to_dict()
     made["modes"]["modes"][2]["hz"] = 3e4
     store.seal(tmp_path / "case", made)
-    with pytest.raises(store.BadRecord, match=r"no record of schema 3: modes\.modes\.2\.hz: "):
+    with pytest.raises(store.BadRecord, match=r"no record of schema 4: modes\.modes\.2\.hz: "):
         record.read(tmp_path / "case")
 
 
 def test_no_number_is_none_where_that_is_allowed_and_refused_elsewhere() -> None:
     peak = {"frequency_hz": 3e4, "zone_rms_m_per_V": 1e-8, "passive_rms_m_per_V": None, "confinement_db": None}
-    assert PeakRecord(**peak, quality=float("nan")).quality is None
-    assert PeakRecord(**peak, quality=np.float64("inf")).quality is None
+    assert PeakRecord(**peak, quality_factor=float("nan")).quality_factor is None
+    assert PeakRecord(**peak, quality_factor=np.float64("inf")).quality_factor is None
     with pytest.raises(ValidationError):
-        PeakRecord(**{**peak, "frequency_hz": float("nan")}, quality=None)
+        PeakRecord(**{**peak, "frequency_hz": float("nan")}, quality_factor=None)
     with pytest.raises(ValidationError):
         synthetic.attenuation(1).__class__.model_validate({"points": [float("nan")]})
 

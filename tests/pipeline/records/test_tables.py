@@ -52,10 +52,10 @@ def test_a_key_that_changes_no_figure_is_told(tmp_path: Path) -> None:
 
     def written(name: str, shift: float) -> list[str]:
         listed = []
-        for number, (rows, quality) in enumerate(product((1, 2), (100.0, 300.0))):
-            modes = synthetic.modes(synthetic.wanted(10.0 + rows + shift * quality, 31e3, mac=0.9, rivals=[]))
+        for number, (rows, quality_factor) in enumerate(product((1, 2), (100.0, 300.0))):
+            modes = synthetic.modes(synthetic.wanted(10.0 + rows + shift * quality_factor, 31e3, mac=0.9, rivals=[]))
             listed.append(
-                put(tmp_path / name, f"c{number}", {"array.rows": rows, "damping.quality": quality}, modes=modes)
+                put(tmp_path / name, f"c{number}", {"array.rows": rows, "damping.quality": quality_factor}, modes=modes)
             )
         listed.append(put(tmp_path / name, "f", {"array.rows": 1, "damping.quality": 9.0}, status="FAILED"))
         store.write_json(tmp_path / name / "cases.json", {"schema": 1, "about": {}, "cases": listed})

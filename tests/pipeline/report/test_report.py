@@ -355,7 +355,7 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy, max_figures=0).read_text())
-    said = re.search(r"record.json (has schema [01], this version reads|is no record of schema) 3", page.text)
+    said = re.search(r"record.json (has schema [01], this version reads|is no record of schema) 4", page.text)
     assert page.read_errors == [] and said
     assert "31.50\u202fkHz" in page.text
 

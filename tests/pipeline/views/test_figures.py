@@ -19,7 +19,7 @@ def tolerance() -> ToleranceRecord:
     """Three plates, one of which lost its mode."""
     plates = [(31e3, 12.0, "single"), (31.5e3, 10.0, "single"), (None, None, "none")]
     nominal, *samples = (
-        SampleRecord(peak_hz=tone, zone_rms=None, confinement_db=level, quality=None, tracking=word)
+        SampleRecord(peak_hz=tone, zone_rms=None, confinement_db=level, quality_factor=None, tracking=word)
         for tone, level, word in plates
     )
     counts: dict[str, Any] = {"pillars": 4, "dofs": 9, "lost": 1, "split": 0, "confined": 1}

@@ -369,7 +369,7 @@ def test_force_scales_the_answer_not_its_shape(study):
         (lambda: active_beam_study(ActiveBeamData(gains_n_m=())), "above 0"),
         (lambda: active_beam_study(ActiveBeamData(frequencies_hz=(0.0,))), "above 0"),
         (lambda: active_beam_study(ActiveBeamData(frequencies_hz=(3e3, -1.0))), "above 0"),
-        (lambda: active_beam_study(ActiveBeamData(quality=0.0)), "above 0"),
+        (lambda: active_beam_study(ActiveBeamData(quality_factor=0.0)), "above 0"),
         (lambda: active_beam_study(ActiveBeamData(delays_s=(-1e-6,))), "0 or more"),
         (lambda: active_beam_study(ActiveBeamData(apart_m=0.08)), "no antinode"),
         (lambda: forced(BEAM, LAYOUTS[0], 1e6, 0.0, PLACES, 0.075), "above 0"),
@@ -390,4 +390,4 @@ def test_refused(call, expected):
 def test_lossless_resonance_is_refused_by_the_study():
     exact = float(LOSSLESS.natural_rad_s(7)[6]) / (2 * pi)
     with pytest.raises(SolverError, match="hit exactly"):
-        active_beam_study(ActiveBeamData(frequencies_hz=(exact,), quality=inf, left_m=0.049))
+        active_beam_study(ActiveBeamData(frequencies_hz=(exact,), quality_factor=inf, left_m=0.049))

@@ -29,9 +29,9 @@ def envelope_step(time_s, detuning_rad_s: float = 0.0, drive: float = 1.0) -> np
 
 
 def test_modal_constants():
-    assert PLANT.quality == pytest.approx(QUALITY)
+    assert PLANT.quality_factor == pytest.approx(QUALITY)
     assert PLANT.bandwidth_rad_s == pytest.approx(OMEGA0 / QUALITY)
-    assert ModePlant.from_quality(31e3, QUALITY, PLANT.gain).tau_s == pytest.approx(PLANT.tau_s)
+    assert ModePlant.from_quality_factor(31e3, QUALITY, PLANT.gain).tau_s == pytest.approx(PLANT.tau_s)
 
 
 def test_velocity_response_is_the_second_order_equations():
@@ -152,8 +152,8 @@ def test_neighbours_bound_the_proportional_gain():
         (lambda: ModePlant(1e3, -1.0, 1.0), "above 0"),
         (lambda: ModePlant(1e3, 1e-3, 0.0), "other than 0"),
         (lambda: ModePlant(1e3, 1e-4, 1.0), "no oscillation"),
-        (lambda: ModePlant.from_quality(-1.0, 300.0, 1.0), "above 0"),
-        (lambda: ModePlant.from_quality(1e3, inf, 1.0), "without losses"),
+        (lambda: ModePlant.from_quality_factor(-1.0, 300.0, 1.0), "above 0"),
+        (lambda: ModePlant.from_quality_factor(1e3, inf, 1.0), "without losses"),
         (lambda: PLANT.response(0.0), "above 0"),
         (lambda: pi_gains(PLANT, 0.0), "above 0"),
         (lambda: feasibility(PLANT, 0.0, 1e-3, 1.0), "above 0"),

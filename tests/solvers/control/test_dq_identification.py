@@ -11,7 +11,7 @@ from solvers.control.baseband import ModePlant
 from solvers.control.identification import Sweep, fit_circle, fit_phase, identify, noisy, sweep_of
 from solvers.errors import SolverError
 
-PLANT = ModePlant.from_quality(31_400.0, 300.0, 0.8)
+PLANT = ModePlant.from_quality_factor(31_400.0, 300.0, 0.8)
 SPAN = np.linspace(31_150.0, 31_650.0, 101)
 
 
@@ -71,7 +71,10 @@ def test_ignored_delay_spoils_gain_only_slightly_and_neighbours_less_than_they_a
     assert abs(known.gain) == pytest.approx(0.8, rel=1e-7)
     tilted = fit_circle(sweep_of((PLANT,), SPAN, "velocity", 10e-6).response)
     assert 1e-3 < abs(2 * tilted.radius / 0.8 - 1) < 1e-2
-    others = (ModePlant.from_quality(30_600.0, 300.0, 0.03), ModePlant.from_quality(32_500.0, 300.0, -0.04))
+    others = (
+        ModePlant.from_quality_factor(30_600.0, 300.0, 0.03),
+        ModePlant.from_quality_factor(32_500.0, 300.0, -0.04),
+    )
     result = identify(sweep_of((PLANT, *others), SPAN, "velocity", 10e-6), "velocity", 9e-6).plant
     assert result.frequency_hz == pytest.approx(31_400.0, abs=0.1) and result.tau_s == pytest.approx(
         PLANT.tau_s, rel=5e-3

@@ -21,7 +21,7 @@ from solvers.control.dq_study import FIRMWARE_RESPONSE_S, DqData, dq_study, plan
 from solvers.errors import SolverError
 
 TRUE = 31_437.3
-PLANT = ModePlant.from_quality(TRUE, 300.0, 0.8)
+PLANT = ModePlant.from_quality_factor(TRUE, 300.0, 0.8)
 IDEAL = Rates(bits=0)
 BASE = Setup((PLANT,), delay_s=7.3e-6, rates=IDEAL)
 PERIOD = 200e-6
@@ -36,7 +36,10 @@ def hold(frequency_hz: float, rate_hz: float = 250e3) -> complex:
 @pytest.mark.parametrize("gain", [0.8, -0.5j])
 def test_plate_in_time_is_the_plate_in_frequency(delay, gain):
     """Steady phasor = (sum of modes) e^{-j omega delay} times the hold, one sample late."""
-    modes = (ModePlant.from_quality(TRUE, 300.0, gain), ModePlant.from_quality(TRUE + 900.0, 250.0, 0.1 * gain))
+    modes = (
+        ModePlant.from_quality_factor(TRUE, 300.0, gain),
+        ModePlant.from_quality_factor(TRUE + 900.0, 250.0, 0.1 * gain),
+    )
     setup = Setup(modes, detuning_hz=40.0, delay_s=delay, rates=IDEAL)
     plate, control = Plate(setup), Controller(setup)
     result = [control.fit(plate.period(0.5, 0.5)) for _ in range(300)][-1]
@@ -173,7 +176,9 @@ def test_poles_and_return_ratio_are_of_one_loop():
 
 
 def test_neighbours_slow_the_loop_instead_of_upsetting_it():
-    others = tuple(ModePlant.from_quality(TRUE + away, 300.0, gain) for away, gain in ((-700.0, 0.48), (900.0, -0.6)))
+    others = tuple(
+        ModePlant.from_quality_factor(TRUE + away, 300.0, gain) for away, gain in ((-700.0, 0.48), (900.0, -0.6))
+    )
     setup = Setup((PLANT, *others), delay_s=7.3e-6)
     assert setup.gains.bounded and setup.gains.proportional == pytest.approx(0.5 / 0.6)
     trace = step_response(setup, 0.1, 0.2)
@@ -212,10 +217,10 @@ def firmware():
         pytest.skip(str(missing))
 
 
-@pytest.mark.parametrize(("quality", "gain", "response"), [(300.0, 0.8, 0.53e-3), (80.0, -0.3j, 0.6e-3)])
-def test_gains_are_those_the_firmware_plans(firmware, quality, gain, response):
+@pytest.mark.parametrize(("quality_factor", "gain", "response"), [(300.0, 0.8, 0.53e-3), (80.0, -0.3j, 0.6e-3)])
+def test_gains_are_those_the_firmware_plans(firmware, quality_factor, gain, response):
     ffi, lib = firmware
-    mode = ModePlant.from_quality(TRUE, quality, gain)
+    mode = ModePlant.from_quality_factor(TRUE, quality_factor, gain)
     setup = Setup((mode,), detuning_hz=120.0, response_s=response, delay_s=7.3e-6)
     known = ffi.new("an_mode *", {
         "frequency_hz": TRUE, "tau_s": mode.tau_s, "gain": {"re": complex(gain).real, "im": complex(gain).imag},
@@ -272,7 +277,10 @@ def test_the_firmware_itself_follows_the_same_path(firmware, reference, detuning
 
 def test_study_closes_the_chain():
     """Sweep, identification, gains and response of one plate; the table carries the identified plant."""
-    others = (ModePlant.from_quality(30_200.0, 300.0, 0.04), ModePlant.from_quality(32_100.0, 300.0, -0.05))
+    others = (
+        ModePlant.from_quality_factor(30_200.0, 300.0, 0.04),
+        ModePlant.from_quality_factor(32_100.0, 300.0, -0.05),
+    )
     study = dq_study(DqData(neighbours=others))
     document = json.loads(json.dumps(study.to_dict(), allow_nan=False))
     assert document["schema"] == 1
@@ -332,10 +340,10 @@ def test_constants_are_the_firmwares():
     assert stated["AN_LEAVING_S"] == LEAVING_S
 
 
-@pytest.mark.parametrize("quality", [100.0, 210.0, 300.0, 600.0])
-def test_95_percent_within_2_ms_whatever_the_modes_own_time_constant(quality):
+@pytest.mark.parametrize("quality_factor", [100.0, 210.0, 300.0, 600.0])
+def test_95_percent_within_2_ms_whatever_the_modes_own_time_constant(quality_factor):
     """The loop's pole does not depend on tau; a fifth of what full drive holds, or what it lifts in that time."""
-    mode = ModePlant.from_quality(TRUE, quality, 0.8)
+    mode = ModePlant.from_quality_factor(TRUE, quality_factor, 0.8)
     trace = step_response(Setup((mode,), delay_s=7.3e-6), 0.05, 10e-3)
     assert not trace.limited.any()
     assert trace.reached_s() <= 2.0e-3 and trace.overshoot() <= 0.02

@@ -10,7 +10,7 @@ from solvers.control.identification import Sensor, Sweep, noisy, sweep_of
 from solvers.control.resonance import resonance
 
 F0, Q = 32e3, 250.0
-MODE = ModePlant.from_quality(F0, Q, 0.8)
+MODE = ModePlant.from_quality_factor(F0, Q, 0.8)
 WIDTH = F0 / Q
 TONES = np.linspace(F0 - 10 * WIDTH, F0 + 10 * WIDTH, 401)
 
@@ -22,22 +22,25 @@ def test_a_mode_is_found_within_what_its_noise_leaves_open(sensor: Sensor, noise
     result = resonance(noisy(sweep_of([MODE], TONES, sensor), noise * 0.8), sensor)
     reach = 5.0 * noise / np.sqrt(35.0) + 1e-6
     assert result.circle is not None and result.trouble is None
-    assert result.quality == pytest.approx(Q, rel=2.0 * reach)
+    assert result.quality_factor == pytest.approx(Q, rel=2.0 * reach)
     assert result.frequency_hz == pytest.approx(F0, abs=WIDTH * reach)
 
 
 def test_neighbours_far_away_do_not_move_it() -> None:
-    others = [ModePlant.from_quality(F0 - 12 * WIDTH, Q, 0.5), ModePlant.from_quality(F0 + 15 * WIDTH, Q, 0.4)]
+    others = [
+        ModePlant.from_quality_factor(F0 - 12 * WIDTH, Q, 0.5),
+        ModePlant.from_quality_factor(F0 + 15 * WIDTH, Q, 0.4),
+    ]
     result = resonance(sweep_of([MODE, *others], TONES), "velocity")
     assert result.frequency_hz == pytest.approx(F0, abs=0.03 * WIDTH)
-    assert result.quality == pytest.approx(
+    assert result.quality_factor == pytest.approx(
         Q, rel=0.05
     )  # their tails are constant to 1/12 of their own sizes over the fit
 
 
 def test_half_power_and_circle_agree_on_a_clean_curve() -> None:
     result = resonance(sweep_of([MODE], TONES), "velocity")
-    assert result.half_power_quality == pytest.approx(Q, rel=0.005)
+    assert result.half_power_quality_factor == pytest.approx(Q, rel=0.005)
     assert result.peak_hz == pytest.approx(F0, abs=TONES[1] - TONES[0])
 
 
@@ -46,11 +49,11 @@ def test_where_there_is_no_circle_the_peak_is_told_and_why() -> None:
     result = resonance(flat, "velocity")
     assert result.circle is None and result.trouble
     assert result.frequency_hz == result.peak_hz == TONES[-1]
-    assert result.quality is None
+    assert result.quality_factor is None
 
 
 def test_a_sweep_too_coarse_for_the_floor_takes_its_neighbours_along() -> None:
     coarse = np.linspace(F0 - 4 * WIDTH, F0 + 4 * WIDTH, 17)  # five of them above the floor
     result = resonance(sweep_of([MODE], coarse), "velocity")
-    assert result.quality == pytest.approx(Q, rel=1e-4)
+    assert result.quality_factor == pytest.approx(Q, rel=1e-4)
     assert result.high_hz - result.low_hz >= 7 * (coarse[1] - coarse[0]) * 0.999

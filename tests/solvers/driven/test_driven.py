@@ -39,10 +39,12 @@ def patched(design: Design, boxes: tuple[tuple[float, ...], ...], edge_m: float)
     return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
 
 
-def small(drivers: tuple[int, ...] = (0, 1), sensors: tuple[int, ...] = (), quality: float = QUALITY) -> ForcedPlate:
+def small(
+    drivers: tuple[int, ...] = (0, 1), sensors: tuple[int, ...] = (), quality_factor: float = QUALITY
+) -> ForcedPlate:
     boxes = ((-9e-3, -3e-3, -2e-3, 2e-3), (3e-3, 9e-3, -2e-3, 2e-3), (-2e-3, 1e-3, 3e-3, 6e-3))
     plate = patched(PLATE, boxes[: len(drivers) + len(sensors)], 8e-3)
-    return ForcedPlate(plate, PLATE, Drive(drivers, sensors, BAND_HZ, quality))
+    return ForcedPlate(plate, PLATE, Drive(drivers, sensors, BAND_HZ, quality_factor))
 
 
 def level(plate: ForcedPlate, volts: np.ndarray, tone: float) -> float:
@@ -53,7 +55,7 @@ def level(plate: ForcedPlate, volts: np.ndarray, tone: float) -> float:
 
 def test_shaped_voltages_confine_better_than_any_other() -> None:
     """Against patches in phase and random voltages; two patches driven, at a frequency between modes."""
-    plate = small(quality=100.0)
+    plate = small(quality_factor=100.0)
     best = contrast_volts(plate, 24e3)
     assert best is not None and np.abs(best).max() == pytest.approx(1.0)
     random = np.random.default_rng(1).normal(size=(20, 2, 2)) @ np.array([1.0, 1j])
@@ -63,7 +65,7 @@ def test_shaped_voltages_confine_better_than_any_other() -> None:
 
 def test_voltages_that_move_little_are_left_alone_where_it_is_asked_for() -> None:
     """With alpha the contrast falls and the motion per volt grows, both monotonously."""
-    plate = small(quality=100.0)
+    plate = small(quality_factor=100.0)
     shaped = [contrast_volts(plate, 13e3, alpha) for alpha in (0.0, 1.0, 100.0)]
     levels = [level(plate, volts, 13e3) for volts in shaped if volts is not None]
     curves = [(plate.driven_by(volts).curve(np.array([13e3])), volts) for volts in shaped if volts is not None]
@@ -89,7 +91,7 @@ def test_the_modal_table_is_the_forced_plate(tone: float) -> None:
     )
     for ours, theirs in ((sensor_matrix(table, tone), volts[2:]), (field_matrix(table, tone), moved)):
         assert np.abs(ours - theirs).max() < 1.0 / QUALITY * np.abs(theirs).max()
-    assert table.quality == pytest.approx(QUALITY, rel=0.02)
+    assert table.quality_factor == pytest.approx(QUALITY, rel=0.02)
 
 
 def test_what_the_patches_give_is_lost_or_flows_on() -> None:

@@ -164,9 +164,9 @@ def test_a_middle_patch_keeps_the_classes_apart_and_a_lopsided_one_couples_all()
 
 
 def forced(
-    boxes: np.ndarray, drivers: tuple[int, ...], sensors: tuple[int, ...], quality: float = 100.0
+    boxes: np.ndarray, drivers: tuple[int, ...], sensors: tuple[int, ...], quality_factor: float = 100.0
 ) -> ForcedPlate:
-    return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality))
+    return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality_factor))
 
 
 @pytest.mark.parametrize("frequency", [22e3, 33e3, 44e3])
@@ -220,14 +220,14 @@ def test_driver_and_sensor_may_change_places() -> None:
 
 
 def test_a_peak_is_as_wide_as_its_damping() -> None:
-    from solvers.control.resonance import half_power_quality
+    from solvers.control.resonance import half_power_quality_factor
 
     plate = forced(MIDDLE, (0,), (), 400.0)
     tone = float(max(plate.modes, key=lambda m: np.abs(m.gain).max()).frequency_hz[0])
     grid = np.linspace(tone * 0.99, tone * 1.01, 801)
     curve = plate.curve(grid)
     peak = int(np.argmax(curve.zone_rms_m_per_v))
-    read = half_power_quality(grid, curve.zone_rms_m_per_v, peak)
+    read = half_power_quality_factor(grid, curve.zone_rms_m_per_v, peak)
     assert read == pytest.approx(400.0, rel=0.03)
 
 
@@ -243,10 +243,10 @@ def test_a_patch_on_the_touch_face_bends_the_plate_the_other_way_than_one_on_the
 
 @pytest.mark.parametrize(
     ("change", "words"),
-    [({"quality": 0.0}, "above 0"), ({"drivers": ()}, "at least one"), ({"band_hz": (40e3, 20e3)}, "ascending")],
+    [({"quality_factor": 0.0}, "above 0"), ({"drivers": ()}, "at least one"), ({"band_hz": (40e3, 20e3)}, "ascending")],
 )
 def test_what_cannot_be_driven_is_refused(change: dict, words: str) -> None:
-    given = {"drivers": (0,), "sensors": (), "band_hz": (20e3, 40e3), "quality": 100.0} | change
+    given = {"drivers": (0,), "sensors": (), "band_hz": (20e3, 40e3), "quality_factor": 100.0} | change
     with pytest.raises(SolverError, match=words):
         Drive(**given)
 

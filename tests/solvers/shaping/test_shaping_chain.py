@@ -153,7 +153,7 @@ def test_filter_is_the_circuit_in_time_and_its_corner_is_in_hertz():
 
 def test_command_through_filter_and_compensation_arrives_unchanged():
     low_pass = filter_for(5e-9, 4500.0, 40e3)
-    assert 4500.0 < low_pass.corner_hz < 40e3 and low_pass.quality == pytest.approx(sqrt(0.5))
+    assert 4500.0 < low_pass.corner_hz < 40e3 and low_pass.quality_factor == pytest.approx(sqrt(0.5))
     assert abs(low_pass.response(low_pass.corner_hz)) == pytest.approx(sqrt(0.5))
     assert low_pass.response(2400.0) * low_pass.compensation(2400.0) == pytest.approx(1.0)
     uncompensated = drive_voltages(MATRIX * low_pass.response(2400.0), TARGET).voltages
@@ -165,7 +165,7 @@ def test_moving_patches_load_the_filter_by_their_own_admittance():
     low_pass = filter_for(BEAM.capacitance_f(BEAM.actuator_width_m), 4500.0, 40e3)
     still = low_pass.loaded_response(2400.0, np.diag(np.full(6, low_pass.capacitance_f)))
     assert still == pytest.approx(low_pass.response(2400.0) * np.eye(6))
-    moving = sensor_matrix(charge_table(replace(BEAM, quality=300.0)), 2128.7)
+    moving = sensor_matrix(charge_table(replace(BEAM, quality_factor=300.0)), 2128.7)
     loaded = low_pass.loaded_response(2128.7, moving)
     volts = loaded @ np.ones(6)
     current = 2j * pi * 2128.7 * moving @ volts

@@ -26,10 +26,10 @@ from solvers.shaping_study.patched_beam import PatchedBeam
 RANDOM = np.random.default_rng(7)
 
 
-def small_table(quality: float = 30.0) -> ModalTable:
+def small_table(quality_factor: float = 30.0) -> ModalTable:
     """Three modes, two actuators, two sensors, a static residual."""
     return ModalTable(
-        np.array([300.0, 700.0, 1100.0]), np.full(3, quality), RANDOM.normal(size=(3, 2)), RANDOM.normal(size=(3, 2)),
+        np.array([300.0, 700.0, 1100.0]), np.full(3, quality_factor), RANDOM.normal(size=(3, 2)), RANDOM.normal(size=(3, 2)),
         RANDOM.normal(size=(3, 4)), np.arange(4.0)[:, None], RANDOM.normal(size=(2, 2)) * 1e-7,
     )  # fmt: skip
 
@@ -47,7 +47,7 @@ def test_phasors_are_the_steady_state_of_the_modes_in_time():
     signals = drive @ table.sensor_residual.T
     for mode, own in enumerate(table.angular):
         plant = StateSpace(
-            [[0, 1], [-(own**2), -own / table.quality[mode]]], np.vstack([np.zeros(2), table.actuators[mode]]), [[1, 0]],
+            [[0, 1], [-(own**2), -own / table.quality_factor[mode]]], np.vstack([np.zeros(2), table.actuators[mode]]), [[1, 0]],
             np.zeros((1, 2)),
         )  # fmt: skip
         signals = signals + lsim(plant, drive, time)[1][:, None] * table.sensors[mode]
@@ -71,7 +71,7 @@ def test_frequencies_and_resonances_that_have_no_answer():
     [
         ({"actuators": np.zeros((3, 0))}, "list of actuators is empty"),
         ({"sensors": np.zeros((3, 0))}, "list of sensors is empty"),
-        ({"quality": np.zeros(3)}, "quality factors must be above 0"),
+        ({"quality_factor": np.zeros(3)}, "quality factors must be above 0"),
         ({"frequencies_hz": np.array([-1.0, 2.0, 3.0])}, "not below 0"),
         ({"field": np.zeros((3, 5))}, r"field has shape \(3, 5\), must be \(3, 4\)"),
         ({"sensors": np.full((3, 2), np.nan)}, "sensors holds a value that is not finite"),
@@ -116,8 +116,8 @@ def test_two_equal_rows_of_six_couple_little_and_are_singular():
 
 def test_rows_become_parallel_on_a_resonance_as_losses_vanish():
     result = []
-    for quality in (1e3, 1e5):
-        table = point_beam_table(PatchedBeam(quality=quality), 12)
+    for quality_factor in (1e3, 1e5):
+        table = point_beam_table(PatchedBeam(quality_factor=quality_factor), 12)
         result.append(1.0 - coupling_index(sensor_matrix(table, float(table.frequencies_hz[3]))))
     assert result[1] < 1e-2 * result[0] < 1e-4
 
@@ -131,7 +131,7 @@ def test_sensor_on_a_node_is_named():
     beam = PatchedBeam(centres_m=(0.03, 0.075))
     table = point_beam_table(beam, 4)  # the middle is a node of modes 2 and 4
     odd = ModalTable(
-        table.frequencies_hz[[1, 3]], table.quality[:2], table.actuators[[1, 3]], table.sensors[[1, 3]],
+        table.frequencies_hz[[1, 3]], table.quality_factor[:2], table.actuators[[1, 3]], table.sensors[[1, 3]],
         table.field[[1, 3]], table.points_m,
     )  # fmt: skip
     with pytest.raises(SolverError, match="sensor 2 answers no actuator"):

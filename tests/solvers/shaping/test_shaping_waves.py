@@ -158,12 +158,12 @@ def test_best_contrast_is_the_best_of_a_grid_of_two_voltages():
     assert np.isfinite(best_contrast(field, np.arange(9) != 0, alpha=0.1)).all()
 
 
-def cosines(detuning: float = 0.02, quality: float = 100.0) -> ModalTable:
+def cosines(detuning: float = 0.02, quality_factor: float = 100.0) -> ModalTable:
     """Two close modes, cos and sin of 95 x along a zone, and a third far away that is not wanted."""
     field = np.stack([np.cos(K * X), np.sin(K * X), np.cosh(10 * X)])
     weights = np.array([[1.0, 0.3, 0.2], [0.2, -1.0, 0.4], [0.3, 0.2, 1.0]])
     frequencies = np.array([1000.0 * (1 - detuning), 1000.0 * (1 + detuning), 1700.0])
-    return ModalTable(frequencies, np.full(3, quality), weights, weights, field, X[:, None])
+    return ModalTable(frequencies, np.full(3, quality_factor), weights, weights, field, X[:, None])
 
 
 def test_modes_held_are_the_ones_asked_for():
@@ -229,7 +229,7 @@ def assembled_matrices(beam: PatchedBeam, at: np.ndarray, mass: float, frequency
 
 
 def test_oscillators_on_a_modal_table_are_oscillators_on_the_finite_element_beam():
-    beam, points = replace(BEAM, quality=inf), np.array([0.045, 0.105, 0.06])
+    beam, points = replace(BEAM, quality_factor=inf), np.array([0.045, 0.105, 0.06])
     body, stiffness, inertia = assembled_matrices(beam, points[:2], 5e-4, 2400.0)
     exact = np.sqrt(eigh(stiffness, inertia, eigvals_only=True, subset_by_index=(0, 7))) / (2 * pi)
     errors = []
@@ -245,12 +245,12 @@ def test_oscillators_on_a_modal_table_are_oscillators_on_the_finite_element_beam
 
 
 def test_losses_of_joined_modes_are_shared_by_strain_energy():
-    table = beam_table(replace(BEAM, quality=80.0), 10)
+    table = beam_table(replace(BEAM, quality_factor=80.0), 10)
     joined = attach_oscillators(table, np.array([100]), 1e-9, 5000.0, 20.0)
-    assert np.sort(joined.quality)[0] == pytest.approx(20.0, rel=1e-3)  # a massless oscillator keeps to itself
-    assert np.sort(joined.quality)[1:] == pytest.approx(np.full(10, 80.0), rel=1e-3)
+    assert np.sort(joined.quality_factor)[0] == pytest.approx(20.0, rel=1e-3)  # a massless oscillator keeps to itself
+    assert np.sort(joined.quality_factor)[1:] == pytest.approx(np.full(10, 80.0), rel=1e-3)
     same = attach_oscillators(table, np.array([100]), 1e-3, 5000.0, 80.0)
-    assert same.quality == pytest.approx(np.full(11, 80.0), rel=1e-9)
+    assert same.quality_factor == pytest.approx(np.full(11, 80.0), rel=1e-9)
 
 
 def test_resonators_and_patches_hold_more_than_either():

@@ -15,7 +15,7 @@ from solvers.shaping.modal_table import field_matrix, modal_drive, sensor_matrix
 from solvers.shaping_study.ideal_beam import point_beam_table
 from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, charge_table, condense, evenly, section
 
-BEAM = PatchedBeam(quality=inf)
+BEAM = PatchedBeam(quality_factor=inf)
 UNEVEN = replace(BEAM, centres_m=(0.011, 0.030, 0.058, 0.075, 0.117, 0.139))
 
 
@@ -138,22 +138,25 @@ def test_a_cantilever_bends_under_a_patch_as_statics_say():
     assert field_matrix(table, 0.01)[0, 0].real == pytest.approx(expected, rel=1e-5)
 
 
-@pytest.mark.parametrize("quality", [20.0, inf])
-def test_reciprocity(quality):
-    for table in (beam_table(replace(UNEVEN, quality=quality)), charge_table(replace(UNEVEN, quality=quality))):
+@pytest.mark.parametrize("quality_factor", [20.0, inf])
+def test_reciprocity(quality_factor):
+    for table in (
+        beam_table(replace(UNEVEN, quality_factor=quality_factor)),
+        charge_table(replace(UNEVEN, quality_factor=quality_factor)),
+    ):
         matrix = sensor_matrix(table, 2400.0)
         assert np.abs(matrix - matrix.T).max() < 1e-9 * np.abs(matrix).max()
         assert (np.diag(table.sensor_residual) > 0.0).all()
 
 
 def test_electrical_power_is_what_the_modes_lose():
-    beam = replace(UNEVEN, quality=35.0)
+    beam = replace(UNEVEN, quality_factor=35.0)
     table, volts = charge_table(beam), np.exp(1j * np.arange(6)) * np.arange(1, 7)
     for frequency in (900.0, 2129.0, 3300.0):
         omega = 2 * pi * frequency
         fed = 0.5 * np.real(volts.conj() @ (1j * omega * sensor_matrix(table, frequency) @ volts))
         moved = modal_drive(table, frequency) @ volts
-        lost = 0.5 * np.sum(table.angular / table.quality * omega**2 * np.abs(moved) ** 2)
+        lost = 0.5 * np.sum(table.angular / table.quality_factor * omega**2 * np.abs(moved) ** 2)
         assert fed == pytest.approx(lost, rel=1e-10)
     lossless = charge_table(UNEVEN)
     kept = volts.conj() @ (1j * 2 * pi * 900.0 * sensor_matrix(lossless, 900.0) @ volts)
@@ -172,7 +175,7 @@ def test_charge_at_rest_is_held_capacitance_and_what_the_patch_gives_way():
 def test_point_beam_is_the_emulated_beam_of_the_six_channel_build():
     """Six modes: the emulated beam's cosh - sinh loses e^kappa times the rounding of the largest value, 1e-7 here."""
     emulated, points = EmulatedBeam(modes=6), np.array([0.033, 0.101])
-    beam = PatchedBeam(centres_m=evenly(0.150, 6, 0.150 / 7), quality=emulated.quality)
+    beam = PatchedBeam(centres_m=evenly(0.150, 6, 0.150 / 7), quality_factor=emulated.quality_factor)
     table = point_beam_table(beam, emulated.modes, points_m=points)
     for frequency in (300.0, 2200.0, 2400.0):
         ours, theirs = sensor_matrix(table, frequency), emulated.matrix(frequency)
@@ -192,7 +195,7 @@ def test_point_beam_is_the_emulated_beam_of_the_six_channel_build():
         ({"sensor_width_m": 0.02}, "do not fit"),
         ({"ends": ("free", "free")}, "leave a rigid-body mode"),
         ({"ends": ("clamped", "glued")}, "must be one of clamped, pinned, free"),
-        ({"quality": 0.0}, "quality = 0: must be above 0"),
+        ({"quality_factor": 0.0}, "quality_factor = 0: must be above 0"),
     ],
 )
 def test_beams_that_cannot_be_are_refused(change, message):

@@ -39,7 +39,7 @@ def entry_of(document, words: str) -> dict[str, str]:
 def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document):
     assert document["schema"] == 1 and len(document["assumptions"]) >= 5
     long = document["beams"][0]
-    assert long["material"] == "steel" and long["quality"] == 50.0 and len(long["centres_m"]) == 6
+    assert long["material"] == "steel" and long["quality_factor"] == 50.0 and len(long["centres_m"]) == 6
     quantities = " ".join(entry["quantity"] for entry in document["comparison"])
     for wanted in (
         "confined left",

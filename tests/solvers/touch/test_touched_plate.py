@@ -45,12 +45,12 @@ def patched() -> PatchedPlate:
 
 
 @cache
-def free(quality: float = QUALITY, band_hz: tuple[float, float] = BAND_HZ) -> ForcedPlate:
-    return ForcedPlate(patched(), DESIGN, Drive((0,), (1,), band_hz, quality))
+def free(quality_factor: float = QUALITY, band_hz: tuple[float, float] = BAND_HZ) -> ForcedPlate:
+    return ForcedPlate(patched(), DESIGN, Drive((0,), (1,), band_hz, quality_factor))
 
 
-def touched(tip: Fingertip, place: tuple[float, float] = PLACE_M, quality: float = QUALITY) -> TouchedPlate:
-    return TouchedPlate(free(quality), Finger(tip, place, RADIUS_M))
+def touched(tip: Fingertip, place: tuple[float, float] = PLACE_M, quality_factor: float = QUALITY) -> TouchedPlate:
+    return TouchedPlate(free(quality_factor), Finger(tip, place, RADIUS_M))
 
 
 def whole(
@@ -123,9 +123,9 @@ def test_the_loaded_mode_is_an_eigenvalue_of_the_whole_model(stiffness: float) -
 
 
 @pytest.mark.parametrize("tip", [HEAVY, *FINGERTIPS.values(), RIGID], ids=lambda tip: tip.name)
-@pytest.mark.parametrize("quality", [30.0, 1e4])
-def test_the_patches_give_what_plate_and_finger_take(tip: Fingertip, quality: float) -> None:
-    balance = power(touched(tip, quality=quality), 18e3, 0.01)
+@pytest.mark.parametrize("quality_factor", [30.0, 1e4])
+def test_the_patches_give_what_plate_and_finger_take(tip: Fingertip, quality_factor: float) -> None:
+    balance = power(touched(tip, quality_factor=quality_factor), 18e3, 0.01)
     assert balance.patches_w == pytest.approx(balance.plate_w + balance.finger_w, rel=1e-9)
     assert balance.finger_w > 0.0 or tip is RIGID
     assert balance.dielectric_w and balance.drawn_w == balance.patches_w + balance.dielectric_w

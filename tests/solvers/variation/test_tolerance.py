@@ -137,7 +137,9 @@ def test_without_deviations_the_wanted_mode_is_tracked_to_itself() -> None:
     have = stand()
     still = have.varied.sample(np.zeros((len(have.varied.pillars), 4)))
     assert still.tracked_hz == pytest.approx(have.forced.wanted_hz(), rel=1e-9)
-    assert still.held.max() == pytest.approx(1.0, abs=1e-9) and still.held.sum() == pytest.approx(1.0, abs=1e-9)
+    assert still.wanted_share.max() == pytest.approx(1.0, abs=1e-9) and still.wanted_share.sum() == pytest.approx(
+        1.0, abs=1e-9
+    )
 
 
 def test_without_deviations_it_is_the_nominal_plate() -> None:

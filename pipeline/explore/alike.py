@@ -1,0 +1,106 @@
+"""Plates of a batch: the pillars of one plate are alike, those of the next differ, as a printer's settings drift.
+
+Every sample is a design answered from the parametric cell (`pipeline.explore.answer`). Pillars that differ within one plate are
+no cells of it: they have families of reductions of their own (`pipeline.analysis.tolerance`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.analysis.tolerance import statistics
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.explore.answer import Explorer, Scene
+from pipeline.logs import Log
+from pipeline.models.parametric import cell_model, sizes_of
+from pipeline.planning.simplifications import Simplification
+from pipeline.records.record import SampleRecord, ToleranceRecord
+from solvers.variation.samples import CUT, Deviations
+
+FIXED = Simplification(
+    "alike_position", "where the pillars stand", "pillars that all stand off alike are the same plate, moved"
+)
+
+
+def solve(case: Case, log: Log) -> ToleranceRecord:
+    """The case's samples, each plate with all pillars off by the same. InputError without [tolerance] or outside the bases."""
+    case.require_plate(command="tolerance --alike")
+    case.require("tolerance", "pillar", command="tolerance --alike")
+    given = case.tolerance
+    assert given is not None
+    deviations = Deviations(given.height_m, given.side_m, 0.0)
+    if not deviations.sizes_m.any():
+        raise InputError(f"{case.name}: tolerance --alike: tolerance.height_mm or tolerance.side_mm must be above 0")
+    if given.position_m:
+        FIXED.log(log)
+    explorer = Explorer(Scene(case, {}, ()), cell_model(case, log))
+    _require_inside(case, deviations, explorer)
+    with log.step("nominal plate"):
+        answer = explorer.document(case, {})
+        nominal = _sample(answer["plate"])
+    if nominal.peak_hz is None:
+        raise InputError(f"{case.name}: tolerance --alike: {answer['plate'].get('why_not', 'no wanted mode')}")
+    for text in answer["warnings"]:
+        log.warning("LIVE", text)
+    samples = []
+    for number, change in enumerate(deviations.draw(1, given.samples, given.seed)[:, 0, :2], start=1):
+        with log.step(f"plate {number} of {given.samples}"):
+            samples.append(_sample(explorer.plate(printed(case, change))))
+    return _record(case, nominal, samples, answer["plate"]["frequency_error"])
+
+
+def printed(case: Case, change_m: FloatArray) -> Case:
+    """The case with every pillar's height and width off by (2,) m; its other widths keep their ratio to the first."""
+    pillar = case.design.pillar
+    assert pillar is not None
+    ratio = 1.0 + float(change_m[1]) / pillar.base_m
+    other = replace(
+        pillar,
+        height_m=pillar.height_m + float(change_m[0]),
+        base_m=pillar.base_m * ratio,
+        tip_m=pillar.tip_m * ratio,
+        more_m=tuple((name, size * ratio) for name, size in pillar.more_m),
+    )
+    return replace(case, design=replace(case.design, pillar=other))
+
+
+def _require_inside(case: Case, deviations: Deviations, explorer: Explorer) -> None:
+    """InputError, a line a size, where the largest deviations leave the box of the bases."""
+    reach, said = np.array(deviations.reach_m[:2]), []
+    for signs in ((1.0, 1.0), (-1.0, -1.0)):
+        sizes = sizes_of(printed(case, reach * signs).design)
+        for fault in explorer.model.cell.box.faults(sizes):
+            said.append(f"{case.name}: tolerance --alike: {CUT:g} standard deviations reach {fault}")
+    if said:
+        raise InputError(list(dict.fromkeys(said)))
+
+
+def _sample(plate: dict) -> SampleRecord:
+    return SampleRecord(
+        peak_hz=plate.get("frequency_hz"),
+        zone_rms=None,
+        confinement_db=plate.get("confinement_db"),
+        quality_factor=None,
+        tracking=plate.get("status", "none"),
+    )
+
+
+def _record(case: Case, nominal: SampleRecord, samples: list[SampleRecord], error: float) -> ToleranceRecord:
+    given = case.tolerance
+    assert given is not None
+    return ToleranceRecord(
+        tolerance={"height_m": given.height_m, "side_m": given.side_m, "seed": given.seed, "cut_at_deviations": CUT},
+        drive="nothing: the free wanted mode of one column of cells, all pillars off by the same",
+        rms_unit="",
+        pillars=len(case.design.pillar_centres()),
+        dofs=None,
+        nominal=nominal,
+        samples=samples,
+        space_check={},
+        frequency_error=error,
+        **statistics(nominal, samples),
+    )
