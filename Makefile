@@ -34,7 +34,7 @@ study: $(READY)  ## the main job, or STUDY=name; ends with where the report is
 test: $(READY)  ## every test not marked slow, firmware and the band-gap check included
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy & types=$$!; \
-	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder; \
+	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder; \
 	tests=$$?; wait $$types && exit $$tests
 
 test-all: $(READY)  ## the slow proofs too

@@ -189,6 +189,7 @@ def test_stiff_pillars_on_a_soft_plate_lie_within_the_bars_of_every_mesh(mesh: s
     assert missed.max() > 0.01, "more than either mesh misses of one material"
 
 
+@pytest.mark.slow
 def test_a_zone_of_elements_longer_than_it_is_thick_lies_well_within_its_bar() -> None:
     """With the whole share of a singular edge taken away the frequencies lie three times as far off."""
     scene = [
