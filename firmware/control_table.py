@@ -79,10 +79,10 @@ def entry(quality_factor: float, case: Case) -> str:
     rig.run(5e-3)
     rig.start(reference, case.detuning_hz)
     seen = rig.windows(1.0)
-    return _judged(np.abs(seen["measured"]), seen["state"] == RUN, reference, rig)
+    return _outcome(np.abs(seen["measured"]), seen["state"] == RUN, reference, rig)
 
 
-def _judged(size: np.ndarray, runs: np.ndarray, reference: float, rig: SingleRig) -> str:
+def _outcome(size: np.ndarray, runs: np.ndarray, reference: float, rig: SingleRig) -> str:
     window_s = rig.lib.AN_PERIOD / RATE_HZ
     if not runs.all():
         return f"trip {1e3 * window_s * int(np.argmin(runs)):.0f}"

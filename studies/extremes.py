@@ -319,7 +319,7 @@ def conclude(records: list[Result]) -> Page:
     by_scene: dict[str, list[Result]] = {}
     for record in records:
         by_scene.setdefault(record["parameters"]["scene"], []).append(record)
-    wrong = [r["case_id"] for r in records if _found(r)["verdict"] not in ("right", "refused", "locks")]
+    wrong = [r["case_id"] for r in records if _outcome(r)["verdict"] not in ("right", "refused", "locks")]
     total = len(records)
     text = f"{total - len(wrong)} of {total} cases are right within their promise, lock as stated, or are refused."
     sections = [Section("Summary", [text, *(f"Not so: {case}" for case in wrong)])]
@@ -330,12 +330,12 @@ def conclude(records: list[Result]) -> Page:
     return Page(sections)
 
 
-def _found(record: Result) -> Result:
+def _outcome(record: Result) -> Result:
     return dict(record.get("found") or {"verdict": record["status"], "reason": record["diagnosis"]})
 
 
 def _row(record: Result) -> list[Any]:
-    outcome = _found(record)
+    outcome = _outcome(record)
     keys = ("dof", "value_hz", "reference_hz", "error", "rounding", "residual", "condition")
     count = f"{outcome['count_found']} of {outcome['count_expected']}" if "count_found" in outcome else None
     case = record["case_id"].partition(",")[2] or record["case_id"]
@@ -349,7 +349,7 @@ def _locking(records: list[Result]) -> Section:
         "nu nears 1/2, the low orders first; nu = 1/2 is refused. Order 1 is too stiff in bending at every nu and is kept "
         "for comparison only."
     )
-    outcome = {(r["parameters"]["element"], r["parameters"]["poisson"]): _found(r) for r in records}
+    outcome = {(r["parameters"]["element"], r["parameters"]["poisson"]): _outcome(r) for r in records}
     rows = []
     for element in ELEMENTS:
         row: list[Any] = [

@@ -337,7 +337,7 @@ def _stand(record: Record) -> str:
     return "shifted" if record.design and record.design.staggered else "in line"
 
 
-def _carried(record: Record) -> str:
+def _pillars(record: Record) -> str:
     pillar = record.design.pillar if record.design and record.design.rows else None
     return "no pillars" if pillar is None else "heavy tips" if pillar.heavy_tip else "plain pillars"
 
@@ -428,7 +428,7 @@ WISHES = (
         '"split" is a shape that several modes share',
         ("rows", "pillars", "heavy tips", "zone's width", "wanted mode", "confinement"),
         _of_glass,
-        _by_rows("rows of", _carried),
+        _by_rows("rows of", _pillars),
     ),
     Wish(
         "hybrid",

@@ -64,8 +64,8 @@ def pillar(pillar_row: PillarFilter, point: PointForce, cell: dict[str, Any] | N
 
 def _point_force(point: PointForce) -> ReportFigure:
     figure, axes = style.panels(3.0)
-    passed = {name: point.of(name).transmitted for name in POINTS}
-    labels = {name: f"{text}: |t|² = {passed[name]:.2g}" for name, text in POINTS.items()}
+    transmitted = {name: point.of(name).transmitted for name in POINTS}
+    labels = {name: f"{text}: |t|² = {transmitted[name]:.2g}" for name, text in POINTS.items()}
     curves = {labels[name]: np.abs(point.of(name).deflection) for name in POINTS}
     style.draw_lines(axes.plot, point.x_over_wavelength, curves)
     style.mark(axes, 0.0)
@@ -73,8 +73,8 @@ def _point_force(point: PointForce) -> ReportFigure:
     axes.set(xlabel="x / wavelength", ylabel="|w| / incident", title=title, ylim=(0, 3.4))
     axes.legend(fontsize=7, loc="upper left", ncols=2)
     alt = (
-        f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {passed['spring']:.0%} of the "
-        f"power, a pinned point {passed['pinned']:.0%}, the damper {passed['printed damper']:.0%}."
+        f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {transmitted['spring']:.0%} of the "
+        f"power, a pinned point {transmitted['pinned']:.0%}, the damper {transmitted['printed damper']:.0%}."
     )
     return ReportFigure("point_force", "One point on an endless beam", alt, figure, vector=True)
 

@@ -140,12 +140,12 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
     """
     per_row = attenuation.at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
-    passed = nearest.transmission.flexural if nearest.transmission else None
+    transmitted = nearest.transmission.flexural if nearest.transmission else None
     return PredictionRecord(
         frequency_hz=frequency_hz,
         db_per_row=per_row,
         rows_db=None if per_row is None else attenuation.rows * per_row,
-        transmission_db=-10.0 * math.log10(passed) if passed else None,
+        transmission_db=-10.0 * math.log10(transmitted) if transmitted else None,
         zone_to_extension_db=extension_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
@@ -158,15 +158,15 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     if answer is None or answer.db_per_row is None:
         return []
     khz = f"at {answer.frequency_hz / KHZ:.2f} kHz, where thin-plate theory puts the wanted mode"
-    passed = (
+    transmitted = (
         ""
         if answer.transmission_db is None
         else f"; the case's take {answer.transmission_db:.1f} dB from a flexural wave's power"
     )
     if not answer.db_per_row:
-        return [f"{khz}, a flexural wave passes endless rows undamped{passed}"]
+        return [f"{khz}, a flexural wave passes endless rows undamped{transmitted}"]
     total = f"{answer.rows_db:.1f} dB in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
-    return [f"{khz}: {answer.db_per_row:.2f} dB a row of endless rows, {total}{passed}"]
+    return [f"{khz}: {answer.db_per_row:.2f} dB a row of endless rows, {total}{transmitted}"]
 
 
 def _log_summary(points: tuple[AttenuationPoint, ...], kx: float, log: Log) -> None:

@@ -16,10 +16,10 @@ from pipeline.records.record import MeshRecord, TetModesRecord
 from solvers.errors import TooLarge
 
 BELOW = 0.002  # before anything is taken from them tetrahedra lie above the truth: what is looked for below it
-Found = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
+CrossCheck = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
 
 
-def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> Iterator[Found]:
+def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> Iterator[CrossCheck]:
     """Meshes, tet_* arrays and tet_modes of the plate, then tet_bands; a plate too large for the memory is left out.
 
     structured: the plate's modes on the structured mesh, where they are known.
@@ -45,7 +45,7 @@ def excess(across: float) -> float:
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
-def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> Found:
+def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> CrossCheck:
     part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:

@@ -166,17 +166,17 @@ def _friction(session: Session, amplitude_m: float, frequency_hz: float) -> tupl
     if not gaps:
         session.unknown["friction: touch.gap_um and touch.force_N are not given"] = None
         return None, None
-    low, high = (_ratio(session, gap, amplitude_m, frequency_hz, tell=True) for gap in gaps)
+    low, high = (_ratio(session, gap, amplitude_m, frequency_hz, warn=True) for gap in gaps)
     return low, high
 
 
-def _ratio(session: Session, gap_m: float, amplitude_m: float, frequency_hz: float, tell: bool = False) -> float | None:
+def _ratio(session: Session, gap_m: float, amplitude_m: float, frequency_hz: float, warn: bool = False) -> float | None:
     force = session.touch.force_n
     assert force is not None
     try:
         return SqueezeFilm(gap_m, session.touch.radius_m, force).friction_ratio(amplitude_m, frequency_hz)
     except OutOfValidity as reason:
-        if tell:
+        if warn:
             session.unknown[f"friction: {reason}"] = None
         return None
 

@@ -64,7 +64,7 @@ def _compute_hybrid(work: Work) -> None:
     work.keep(hybrid=hybrid.solve(work.case, work.log, forced=work.solved.get("forced"), meshes=meshes))
 
 
-def _way(name: str) -> list[Column]:
+def _of_method(name: str) -> list[Column]:
     """Columns of a way of confining, at the wanted mode's peak."""
 
     figure = figures_of(lambda record: record.hybrid)
@@ -87,7 +87,7 @@ HYBRID = Measure(
     compute=_compute_hybrid,
     needs=("patches",),
     drives=True,
-    columns=tuple(column for name in ("rows", "patches", "both") for column in _way(name)),
+    columns=tuple(column for name in ("rows", "patches", "both") for column in _of_method(name)),
     pictures=("response.hybrid",),
 )
 

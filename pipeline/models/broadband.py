@@ -43,10 +43,10 @@ def broadband(
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
         driven = column.driven(tones, case.quality_factor)
-        passed = [_through(column, bare, float(tone)) for tone in tones]
+        transmitted = [_through(column, bare, float(tone)) for tone in tones]
     samples = [
         BroadbandPoint(frequency_hz=tone, confinement_db=level, transmission=shares)
-        for tone, level, shares in zip(tones.tolist(), driven.confinement_db.tolist(), passed, strict=True)
+        for tone, level, shares in zip(tones.tolist(), driven.confinement_db.tolist(), transmitted, strict=True)
     ]
     wanted_hz, wanted_db = _wanted(driven.modes, mesh_rules.wanted_window_hz(design))
     confined = stretches(tones, driven.confinement_db)

@@ -318,8 +318,8 @@ def tolerance_step(case: Case) -> Step:
     low, high = driven_band_hz(case, None)
     choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
     scattered = simplifications.is_scattered(case)
-    broken = {"mirror_images", "alike_cells"}
-    kept = [each for each in choice.left_out if each.rule not in broken]
+    not_taken = {"mirror_images", "alike_cells"}
+    kept = [each for each in choice.left_out if each.rule not in not_taken]
     mirrored = (
         simplifications.mirror_images(case.design, "plate", scattered),
         simplifications.alike_cells(case.design, scattered),

@@ -32,7 +32,7 @@ SIZE = (1500, 940)
 MARGIN = 12
 MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
 PLAIN_COLOUR = "#AEB8C2"
-_broken: list[str] = []  # why rendering failed in this process: not tried again
+_faults: list[str] = []  # why rendering failed in this process: not tried again
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
     """Images (h, w, 3) of the surfaces, cropped, and '' or why they are plain projections instead of renderings."""
     if not surfaces:
         return [], ""
-    if not _broken:
+    if not _faults:
         images, fault = _by_pyvista(surfaces)
         if images:
             return [_crop(image) for image in images], ""
-        _broken.append(fault)
-    return [_crop(_by_hand(surface)) for surface in surfaces], _broken[0]
+        _faults.append(fault)
+    return [_crop(_by_hand(surface)) for surface in surfaces], _faults[0]
 
 
 def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:

@@ -169,8 +169,8 @@ def hybrid_levels(record: HybridRecord) -> ReportFigure:
         method.method: method.off_db if method.rows_off_db is None else method.rows_off_db for method in record.methods
     }
     title = f"Resonances of the pillars (of the plate without rows) off by {record.detuning:.0%}, the worse sign"
-    _ways(panels[1], record, off, "confinement (dB)", title)
-    _ways(
+    _methods(panels[1], record, off, "confinement (dB)", title)
+    _methods(
         panels[2],
         record,
         {w.method: w.volts_per_um for w in record.methods},
@@ -184,13 +184,13 @@ def hybrid_levels(record: HybridRecord) -> ReportFigure:
 def draw_hybrid(axes: Any, record: HybridRecord) -> None:
     """Confinement by rows, by patches, by both and by neither over frequency."""
     levels = {method.method: method.confinement_db for method in record.methods}
-    _ways(axes, record, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
+    _methods(axes, record, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
     axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
     axes.set_xlabel(FREQUENCY)
     axes.legend(fontsize=8, ncols=4)
 
 
-def _ways(axes: Any, record: HybridRecord, curves: Any, label: str, title: str) -> None:
+def _methods(axes: Any, record: HybridRecord, curves: Any, label: str, title: str) -> None:
     style.draw_lines(axes.plot, np.array(record.frequency_hz) / KHZ, curves)
     if record.wanted_hz:
         style.mark(axes, record.wanted_hz / KHZ)

@@ -84,8 +84,8 @@ def _best_polynomial(exponent: float, order: int, start: float) -> float:
     root = np.sqrt(weight * (1.0 - start) * stretch * t ** (stretch - 1.0) * r)
     basis = np.polynomial.legendre.legvander((2.0 * r - start - 1.0) / (1.0 - start), order - 1) * root[:, None]
     target = r ** (exponent - 1.0) * root
-    rest = target - basis @ np.linalg.lstsq(basis, target, rcond=None)[0]
-    return float(rest @ rest)
+    residual = target - basis @ np.linalg.lstsq(basis, target, rcond=None)[0]
+    return float(residual @ residual)
 
 
 def _lowest(conditions: Conditions) -> float:

@@ -95,8 +95,8 @@ class VariedPlate:
         kept = []
         for basis in self.space.bases:
             tone = basis.frequency_hz
-            rests = np.ones(basis.columns.shape[1] - len(tone), dtype=bool)
-            kept.append(np.concatenate([(tone > band_hz[0]) & (tone < band_hz[1]), rests]))
+            residuals = np.ones(basis.columns.shape[1] - len(tone), dtype=bool)
+            kept.append(np.concatenate([(tone > band_hz[0]) & (tone < band_hz[1]), residuals]))
         return np.asarray(np.flatnonzero(np.concatenate(kept)), dtype=np.int64)
 
     def _placed(self, families: Mapping[Signature, CellFamily]) -> tuple[FloatArray, list[_Kind]]:

@@ -37,13 +37,13 @@ class Line:
         self.value = np.array([w.eigenvalue for w in waves])[:, : solved.count]
         slopes = [one_sided(solved.lattice, w, self.along) for w in waves]
         self.beyond, self.before = (np.array(side)[:, : solved.count] for side in zip(*slopes, strict=True))
-        self._found: dict[tuple[int, int], Extreme] = {}
+        self._extremes: dict[tuple[int, int], Extreme] = {}
 
     def extreme(self, band: int, sign: int) -> Extreme:
         """The largest (sign 1) or smallest (-1) frequency of a sorted band (from 0) on the segment, ends included."""
-        if (band, sign) not in self._found:
-            self._found[band, sign] = self._search(band, sign)
-        return self._found[band, sign]
+        if (band, sign) not in self._extremes:
+            self._extremes[band, sign] = self._search(band, sign)
+        return self._extremes[band, sign]
 
     def _search(self, band: int, sign: int) -> Extreme:
         value = sign * self.value[:, band]

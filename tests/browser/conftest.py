@@ -95,7 +95,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     put_waves(folder / "pitch_mm=4,rows=1")
     registry.write_table(folder)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rendering, "_broken", ["not looked at here"])
+        patch.setattr(rendering, "_faults", ["not looked at here"])
         return page.build(folder, max_figures=1)
 
 

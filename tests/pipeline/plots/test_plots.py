@@ -26,7 +26,7 @@ def case(study: StoredStudy) -> StoredCase:
 
 @pytest.fixture
 def by_hand(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(rendering, "_broken", ["not wanted in this test"])
+    monkeypatch.setattr(rendering, "_faults", ["not wanted in this test"])
 
 
 def labels(figure) -> str:

@@ -15,7 +15,7 @@ PLAIN, COLOURED = Surface(CUBE, FACES), Surface(CUBE, FACES, np.linspace(0, 1, 6
 
 @pytest.fixture(autouse=True)
 def fresh(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(rendering, "_broken", [])
+    monkeypatch.setattr(rendering, "_faults", [])
 
 
 def test_by_pyvista_or_with_the_reason_why_not():
