@@ -19,7 +19,9 @@ from geometry.tet.mirror import TET_SWAP, TRIANGLE_SWAP
 
 STRETCH = (0.5, 1.6)  # of the strip beyond the last foot: its elements stay well shaped
 SAME = 1e-9  # of half a pitch: one plane
-ROUNDING = 1e-9  # relative volume difference between the quarter and its columns
+# Relative volume difference between the quarter and its columns: rounding, and the curved rim of a fillet, beyond which the
+# last column is stretched; one element lost or doubled is 1e-5 of a plate at least.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)

@@ -145,7 +145,7 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
 def foot_shares(design: Design, mesh: HexSettings) -> Shares:
     """What coarser meshes tell at the rims of a plate's feet; one without pillars has nothing singular."""
     pillar = design.pillar
-    return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares()
+    return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
 
 
 def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:

@@ -142,8 +142,13 @@ def draw_peaks(axes: Any, record: ToleranceRecord) -> None:
 
 def _spread_alt(record: ToleranceRecord) -> str:
     peak, level = record.peak_hz, record.confinement_db
+    plates = (
+        "plates whose pillars differ"
+        if record.frequency_error is None
+        else "plates whose pillars are all off by the same"
+    )
     if not peak:
-        return f"None of {len(record.samples)} plates whose pillars differ kept the wanted mode."
+        return f"None of {len(record.samples)} {plates} kept the wanted mode."
     nominal = "" if record.nominal.peak_hz is None else f", nominally at {record.nominal.peak_hz / KHZ:.2f} kHz"
     spread = (
         ""
@@ -151,7 +156,7 @@ def _spread_alt(record: ToleranceRecord) -> str:
         else (f"; confinement {level.mean:.1f} dB (spread {level.spread(1, 'dB')}), at worst {level.lowest:.1f} dB")
     )
     return (
-        f"{len(record.samples)} plates whose pillars differ: the wanted mode's peak lies at {peak.mean / KHZ:.2f} kHz "
+        f"{len(record.samples)} {plates}: the wanted mode's peak lies at {peak.mean / KHZ:.2f} kHz "
         f"(spread {peak.spread(0, 'Hz')}){nominal}{spread}"
     )
 

@@ -11,7 +11,7 @@ paired with the modes by their overlap (boffi2010).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf, pi
+from math import factorial, inf, pi
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -47,6 +47,7 @@ SHADE = (
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 OUTER = 0.6  # of what the elements beside the innermost one miss by themselves: as measured at clamped faces
+UNRESOLVED = 0.5  # of a mode's energy may move as its mesh resolves badly, the rest being no part of the error
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
 
@@ -54,7 +55,8 @@ RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands
 class Shares:
     """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
 
-    doubt: of the share of what the layer brings beyond what the order's change lets the edge have.
+    doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
+    no order less was meshed.
     """
 
     taken: float = 0.0
@@ -62,6 +64,7 @@ class Shares:
     edge: float = 0.0
     smooth: float = SMOOTH
     doubt: float = 0.0
+    order: int = 0
 
     @property
     def rim(self) -> float:
@@ -70,10 +73,25 @@ class Shares:
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        half = self.rim * np.abs(layer) + self.smooth * np.abs(order - self.edge * layer)
+        half = self.rim * np.abs(layer) + smooth_half_width(order - self.edge * layer, self.smooth, self.order)
         if not self.doubt:
             return np.asarray(half)
         return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
+
+
+def smooth_half_width(change: FloatArray, share: float, order: int) -> FloatArray:
+    """What a mesh of order p misses away from edges of frequencies that order p - 1 misses `change` more of, relative: `share`
+    of it, or more where waves are short for the elements.
+
+    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s tells
+    w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
+    """
+    size = np.abs(change)
+    if order < 2:
+        return np.asarray(share * size)
+    own, less = ((factorial(p) / factorial(2 * p)) ** 2 / (2 * p + 1) for p in (order, order - 1))
+    told = UNRESOLVED * own / 2.0 * (2.0 * size / (UNRESOLVED * less)) ** (order / (order - 1))
+    return np.asarray(np.maximum(share * size, told))
 
 
 def largest(half_widths: FloatArray) -> float | None:
@@ -125,7 +143,7 @@ def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float, outer
     middle = sum(left) / len(left)
     spread = (max(left) - min(left)) / 2.0 + rough * middle
     taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
-    return Shares(taken, spread + middle - taken, sum(order) / len(order))
+    return Shares(taken, spread + middle - taken, sum(order) / len(order), order=mesh.order)
 
 
 Body = TypeVar("Body")

@@ -134,7 +134,7 @@ class Reductions:
             meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
             lower, *layer = side_by_side(lambda other: nested(mesh, other), meshes)
             if not at_rim or self.pillar is None:
-                return extrapolated(cell, (fine, parts), lower, None, Shares(), reduction.top_hz)
+                return extrapolated(cell, (fine, parts), lower, None, Shares(order=settings.order), reduction.top_hz)
             own = self.pillar_of(panel) or self.pillar
             shares = rim_shares(self.material, own.material, settings, *own.joints, wall=own.wall_angle)
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)

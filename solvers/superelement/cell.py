@@ -68,11 +68,12 @@ class MeshError:
     taken: float
     spread: float
     edge: float
+    order: int = 0
 
     @property
     def shares(self) -> Shares:
         """What the two changes tell."""
-        return Shares(self.taken, self.spread, self.edge, doubt=SHADE if self.edge else 0.0)
+        return Shares(self.taken, self.spread, self.edge, doubt=SHADE if self.edge else 0.0, order=self.order)
 
     def changes(self, vectors: FloatArray | ComplexArray, eigenvalue: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative rise of frequencies, (k,) each, on the mesh without the layer and on that of one order less.

@@ -77,7 +77,7 @@ def _lowered(
         if change.any()
     ]
     taken = min([shares.taken, *limits])
-    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge)
+    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge, shares.order)
     stiffness, mass = (
         whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
     )

@@ -19,7 +19,7 @@ from functools import partial
 import numpy as np
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from solvers.fem.coarser import SMOOTH
+from solvers.fem.coarser import SMOOTH, smooth_half_width
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.superelement.cell import Cell
@@ -91,7 +91,9 @@ def by_mesh(
         order += by_order - error.edge * by_layer
         if shares := error.shares.doubt * error.taken:
             beyond += shares * (by_layer - by_order / error.edge)
-    return taken, np.abs(rim) + SMOOTH * np.abs(order) + np.maximum(beyond, 0.0)
+    known = [each.cell.mesh_error for each in plate.placed_cells]
+    smooth = smooth_half_width(order, SMOOTH, min((error.order for error in known if error), default=0))
+    return taken, np.abs(rim) + smooth + np.maximum(beyond, 0.0)
 
 
 def _by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

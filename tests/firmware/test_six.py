@@ -270,7 +270,7 @@ def become(board, structure) -> None:
 
 
 def pressed(structure, share: float):
-    """A finger at 60 mm: a quality of 8 instead of 50, and a mass of a tenth of the beam's there."""
+    """A finger at 60 mm: a quality factor of 8 instead of 50, and a mass of a tenth of the beam's there."""
     shapes = BEAM.shapes(np.array([0.06]))[:, 0]
     angular = structure.angular / np.sqrt(1.0 + 0.1 * share * shapes**2)
     return dataclasses.replace(

@@ -318,7 +318,7 @@ def test_states_and_gaps_are_compared_one_by_one(tmp_path: Path, capsys: pytest.
     places = []
     for name, watts in (("a", 40.0), ("b", 10.0)):
         states = [{"state": "free", "drawn_mW_at_1um": 1.0}, {"state": "shaped", "drawn_mW_at_1um": watts}]
-        document = {"states": states, "ways": [{"way": "rows", "confinement_db": [1.0, watts, 2.0, 3.0]}]}
+        document = {"states": states, "methods": [{"method": "rows", "confinement_db": [1.0, watts, 2.0, 3.0]}]}
         document["gaps"] = [{"lower_band": 6, "upper_band": 7, "lower_hz": 2.0 * watts, "upper_hz": 90.0}]
         places.append(tmp_path / f"{name}.json")
         places[-1].write_text(json.dumps(document))

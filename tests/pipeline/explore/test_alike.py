@@ -13,6 +13,7 @@ from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.explore import alike
 from pipeline.explore.answer import Explorer
+from pipeline.plots.response import report_figure
 from pipeline.records.record import ToleranceRecord
 from solvers.variation.samples import Deviations
 from tests.helpers.exploring import SMALL, small_explorer
@@ -89,6 +90,7 @@ def test_the_command_writes_document_rows_and_picture(
     assert len(document["samples"]) == 4 and document["dofs"] is None and document["space_check"] == {}
     assert (tmp_path / "tolerance.csv").read_text().splitlines()[0] == "peak_hz,confinement_db,tracking"
     assert (tmp_path / "tolerance.png").exists()
+    assert "4 plates whose pillars are all off by the same" in report_figure(solved(explorer, *SCATTER), {}).alt
     assert "all of a plate off by the same" in capsys.readouterr().out
     assert main([*command, "--band", "30kHz:34kHz"]) == 2
     assert "leave --band or --alike out" in capsys.readouterr().err
