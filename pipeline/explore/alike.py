@@ -16,7 +16,8 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import Log
-from pipeline.models.parametric import cell_model, sizes_of
+from pipeline.models.parametric import cell_model
+from pipeline.models.parametric_mesh import resized, sizes_of
 from pipeline.planning.simplifications import Simplification
 from pipeline.records.record import SampleRecord, ToleranceRecord
 from solvers.variation.samples import CUT, Deviations
@@ -54,18 +55,10 @@ def solve(case: Case, log: Log) -> ToleranceRecord:
 
 
 def printed(case: Case, change_m: FloatArray) -> Case:
-    """The case with every pillar's height and width off by (2,) m; its other widths keep their ratio to the first."""
-    pillar = case.design.pillar
-    assert pillar is not None
-    ratio = 1.0 + float(change_m[1]) / pillar.base_m
-    other = replace(
-        pillar,
-        height_m=pillar.height_m + float(change_m[0]),
-        base_m=pillar.base_m * ratio,
-        tip_m=pillar.tip_m * ratio,
-        more_m=tuple((name, size * ratio) for name, size in pillar.more_m),
-    )
-    return replace(case, design=replace(case.design, pillar=other))
+    """The case with every pillar's height and width off by (2,) m."""
+    thickness, height, width, pitch = sizes_of(case.design)
+    sizes = thickness, height + float(change_m[0]), width + float(change_m[1]), pitch
+    return replace(case, design=resized(case.design, sizes))
 
 
 def _require_inside(case: Case, deviations: Deviations, explorer: Explorer) -> None:

@@ -62,14 +62,18 @@ def corner_weights(box: DesignBox, sizes: Sizes) -> FloatArray:
 
 def with_sizes(case: Case, sizes: Sizes, accuracy: float, count: int) -> Case:
     """The case with another cell, so many of its bands to be had within an accuracy."""
-    design, (t, h, a, p) = case.design, sizes
+    solve = replace(case.solve, accuracy=accuracy, model="auto", mesh="auto")
+    return replace(case, design=resized(case.design, sizes), solve=solve, bands=replace(case.bands, count=count))
+
+
+def resized(design: Design, sizes: Sizes) -> Design:
+    """The design with another cell; the pillar's further widths keep their ratio to the first."""
     assert design.pillar is not None
+    t, h, a, p = sizes
     grown = a / design.pillar.base_m
     more = tuple((name, grown * size) for name, size in design.pillar.more_m)
     pillar = replace(design.pillar, base_m=a, tip_m=grown * design.pillar.tip_m, height_m=h, more_m=more)
-    design = replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=p)
-    solve = replace(case.solve, accuracy=accuracy, model="auto", mesh="auto")
-    return replace(case, design=design, solve=solve, bands=replace(case.bands, count=count))
+    return replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=p)
 
 
 def mesh_table(

@@ -47,7 +47,9 @@ SHADE = (
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 OUTER = 0.6  # of what the elements beside the innermost one miss by themselves: as measured at clamped faces
-UNRESOLVED = 0.5  # of a mode's energy may move as its mesh resolves badly, the rest being no part of the error
+UNRESOLVED = (
+    0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
+)
 RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
 
 
