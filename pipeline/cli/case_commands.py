@@ -296,7 +296,7 @@ def _alike(arguments: Namespace, case: Case, log: TerminalLog, band: Band | None
     rows = [[getattr(one, name) for name in head] for one in record.samples]
     said = [
         f"{record.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
-        f"{record.frequency_error or 0.0:.1%} of its frequency",
+        f"{record.frequency_error or 0.0:.1%} of its frequency, and its confinement has no bar",
         reading_table(head, rows),
         *lines(record),
     ]
