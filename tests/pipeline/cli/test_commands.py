@@ -173,10 +173,15 @@ def test_a_command_that_is_ended_says_so_and_leaves_the_signals_as_they_were(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(predesign, "run", lambda case: os.kill(os.getpid(), number))
-    before = signal.getsignal(number)
-    assert run("predesign", CASE) == 130
-    assert lines(capsys.readouterr().err) == ["antinode: interrupted; what was finished is kept"]
-    assert signal.getsignal(number) is before
+    usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+    inherited = signal.signal(number, usual)  # under nohup SIGHUP is ignored from the start
+    try:
+        before = signal.getsignal(number)
+        assert run("predesign", CASE) == 130
+        assert lines(capsys.readouterr().err) == ["antinode: interrupted; what was finished is kept"]
+        assert signal.getsignal(number) is before
+    finally:
+        signal.signal(number, inherited)
 
 
 def test_a_signal_that_the_parent_has_ignored_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
