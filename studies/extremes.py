@@ -18,6 +18,7 @@ from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh
 from pipeline.errors import CommandError
+from pipeline.paths import ROOT
 from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, Section, Table
 from solvers.analytic.lamb import supported_plate_hz
@@ -79,7 +80,7 @@ def compute(parameters: dict[str, Any], folder: Path, log: RunLog) -> Result:
     try:
         outcome = scene(**given)
     except (SolverError, GeometryError, CommandError, MemoryError) as refusal:
-        outcome = {"verdict": "refused", "reason": " ".join(str(refusal).split())}
+        outcome = {"verdict": "refused", "reason": " ".join(str(refusal).split()).replace(f"{ROOT}/", "")}
     outcome["seconds"] = time.perf_counter() - start
     if "verdict" not in outcome:
         outcome["verdict"] = verdict(outcome)
