@@ -49,6 +49,9 @@ class Tip:
         return self.side_m**2 * self.height_m * self.material.density_kg_m3
 
 
+PLAIN = "square, round, hexagonal, tapered or cross-shaped pillars without fillet or heavy tip, on the back alone,"
+
+
 @dataclass(frozen=True)
 class Pillar:
     """One pillar: its shape by name, widths of foot and tip, height, foot fillet, further sizes of the shape. Lengths in m.
@@ -115,6 +118,11 @@ class Pillar:
         if self.is_made_of_boxes:
             return True
         return bool(self.form.plan) and self.fillet_m == 0.0 and self.tip is None and self.faces == 1
+
+    @property
+    def is_plain(self) -> bool:
+        """True when the pillar can grow as a whole and hexahedra follow it: what PLAIN says."""
+        return self.form.grows and not self.fillet_m and self.tip is None and self.faces == 1
 
     @property
     def wall_angle(self) -> float:

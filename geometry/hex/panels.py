@@ -88,29 +88,44 @@ def _frustum(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSett
     """The panel of the square prism, whose nodes above the plate move towards the axis or away from it."""
     alike = replace(panel, pillar=square_of(pillar))
     prism = _of_boxes(alike, thickness_m, None, settings)
-    mesh = leaning(prism.mesh, _foot(panel), thickness_m, pillar.height_m, pillar.form.taper)
+    mesh = leaning(prism.mesh, foot_from_middle(panel), thickness_m, pillar.height_m, pillar.form.taper)
     return replace(prism, mesh=mesh)
 
 
 def _about_a_foot(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
-    """Quadrants about the foot, as many as the panel is not halved along."""
+    z = lines_along_z(thickness_m, pillar.height_m, settings)
+    return joined(foot_patches(panel, pillar, settings), z, thickness_m, settings.order)
+
+
+def foot_patches(
+    panel: Panel, pillar: Pillar, settings: HexSettings, grown: float = 1.0, shift_m: tuple[float, float] = (0.0, 0.0)
+) -> list[Patch]:
+    """Quadrants about the foot, as many as the panel is not halved along.
+
+    Of a pillar `grown` times as wide that stands off its place by `shift_m` the same patches, in the same block of the plate.
+    """
     quadrant, rim = PLANS[pillar.form.plan]
-    half, origin, grading, patches = pillar.base_m / 2.0, _foot(panel), settings.grading, []
+    half, origin, grading, patches = pillar.base_m / 2.0, foot_from_middle(panel), settings.grading, []
     x_ends, y_ends = _ends(panel)
     places = [((x, y), (x_end, y_end)) for x, x_end in x_ends.items() for y, y_end in y_ends.items()]
     blocks = [_block(half, rim, ends) for _, ends in places]
     shared = _lines(half, rim, blocks, grading)  # quadrants meet along the axes
     for (signs, ends), block in zip(places, blocks, strict=True):
-        beside = _beyond(block[0], ends[0], grading), _beyond(block[1], ends[1], grading)
-        own = quadrant(half, block, replace(shared, beside=beside))
-        patches += [reflected(patch, signs, origin) for patch in own]
-    through, along = settings.through_grading(thickness_m), settings.pillar_grading
-    z = grid_lines({0.0: False, thickness_m: True}, through)
-    height = grid_lines({thickness_m: True, thickness_m + pillar.height_m: False}, along)
-    return joined(patches, np.concatenate([z, height[1:]]), thickness_m, settings.order)
+        less = signs[0] * shift_m[0], signs[1] * shift_m[1]
+        beside = _beyond(block[0], ends[0], grading) - less[0], _beyond(block[1], ends[1], grading) - less[1]
+        own = quadrant(grown * half, (block[0] - less[0], block[1] - less[1]), replace(shared, beside=beside))
+        patches += [reflected(patch, signs, origin + np.array(shift_m)) for patch in own]
+    return patches
 
 
-def _foot(panel: Panel) -> FloatArray:
+def lines_along_z(thickness_m: float, height_m: float, settings: HexSettings) -> FloatArray:
+    """Lines through the plate and along its pillar."""
+    z = grid_lines({0.0: False, thickness_m: True}, settings.through_grading(thickness_m))
+    along = grid_lines({thickness_m: True, thickness_m + height_m: False}, settings.pillar_grading)
+    return np.concatenate([z, along[1:]])
+
+
+def foot_from_middle(panel: Panel) -> FloatArray:
     """The foot's centre from the panel's middle, (2,) m."""
     assert panel.foot is not None
     return np.array(panel.foot) - np.array(panel.middle)

@@ -151,12 +151,7 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     """
     grids = tuple(boxes_of_patch(patch, z, thickness) for patch in patches)
     own = [hex_mesh(grid, order) for grid in grids]
-    places = np.concatenate(
-        [
-            np.column_stack([p.place(*mesh.nodes[:, :2].T), mesh.nodes[:, 2]])
-            for p, mesh in zip(patches, own, strict=True)
-        ]
-    )
+    places = np.concatenate([_placed(patch, mesh) for patch, mesh in zip(patches, own, strict=True)])
     _, first, same = np.unique(
         np.round(places / (SAME * np.abs(places).max())).astype(np.int64),
         axis=0,
@@ -175,6 +170,19 @@ def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) ->
     mesh = replace(mesh, faces=_outer(mesh))
     _check_joints(mesh, thickness)
     return PatchedMesh(mesh, grids, numbers)
+
+
+def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
+    """The mesh with its nodes where other patches, as many and cut alike, and other lines along z put them."""
+    mesh, nodes = still.mesh, np.empty_like(still.mesh.nodes)
+    for patch, own in zip(patches, still.numbers, strict=True):
+        nodes[own] = _placed(patch, hex_mesh(boxes_of_patch(patch, z, thickness), mesh.order))
+    return replace(mesh, nodes=nodes, spans=None)
+
+
+def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
+    """Places of the nodes of a patch's own grid."""
+    return np.column_stack([patch.place(*mesh.nodes[:, :2].T), mesh.nodes[:, 2]])
 
 
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:

@@ -84,6 +84,11 @@ class PillarShape:
         return self.rectangles is not None and self.rectangles.tolist() == [[-half, half, -half, half]]
 
     @property
+    def grows(self) -> bool:
+        """True when a wider pillar is the same shape with all its widths in proportion, and hexahedra follow it."""
+        return self.rectangles is not None or bool(self.plan)
+
+    @property
     def mirrors(self) -> tuple[str, ...]:
         """Mirrors of the pillar: "x" (x -> -x), "y", and "d", which exchanges x and y; told from the outline."""
         corners = self.outline()

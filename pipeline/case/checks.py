@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations, pairwise
 from typing import Any
 
+from geometry.layout import PLAIN
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import SHAPES
 from pipeline.case import limits
@@ -303,7 +304,7 @@ def check_measured(good: Values, form: PillarShape | None) -> Iterator[Diagnosti
 
 
 def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """Something varies, on square pillars, and three standard deviations leave each pillar a body and its place."""
+    """Something varies, on pillars that grow as a whole, and three standard deviations leave each a body and its place."""
     if "tolerance" not in good:
         return
     sizes = {name: good.get(f"tolerance.{name}_mm") for name in ("height", "side", "position")}
@@ -315,23 +316,27 @@ def check_tolerance(good: Values, form: PillarShape | None) -> Iterator[Diagnost
     if good.get("array.stagger"):
         yield "tolerance.height_mm", height, "must be left out beside array.stagger = true"
     plain = good.get("pillar.fillet_mm") == 0.0 and not good.get("tip.height_mm") and good.get("pillar.faces") != "both"
-    if form is not None and not (form.is_square_prism and plain):
-        yield (
-            "tolerance.height_mm",
-            height,
-            "only square pillars without fillet can be varied, and none with a heavy tip or on both faces",
-        )
+    if form is not None and not (form.grows and plain):
+        yield "tolerance.height_mm", height, f"only {PLAIN} can be varied"
         return
     if "pillar" not in good or good.get("array.rows") == 0:
         yield "tolerance.height_mm", height, "needs a [pillar] and array.rows above 0"
         return
-    tall, wide = good.get("pillar.height_mm"), good.get("pillar.side_mm")
-    for name, given, whole in (("height", height, tall), ("side", side, wide)):
+    width = form.keys[0] if form else "side_mm"
+    tall, wide = good.get("pillar.height_mm"), good.get(f"pillar.{width}")
+    for name, given, key, whole in (("height", height, "height_mm", tall), ("side", side, width, wide)):
         if whole and 3.0 * given >= whole:
-            yield f"tolerance.{name}_mm", given, f"must be below {whole / 3.0:g}, a third of pillar.{name}_mm"
+            yield f"tolerance.{name}_mm", given, f"must be below {whole / 3.0:g}, a third of pillar.{key}"
+    if form is not None and wide:
+        yield from _room_between(good, form, wide, 3.0 * side, position)
+
+
+def _room_between(good: Values, form: PillarShape, wide: float, grown: float, position: float) -> Iterator[Diagnostic]:
+    """Pillars so much wider that stand off by three standard deviations do not touch; all in mm."""
+    ratios = [extent / form.width_m for extent in form.reach_m()]
     pitches = [good.get(f"array.{name}") for name in PITCHES[1:]]
-    room = min((pitch - wide for pitch in pitches if pitch and wide), default=None)
-    if room is not None and 3.0 * side + 6.0 * position >= room > 0.0:
+    room = min((pitch - wide * ratio for pitch, ratio in zip(pitches, ratios, strict=True) if pitch), default=None)
+    if room is not None and grown * max(ratios) + 6.0 * position >= room > 0.0:
         text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between two of them"
         yield "tolerance.position_mm", position, text
 

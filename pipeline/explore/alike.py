@@ -94,6 +94,7 @@ def _record(case: Case, nominal: SampleRecord, samples: list[SampleRecord], erro
         nominal=nominal,
         samples=samples,
         space_check={},
+        interpolation_check={},
         frequency_error=error,
         **statistics(nominal, samples),
     )

@@ -25,7 +25,7 @@ from solvers.variation.parametric_cell import CellFamily, nodes_of
 MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
 PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError}
 PARTS |= dict.fromkeys(("touch", "skin", "bare"), Expansion)
-OWN = ("reach_m", "stiffness_changes", "mass_changes")
+OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
 
 
 @lru_cache(maxsize=1)
@@ -135,11 +135,11 @@ class ParametricCellCache(CellCache):
         """Return the entry kept under this key by the same code, or None."""
         with contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
             flat = self.load(key)
-            reach, stiffness, mass = (flat.pop(name) for name in OWN)
-            return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass)
+            reach, stiffness, mass, *missed = (flat.pop(name) for name in OWN)
+            return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass, (missed[0], missed[1]))
         return None
 
     def put(self, key: str, family: CellFamily) -> None:  # type: ignore[override]
         """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
-        own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass), strict=True))
+        own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass, *family.missed), strict=True))
         self.keep(key, _packed(family.cell) | own)

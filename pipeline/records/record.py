@@ -866,6 +866,7 @@ class ToleranceRecord(Part):
     confinement_db: SpreadRecord | None
     confined: int | None
     space_check: dict[str, float | None]
+    interpolation_check: dict[str, float | None] = Field(default_factory=dict)
     frequency_error: float | None = None
 
 

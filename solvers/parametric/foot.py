@@ -95,7 +95,7 @@ SQUARE = Foot()
 
 def foot_of(pillar: Pillar) -> Foot | None:
     """The section of a pillar that grows with its width; None for one that does not."""
-    if pillar.fillet_m or pillar.tip or pillar.faces == 2:
+    if not pillar.is_plain:
         return None
     known = {
         "square": Foot(),

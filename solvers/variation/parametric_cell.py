@@ -1,23 +1,27 @@
 """A pillar's cell as a function of its pillar: K_r and M_r for another height, side and place of the foot.
 
-The mesh keeps its topology: grid lines move with the foot's edges, layers with the pillar's height, the cell's own edges stay.
+The mesh keeps its topology: its nodes move with the foot and with the pillar's height, the cell's own sides stay.
 u = Psi(p) b + Phi(p) m, with the constraint shapes of the moved mesh and Phi(p) = K_II^-1 M_II Phi_0 Lambda_0, one inverse
-iteration there on the unmoved mesh's fixed-interface modes, node by node: modes of their own but for the second order, and
-smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such reductions by quadratic Lagrange polynomials
-on {-reach, 0, reach}: height and side together, each coordinate of the foot for itself.
+iteration there on the unmoved mesh's fixed-interface modes, node by node, made orthonormal: modes of their own but for the
+second order, and smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such reductions by quadratic
+Lagrange polynomials on {-reach, 0, reach}: height and side together, each coordinate of the foot for itself, and the products
+of a coordinate with every other parameter from the one reduction where both are a reach off. A further reduction of a pillar
+that is off in every way at once tells what this misses.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import combinations, product
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
-from geometry.layout import Pillar, region_materials
+from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.moved import FLUSH_M, PillarChange, VariedPanel
+from geometry.layout import PLAIN, Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from solvers.errors import SolverError
@@ -26,7 +30,7 @@ from solvers.superelement.cell import Cell, CellBuilder, ClampedBoundaryClass, C
 from solvers.superelement.interface import Interface
 
 HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
-FLUSH_M = 1e-9
+CHECKED = 2.0 / 3.0  # of the reach of every parameter: where interpolation is compared with a reduction
 Node = tuple[int, int, int, int]  # -1, 0 or 1 reaches along each parameter
 Pair = tuple[FloatArray, FloatArray]
 
@@ -35,7 +39,8 @@ Pair = tuple[FloatArray, FloatArray]
 class CellFamily:
     """A cell and what K_r and M_r change by at the nodes of the interpolation, in the cell's degrees of freedom and scale.
 
-    reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies.
+    reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies. missed: what
+    a reduction at `checked_m` has more than is interpolated there, of K_r and of M_r.
     """
 
     cell: Cell
@@ -43,6 +48,12 @@ class CellFamily:
     nodes: tuple[Node, ...]
     stiffness: FloatArray
     mass: FloatArray
+    missed: Pair
+
+    @property
+    def checked_m(self) -> FloatArray:
+        """The pillar whose reduction was compared with what is interpolated, (4,) m from the nominal one."""
+        return CHECKED * self.reach_m
 
     def weights(self, change_m: FloatArray) -> FloatArray:
         """Factors (..., nodes) of the nodes' changes for pillars (..., 4) in m. SolverError beyond the reach."""
@@ -55,8 +66,11 @@ class CellFamily:
         lagrange = {-1: t * (t - 1.0) / 2.0, 0: 1.0 - t * t, 1: t * (t + 1.0) / 2.0}
         columns = []
         for node in self.nodes:
-            moved = [axis for axis in (X, Y) if node[axis]]
-            used = moved or [HEIGHT, SIDE]
+            off = [axis for axis in range(4) if node[axis]]
+            if is_product(node):
+                columns.append(np.prod(t[..., off], axis=-1))
+                continue
+            used = [HEIGHT, SIDE] if off[0] in (HEIGHT, SIDE) else off
             columns.append(np.prod([lagrange[node[axis]][..., axis] for axis in used], axis=0))
         return np.stack(columns, axis=-1) if columns else np.zeros((*t.shape[:-1], 0))
 
@@ -70,12 +84,25 @@ class CellFamily:
 
 
 def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
-    """Nodes besides the nominal one: height and side on a grid, x and y each on its own line."""
+    """Nodes besides the nominal one: height and side on a grid, x and y each on its own line, then those of the products."""
     steps = [(-1, 0, 1) if reach > 0.0 else (0,) for reach in reach_m]
     grid = [(a, b, 0, 0) for a in steps[HEIGHT] for b in steps[SIDE] if (a, b) != (0, 0)]
     lines: list[Node] = [(0, 0, a, 0) for a in steps[X] if a]
     lines += [(0, 0, 0, a) for a in steps[Y] if a]
-    return (*grid, *lines)
+    varied = [axis for axis in range(4) if reach_m[axis] > 0.0]
+    pairs = [pair for pair in combinations(varied, 2) if pair != (HEIGHT, SIDE)]
+    return (*grid, *lines, *(_node(pair) for pair in pairs))
+
+
+def is_product(node: Node) -> bool:
+    """Whether a node stands for the product of two parameters, one of them a place of the foot."""
+    return sum(map(bool, node)) == 2 and bool(node[X] or node[Y])
+
+
+def _node(ones: Sequence[int]) -> Node:
+    """The node one reach off in these parameters."""
+    a, b, c, d = (int(axis in ones) for axis in range(4))
+    return a, b, c, d
 
 
 @dataclass(frozen=True)
@@ -91,25 +118,31 @@ class Setting:
 
 
 def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None) -> CellFamily:
-    """Reduce a panel at every node. SolverError for a pillar that is no box or reaches out of its panel.
+    """Reduce a panel at every node. SolverError for a pillar that cannot grow as a whole, MeshError for one that reaches out of
+    its panel.
 
     `coarser` takes the mesh's error from the nominal cell; what varies keeps that of its mesh, which it hardly changes.
     """
-    if not setting.pillar.is_square_prism or panel.foot is None:
-        raise SolverError("only square pillars without fillet can be varied")
+    if not setting.pillar.is_plain or panel.foot is None:
+        raise SolverError(f"only {PLAIN} can be varied")
     sampler = _Sampler(setting, panel)
-    nodes = nodes_of(np.asarray(reach_m, dtype=float))
+    reach = np.asarray(reach_m, dtype=float)
+    nodes = nodes_of(reach)
     zero = sampler.matrices(np.zeros(4))
     for one, other in zip(zero, (sampler.cell.stiffness, sampler.cell.mass), strict=True):
         if np.abs(one - other).max() > 1e-8 * np.abs(other).max():
             raise SolverError("the unvaried pillar's cell is not the nominal one")
     changes: dict[Node, Pair] = {}
     for node in nodes:
-        changes[node] = sampler.change(node, np.asarray(reach_m), changes)
+        changes[node] = sampler.change(node, reach, changes)
     size = sampler.cell.dof
     stacked = [np.array([pair[i] for pair in changes.values()]).reshape(len(nodes), size, size) for i in (0, 1)]
+    none = np.zeros_like(zero[0]), np.zeros_like(zero[1])
+    family = CellFamily(sampler.cell, reach, nodes, stacked[0], stacked[1], none)
+    checked = zip(sampler.matrices(family.checked_m), family.at(family.checked_m), strict=True)
+    stiffer, heavier = (own - interpolated for own, interpolated in checked)
     cell = coarser(sampler.cell, sampler.build, sampler.parts) if coarser else sampler.cell
-    return CellFamily(cell, np.asarray(reach_m, dtype=float), nodes, stacked[0], stacked[1])
+    return replace(family, cell=cell, missed=(stiffer, heavier))
 
 
 class _Sampler:
@@ -117,19 +150,28 @@ class _Sampler:
 
     def __init__(self, setting: Setting, panel: Panel) -> None:
         self.setting, self.panel = setting, panel
-        self.boxes = panel_boxes(panel, setting.thickness_m, setting.pillar, setting.hexahedra)
-        nominal = self._system(self.boxes)
+        nominal = self._system(self._varied(()).still)
         self.build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
         self.parts = self.build.classes(setting.top_hz)
         self.cell: Cell = self.build.join(self.parts)
         self.nodes = nominal.mesh.nodes
 
     def change(self, node: Node, reach_m: FloatArray, before: dict[Node, Pair]) -> Pair:
-        """K_r and M_r at a node less the nominal ones; a foot moved back is the mirror image of one moved on."""
+        """K_r and M_r at a node less the nominal ones, at a product's less what either of its parameters changes alone, too.
+
+        A foot moved back is the mirror image of one moved on.
+        """
         height, side, x, y = node
+        if is_product(node):
+            alone = [before[_node([axis])] for axis in range(4) if node[axis]]
+            both = self._difference(node, reach_m)
+            return both[0] - alone[0][0] - alone[1][0], both[1] - alone[0][1] - alone[1][1]
         for axis, moved, twin in ((0, x, (height, side, -x, y)), (1, y, (height, side, x, -y))):
             if moved and twin in before and axis in self.panel.halved:
                 return self._mirrored(before[twin], axis)
+        return self._difference(node, reach_m)
+
+    def _difference(self, node: Node, reach_m: FloatArray) -> Pair:
         varied = self.matrices(np.array(node) * reach_m)
         return varied[0] - self.cell.stiffness, varied[1] - self.cell.mass
 
@@ -145,10 +187,8 @@ class _Sampler:
         """K_r and M_r over [boundary degrees of freedom, the nominal cell's fixed-interface modes]."""
         kept = tuple(axis for axis in self.panel.halved if change_m[X + axis] == 0.0)
         opened = [axis for axis in self.panel.halved if axis not in kept]
-        boxes = self.boxes
-        for axis in opened:
-            boxes = unfolded(boxes, axis)
-        still, moved = self._mesh(boxes), self._system(moved_boxes(boxes, self.setting, self.panel, change_m))
+        varied = self._varied(opened)
+        still, moved = varied.still, self._system(varied.moved(PillarChange(*np.asarray(change_m, dtype=float))))
         build = CellBuilder(moved, self.setting.interface, kept, self.panel.free)
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
@@ -156,7 +196,10 @@ class _Sampler:
             modes, fixed = self._fixed(still, opened, wanted)
             clamped = build.clamp(wanted)
             eigenvalue = moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2
-            shapes = np.hstack([clamped.shapes, _prolonged_modes(build, clamped, fixed, eigenvalue)])
+            carried = _prolonged_modes(build, clamped, fixed, eigenvalue)
+            gram = build.copies / self.build.copies * weighted(carried, moved.mass)
+            carried = carried @ _orthonormal(gram, eigenvalue)
+            shapes = np.hstack([clamped.shapes, carried])
             width = clamped.basis.shape[1]
             place = np.zeros((self.cell.dof, shapes.shape[1]))
             place[: len(clamped.basis), :width] = clamped.basis
@@ -165,11 +208,12 @@ class _Sampler:
             mass += build.copies * place @ weighted(shapes, moved.mass) @ place.T
         return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
 
-    def _mesh(self, boxes: Boxes) -> Mesh:
-        return hex_mesh(boxes, self.setting.hexahedra.order)
+    def _varied(self, opened: Sequence[int]) -> VariedPanel:
+        setting = self.setting
+        return VariedPanel(self.panel, setting.thickness_m, setting.pillar, setting.hexahedra, tuple(opened))
 
-    def _system(self, boxes: Boxes) -> System:
-        setting, mesh = self.setting, self._mesh(boxes)
+    def _system(self, mesh: Mesh) -> System:
+        setting = self.setting
         check_mesh(mesh)
         scale = Scale(setting.thickness_m, setting.material.young_pa, setting.material.density_kg_m3)
         return assemble(mesh, region_materials(setting.material, setting.pillar), scale)
@@ -208,47 +252,13 @@ def _prolonged_modes(
     return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
 
 
-def unfolded(boxes: Boxes, axis: int) -> Boxes:
-    """Boxes on both sides of the mirror plane at 0 from those on its positive side."""
-    lines = [boxes.x, boxes.y, boxes.z]
-    half = lines[axis]
-    if half[0] != 0.0:
-        raise SolverError("only boxes that begin at 0 can be unfolded")
-    lines[axis] = np.concatenate([-half[:0:-1], half])
-    region = np.concatenate([np.flip(boxes.region, axis), boxes.region], axis)
-    return Boxes(lines[0], lines[1], lines[2], region, boxes.names)
+def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+    """What makes modes of this Gram matrix orthonormal, each of those below it: L^-T of G = L L^T in the order of eigenvalues.
 
-
-def moved_boxes(boxes: Boxes, setting: Setting, panel: Panel, change_m: Sequence[float] | FloatArray) -> Boxes:
-    """The grid with its foot's edges and its pillar's layers moved. SolverError where the foot leaves the panel."""
-    assert panel.foot is not None
-    lines = [
-        _moved_line(line, setting.pillar.base_m, panel, axis, change_m) for axis, line in enumerate((boxes.x, boxes.y))
-    ]
-    top = setting.thickness_m
-    stretch = 1.0 + change_m[HEIGHT] / setting.pillar.height_m
-    if stretch <= 0.0:
-        raise SolverError("a pillar's height must stay above 0")
-    z = np.where(boxes.z > top, top + (boxes.z - top) * stretch, boxes.z)
-    return replace(boxes, x=lines[0], y=lines[1], z=z)
-
-
-def _moved_line(
-    line: FloatArray, side_m: float, panel: Panel, axis: int, change_m: Sequence[float] | FloatArray
-) -> FloatArray:
-    """Linear between the panel's edges and the foot's; a foot flush with an edge stays so and grows to the other side."""
-    assert panel.foot is not None
-    edge = (panel.high[axis] - panel.low[axis]) / 2.0
-    centre = panel.foot[axis] - panel.middle[axis]
-    feet = centre + side_m / 2.0 * np.array([-1.0, 1.0])
-    moved = centre + change_m[X + axis] + (side_m + change_m[SIDE]) / 2.0 * np.array([-1.0, 1.0])
-    flush = np.abs(np.abs(feet) - edge) < FLUSH_M
-    if flush.any():
-        grown = change_m[SIDE] * np.array([-1.0, 1.0])
-        moved = np.where(flush, feet, feet + (0.0 if flush.all() else grown))
-    inner = np.concatenate([moved[:1] + edge, np.diff(moved), edge - moved[1:]])
-    if (inner[1:2] <= 0.0).any() or (inner[[0, 2]] < np.where(flush, 0.0, FLUSH_M) - FLUSH_M / 2.0).any():
-        raise SolverError("a pillar reaches out of its panel: its spread is too wide for the pitch")
-    from_, to = np.array([-edge, *feet, edge]), np.array([-edge, *moved, edge])
-    once = np.concatenate([[True], np.diff(from_) > FLUSH_M])
-    return np.interp(line, from_[once], to[once])
+    Inverse iteration swells what a mode has of those below it and shrinks what it has of those above: lower ones stay clean.
+    """
+    upwards = np.argsort(eigenvalue, kind="stable")
+    sorted_in = np.ix_(upwards, upwards)
+    turn = np.zeros_like(gram)
+    turn[sorted_in] = solve_triangular(np.linalg.cholesky(gram[sorted_in]), np.eye(len(gram)), lower=True).T
+    return turn

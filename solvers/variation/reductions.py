@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from geometry.hex.boxes import Panel
+from geometry.layout import PLAIN
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
@@ -37,7 +38,7 @@ class VariedReductions(Reductions):
     families: dict[Signature, CellFamily] = field(default_factory=dict)
 
     def cell(self, panel: Panel) -> Cell:
-        """The nominal cell of a panel. SolverError for pillars that are not boxes."""
+        """The nominal cell of a panel. SolverError for pillars that cannot grow as a whole."""
         if not panel.foot:
             return super().cell(panel)
         if signature(panel) not in self.families:
@@ -47,7 +48,7 @@ class VariedReductions(Reductions):
     def _family(self, panel: Panel) -> CellFamily:
         pillar = self.pillar_of(panel)
         if pillar is None or self.mesher is not None:
-            raise SolverError("only square pillars without fillet, meshed by hexahedra, can be varied")
+            raise SolverError(f"only {PLAIN} meshed by hexahedra can be varied")
         key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
         kept = self.parametric_cache.get(key) if self.parametric_cache else None
         if kept is not None:

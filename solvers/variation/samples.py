@@ -54,7 +54,7 @@ class Deviations:
 class _Kind:
     """Pillars of one kind of cell: numbers (p,), signs (p, 4) of what they deviate by, motions (p, r, columns).
 
-    stiffness, mass: the cell's changes at the nodes of its family, (nodes, r, r).
+    stiffness, mass: the cell's changes at the nodes of its family, (nodes, r, r); missed: of both, (r, r), as the family's.
     """
 
     family: CellFamily
@@ -63,6 +63,13 @@ class _Kind:
     motions: FloatArray
     stiffness: FloatArray
     mass: FloatArray
+    missed: tuple[FloatArray, FloatArray]
+
+    def changes(self, change_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What K and M of each pillar's cell change by where it is off by (p, 4) m in the cell's own directions, (p, r, r)."""
+        weights = self.family.weights(change_m)
+        stiffness, mass = (np.tensordot(weights, nodes, axes=1) for nodes in (self.stiffness, self.mass))
+        return stiffness, mass
 
 
 class VariedPlate:
@@ -80,15 +87,27 @@ class VariedPlate:
         """
         if change_m.shape != (len(self.pillars), 4):
             raise SolverError(f"deviations of shape {change_m.shape}: must be ({len(self.pillars)}, 4)")
-        space = self.space
-        stiffness, mass = space.stiffness.copy(), np.eye(space.size)
+        changes = [kind.changes(change_m[kind.numbers] * kind.signs) for kind in self._kinds]
+        return self._changed(changes, None if within_hz is None else self._within(within_hz))
+
+    def checked(self) -> tuple[ChangedPlate, ChangedPlate]:
+        """The plate whose pillars are all off by what each family was checked at: as interpolated, and from the reductions."""
+        interpolated, reduced = [], []
         for kind in self._kinds:
-            weights = kind.family.weights(change_m[kind.numbers] * kind.signs)
+            own = kind.changes(np.broadcast_to(kind.family.checked_m, kind.signs.shape))
+            interpolated.append(own)
+            reduced.append((own[0] + kind.missed[0], own[1] + kind.missed[1]))
+        return self._changed(interpolated), self._changed(reduced)
+
+    def _changed(self, changes: list[tuple[FloatArray, FloatArray]], kept: IntArray | None = None) -> ChangedPlate:
+        """The plate with these changes of each kind's cells, in the numbered motions of the space alone."""
+        space = self.space
+        totals = space.stiffness.copy(), np.eye(space.size)
+        for kind, own in zip(self._kinds, changes, strict=True):
             flat = kind.motions.reshape(-1, space.size)
-            for total, nodes in ((stiffness, kind.stiffness), (mass, kind.mass)):
-                moved = np.tensordot(weights, nodes, axes=1) @ kind.motions
-                total += flat.T @ moved.reshape(-1, space.size)
-        return space.changed(stiffness, mass, None if within_hz is None else self._within(within_hz))
+            for total, change in zip(totals, own, strict=True):
+                total += flat.T @ (change @ kind.motions).reshape(-1, space.size)
+        return space.changed(*totals, kept)
 
     def _within(self, band_hz: tuple[float, float]) -> IntArray:
         """Numbers of the columns that are modes in the band or no modes at all."""
@@ -152,8 +171,11 @@ def _kind(family: CellFamily, numbers: IntArray, signs: list[FloatArray], motion
     gram = sum((motion @ motion.T for motion in motions), start=np.zeros((family.cell.dof,) * 2))
     energy, basis = np.linalg.eigh(gram)
     basis = basis[:, energy > ENERGY * energy[-1]]
-    shrunk = [basis.T @ changes @ basis for changes in (family.stiffness, family.mass)]
-    return _Kind(family, numbers, np.array(signs), np.array([basis.T @ m for m in motions]), shrunk[0], shrunk[1])
+    stiffness, mass, *missed = (
+        basis.T @ changes @ basis for changes in (family.stiffness, family.mass, *family.missed)
+    )
+    own = np.array([basis.T @ motion for motion in motions])
+    return _Kind(family, numbers, np.array(signs), own, stiffness, mass, (missed[0], missed[1]))
 
 
 @dataclass(frozen=True)

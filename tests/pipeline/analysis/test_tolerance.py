@@ -75,6 +75,22 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
     shift = document["peak_shift_hz"]["mean"]
     assert shift == pytest.approx(np.mean(peaks) - document["nominal"]["peak_hz"])
     assert document["nominal"]["quality_factor"] == pytest.approx(100.0, rel=0.1)
+    off = document["interpolation_check"]
+    assert 0.0 < off["peak_hz"] < 0.1 * document["peak_hz"]["deviation"], "interpolation is no part of the spread"
+    assert off["confinement_db"] < 0.1
+
+
+@pytest.mark.parametrize(
+    "shape",
+    ["shape='round'\ndiameter_mm=2.0", "shape='hexagonal'\nside_mm=2.0", "shape='tapered'\nbase_mm=2.0\ntip_mm=1.6"],
+)
+def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None:
+    """Heights alone: a lone pillar's frequency goes as the inverse square of its height, and the plate's follows it."""
+    path = tmp_path / "shaped.toml"
+    path.write_text(CASE.replace("side_mm = 2.0", shape))
+    result = run(path, "--samples", "2")
+    assert len(result["samples"]) == 2 and result["pillars"] == 8
+    assert 0.0 < result["interpolation_check"]["peak_hz"] < 1e-4 * result["nominal"]["peak_hz"]
 
 
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
@@ -105,7 +121,7 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
         (CASE, ["--set", "tolerance.height_mm=2.5"], "a third of pillar.height_mm"),
         (CASE, ["--set", "tolerance.position_mm=0.4"], "pillars may touch"),
         (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
-        (CASE, ["--set", "pillar.fillet_mm=0.2"], "only square pillars"),
+        (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars without fillet"),
         (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),
         (CASE, ["--set", 'solve.model="solid"'], "must be auto or superelement"),
         (CASE, ["--set", 'solve.mesh="tet"'], "solve.mesh auto or hex"),

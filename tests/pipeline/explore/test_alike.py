@@ -57,6 +57,22 @@ def test_higher_pillars_alone_lower_the_mode_they_hold(explorer: Explorer) -> No
     assert np.corrcoef(heights, [one.peak_hz for one in record.samples])[0, 1] < -0.9
 
 
+@pytest.mark.parametrize(
+    ("shape", "widths"),
+    [("shape='round'\ndiameter_mm=2.0", (2.04, 2.04)), ("shape='tapered'\nbase_mm=2.0\ntip_mm=1.5", (2.04, 1.53))],
+)
+def test_pillars_of_other_shapes_grow_with_all_their_widths(
+    shape: str, widths: tuple[float, float], tmp_path: Path
+) -> None:
+    path = tmp_path / "shaped.toml"
+    path.write_text(SMALL.read_text().replace('shape = "square"\nside_mm = 2.0', shape))
+    case = alike.printed(load_case(path, list(SCATTER)), np.array([0.1e-3, 0.04e-3]))
+    pillar = case.design.pillar
+    assert pillar is not None
+    assert (1e3 * pillar.base_m, 1e3 * pillar.tip_m) == pytest.approx(widths)
+    assert 1e3 * pillar.height_m == pytest.approx(6.4)
+
+
 def test_where_pillars_stand_changes_nothing_and_is_said_to_be_left_out(explorer: Explorer) -> None:
     log = RecordingLog()
     record = solved(explorer, *SCATTER, "tolerance.position_mm=0.1", log=log)

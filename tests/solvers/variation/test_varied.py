@@ -6,15 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.errors import MeshError
+from geometry.hex.boxes import HexSettings, Panel, boxes_of, panel_scene
+from geometry.hex.moved import PillarChange, VariedPanel, unfolded
+from geometry.hex.panels import panel_mesh
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.mesh import Mesh, cell_volumes
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
 from solvers.superelement.cell import Cell, reduce_cell
 from solvers.superelement.interface import Interface
-from solvers.variation.parametric_cell import CellFamily, Setting, cell_family, moved_boxes, nodes_of, unfolded
+from solvers.variation.parametric_cell import CellFamily, Setting, cell_family, nodes_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
@@ -29,10 +34,12 @@ REACH_M = np.array([0.15e-3, 0.06e-3, 0.15e-3, 0.15e-3])  # 3 % of height and si
 def anew(panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> Cell:
     """The cell reduced from a mesh of the changed pillar."""
     side, height = setting.pillar.base_m + change_m[1], setting.pillar.height_m + change_m[0]
-    pillar = replace(setting.pillar, base_m=side, tip_m=side, height_m=height)
+    grown = side / setting.pillar.base_m
+    more = tuple((name, grown * size) for name, size in setting.pillar.more_m)
+    pillar = replace(setting.pillar, base_m=side, tip_m=grown * setting.pillar.tip_m, height_m=height, more_m=more)
     assert panel.foot is not None
     whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
-    mesh = hex_mesh(panel_boxes(whole, THICK_M, pillar, setting.hexahedra), setting.hexahedra.order)
+    mesh = panel_mesh(whole, THICK_M, pillar, setting.hexahedra).mesh
     scale = Scale(THICK_M, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
     return reduce_cell(system, setting.interface, setting.top_hz, (), panel.free)
@@ -45,12 +52,12 @@ def seen(stiffness: np.ndarray, mass: np.ndarray, boundary: int, scale: Scale) -
     return dynamic[b, b] - dynamic[b, i] @ np.linalg.solve(dynamic[i, i], dynamic[i, b])
 
 
-def errors(family: CellFamily, panel: Panel, change_m: np.ndarray) -> tuple[float, float]:
+def errors(family: CellFamily, panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> tuple[float, float]:
     """What the family misses of a change, over the change, and the change over the whole."""
     count, scale = SETTING.interface.count, family.cell.scale
     nominal = seen(family.cell.stiffness, family.cell.mass, count, scale)
     mine = seen(*family.at(change_m), count, scale)
-    other = anew(panel, change_m)
+    other = anew(panel, change_m, setting)
     theirs = seen(other.stiffness, other.mass, count, scale)
     change = np.linalg.norm(theirs - nominal)
     return float(np.linalg.norm(mine - theirs) / change), float(change / np.linalg.norm(nominal))
@@ -64,7 +71,7 @@ def middle() -> CellFamily:
 def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
     stiffness, mass = middle.at(np.zeros(4))
     assert np.array_equal(stiffness, middle.cell.stiffness) and np.array_equal(mass, middle.cell.mass)
-    assert len(middle.nodes) == 8 + 4
+    assert len(middle.nodes) == 8 + 4 + 5
 
 
 @pytest.mark.parametrize(
@@ -76,14 +83,14 @@ def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
         ([-0.15e-3, 0.06e-3, 0, 0], 1e-4),
         ([0, 0, 0, -0.1e-3], 0.01),
         ([-0.1e-3, 0.04e-3, 0, 0], 0.01),
-        ([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3], 0.03),
+        ([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3], 0.01),
     ],
 )
 def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change: list[float], most: float) -> None:
     """At the nodes one inverse iteration is all that is missed, the fourth order of the change: below 1e-4 of it.
 
-    Between them quadratic interpolation misses the third order, (1 - t^2) t/6 of 3 % cubed times 60: below 1 % of the change;
-    x and y beside height and side add products of two: 3 %.
+    Between them quadratic interpolation misses the third order, (1 - t^2) t/6 of 3 % cubed times 60: below 1 % of the change,
+    products of three parameters among it.
     """
     missed, size = errors(middle, MIDDLE, np.array(change, dtype=float))
     assert size > 1e-4
@@ -96,12 +103,78 @@ def test_a_piece_at_the_edge_keeps_its_free_side() -> None:
         assert errors(family, EDGE, np.array(change))[0] < 0.01
 
 
+SHAPES = {
+    "round": Pillar("round", 2e-3, 2e-3, 5e-3, ALUMINIUM),
+    "hexagonal": Pillar("hexagonal", 1.8e-3, 1.8e-3, 5e-3, ALUMINIUM),
+    "tapered": Pillar("tapered", 2e-3, 1.2e-3, 5e-3, ALUMINIUM),
+    "wider": Pillar("tapered", 1.4e-3, 2e-3, 5e-3, ALUMINIUM),
+    "cross": Pillar("cross", 2e-3, 2e-3, 5e-3, ALUMINIUM, more_m=(("arm_m", 0.8e-3),)),
+}
+
+
+def test_the_check_tells_what_interpolation_misses(middle: CellFamily) -> None:
+    """Of a pillar off in every way, beside a mesh of its own; its sign tells that what is missing is added, not taken."""
+    checked = middle.checked_m
+    assert checked == pytest.approx(2.0 / 3.0 * REACH_M)
+    count, scale, other = SETTING.interface.count, middle.cell.scale, anew(MIDDLE, checked)
+    theirs = seen(other.stiffness, other.mass, count, scale)
+    pair = middle.at(checked)
+    plain = seen(*pair, count, scale)
+    better = seen(pair[0] + middle.missed[0], pair[1] + middle.missed[1], count, scale)
+    missed = np.linalg.norm(plain - theirs)
+    assert np.linalg.norm(better - theirs) < 0.05 * missed
+    assert missed > 1e-4 * np.linalg.norm(theirs - seen(middle.cell.stiffness, middle.cell.mass, count, scale))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_pillars_of_other_shapes_change_as_meshes_of_their_own_do(shape: str) -> None:
+    """The lowest modes of the free cell. What the third order of a change of 3 % misses, 60 times 3 % cubed, is below 0.2 % of
+    a frequency.
+    """
+    setting = replace(SETTING, pillar=SHAPES[shape])
+    family = cell_family(setting, MIDDLE, REACH_M)
+    nominal = free_hz(family.cell.stiffness, family.cell.mass, family.cell.scale)
+    for change in ([-0.1e-3, 0.04e-3, 0.0, 0.0], [0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3]):
+        own = anew(MIDDLE, np.array(change), setting)
+        theirs = free_hz(own.stiffness, own.mass, own.scale)
+        mine = free_hz(*family.at(np.array(change)), family.cell.scale)
+        assert np.abs(theirs / nominal - 1.0).max() > 0.03
+        assert np.abs(mine / theirs - 1.0).max() < 0.002
+
+
+def free_hz(stiffness: np.ndarray, mass: np.ndarray, scale: Scale) -> np.ndarray:
+    """The six lowest elastic modes of the cell by itself."""
+    values = eigh(stiffness, mass, eigvals_only=True, subset_by_index=(6, 11))
+    return np.asarray(scale.frequency(values))
+
+
+@pytest.mark.parametrize("shape", ["square", *SHAPES])
+def test_a_moved_mesh_has_the_volume_and_the_place_of_the_changed_pillar(shape: str) -> None:
+    pillar = SHAPES.get(shape, PILLAR)
+    change = PillarChange(0.2e-3, 0.1e-3, 0.15e-3, -0.05e-3)
+    varied = VariedPanel(MIDDLE, THICK_M, pillar, SETTING.hexahedra, (0, 1))
+    still, moved = varied.still, varied.moved(change)
+    grown = 1.0 + change.side_m / pillar.base_m
+    for mesh in (still, moved):
+        assert np.ptp(mesh.nodes[mesh.nodes_of("touch"), :2], axis=0) == pytest.approx([4e-3, 4e-3])
+        assert _volume(mesh, "plate") == pytest.approx(4e-3 * 4e-3 * THICK_M)
+    raised = 1.0 + change.height_m / pillar.height_m
+    assert _volume(moved, "pillar") == pytest.approx(grown**2 * raised * _volume(still, "pillar"))
+    foot = moved.nodes[np.unique(moved.cells[moved.regions["pillar"]])]
+    assert (foot.min(axis=0) + foot.max(axis=0))[:2] / 2.0 - [0.15e-3, -0.05e-3] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert foot[:, 2].max() == pytest.approx(THICK_M + 5.2e-3)
+
+
+def _volume(mesh: Mesh, region: str) -> float:
+    return float(cell_volumes(mesh)[mesh.regions[region]].sum())
+
+
 def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
-    boxes = panel_boxes(FLUSH, THICK_M, PILLAR, SETTING.hexahedra)
-    moved = moved_boxes(boxes, SETTING, FLUSH, [0.0, 0.1e-3, 0.05e-3, 0.0])
-    assert moved.x[-1] == boxes.x[-1] == pytest.approx(1.5e-3)
-    foot = moved.x[:-1][moved.region[:, len(moved.y) // 2 - 1, -1] >= 0]
-    assert foot.min() == pytest.approx(1.5e-3 - 2.1e-3)
+    varied = VariedPanel(FLUSH, THICK_M, PILLAR, SETTING.hexahedra)
+    still, moved = varied.still, varied.moved(PillarChange(0.0, 0.1e-3, 0.05e-3, 0.0))
+    foot = moved.nodes[np.unique(moved.cells[moved.regions["pillar"]]), 0]
+    assert moved.nodes[:, 0].max() == pytest.approx(still.nodes[:, 0].max()) == pytest.approx(1.5e-3)
+    assert (foot.min(), foot.max()) == pytest.approx((1.5e-3 - 2.1e-3, 1.5e-3))
 
 
 def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
@@ -113,17 +186,21 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
         narrow.at(np.array([0.0, 0.01e-3, 0.0, 0.0]))
 
 
-def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_is_no_box_are_refused() -> None:
-    boxes = panel_boxes(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra)
-    with pytest.raises(SolverError, match="too wide for the pitch"):
-        moved_boxes(unfolded(unfolded(boxes, 0), 1), SETTING, MIDDLE, [0.0, 0.0, 1.1e-3, 0.0])
-    with pytest.raises(SolverError, match="above 0"):
-        moved_boxes(boxes, SETTING, MIDDLE, [-5e-3, 0.0, 0.0, 0.0])
-    round_one = replace(SETTING, pillar=replace(PILLAR, shape="round"))
-    with pytest.raises(SolverError, match="only square pillars"):
-        cell_family(round_one, MIDDLE, REACH_M)
+def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_refused() -> None:
+    varied = VariedPanel(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra, (0, 1))
+    for change, said in (
+        (PillarChange(x_m=1.1e-3), "too wide for the pitch"),
+        (PillarChange(height_m=-5e-3), "above 0"),
+    ):
+        with pytest.raises(MeshError, match=said):
+            varied.moved(change)
+    with pytest.raises(MeshError, match="begin at 0"):
+        unfolded(unfolded(boxes_of(panel_scene(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra)), 0), 0)
+    with pytest.raises(SolverError, match="without fillet or heavy tip"):
+        cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH_M)
 
 
-def test_nodes_are_a_grid_of_height_and_side_and_lines_of_x_and_y() -> None:
+def test_nodes_are_a_grid_of_height_and_side_lines_of_x_and_y_and_products() -> None:
     assert nodes_of(np.zeros(4)) == ()
-    assert set(nodes_of(np.array([1.0, 0.0, 0.0, 1.0]))) == {(-1, 0, 0, 0), (1, 0, 0, 0), (0, 0, 0, -1), (0, 0, 0, 1)}
+    lines = {(-1, 0, 0, 0), (1, 0, 0, 0), (0, 0, 0, -1), (0, 0, 0, 1)}
+    assert set(nodes_of(np.array([1.0, 0.0, 0.0, 1.0]))) == lines | {(1, 0, 0, 1)}
