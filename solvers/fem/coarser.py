@@ -2,8 +2,9 @@
 
 Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought that
 follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any further one
-will. Of a body meshed whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the finer mesh
-solves (K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves little of modes that lie
+will, but for motions of a parity to which it brought nothing: lower modes of the class tell what those hide. Of a body meshed
+whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the finer mesh solves
+(K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves little of modes that lie
 further off than they; Rayleigh's quotients on the span of all v are the coarser eigenvalues to second order in what is left,
 paired with the modes by their overlap (boffi2010).
 """
@@ -46,11 +47,16 @@ SHADE = (
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
-OUTER = 0.6  # of what the elements beside the innermost one miss by themselves: as measured at clamped faces
+# of what the elements beside the innermost one miss by themselves: as measured at clamped faces, and at the rims of feet, where
+# 61 cells of `python -m studies.error_bars` and of other seeds ask for 0.5 (stiff on soft) to 0.9 (alike)
+OUTER, RIM_OUTER = 0.6, 0.7
 UNRESOLVED = (
     0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 )
-RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.35  # of the share: one radial function stands for the whole of an edge
+# of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
+UNLOCKED = 0.6
+HIDDEN = 0.5  # of the largest half-width by short waves of a class's modes below: so much one of them may hide
+RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.3  # of the share: one radial function stands for the whole of an edge
 
 
 @dataclass(frozen=True)
@@ -58,7 +64,7 @@ class Shares:
     """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
 
     doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
-    no order less was meshed.
+    no order less was meshed; waves: of the order's change away from the edge what is of short waves.
     """
 
     taken: float = 0.0
@@ -67,6 +73,7 @@ class Shares:
     smooth: float = SMOOTH
     doubt: float = 0.0
     order: int = 0
+    waves: float = 1.0
 
     @property
     def rim(self) -> float:
@@ -75,15 +82,32 @@ class Shares:
 
     def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
-        half = self.rim * np.abs(layer) + smooth_half_width(order - self.edge * layer, self.smooth, self.order)
+        return np.asarray(self.at_edge(layer, order) + self.away(layer, order))
+
+    def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The same of modes of a class with eigenvalues (k,): the last order may bring one nothing, but waves as short as
+        those of lower modes are missed in it, too.
+        """
+        away, upwards = self.away(layer, order), np.argsort(values)
+        shown = np.maximum.accumulate(away[upwards])
+        away[upwards] = np.maximum(away[upwards], HIDDEN * shown)
+        return np.asarray(self.at_edge(layer, order) + away)
+
+    def at_edge(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The part of the half-width that the edge has."""
+        half = self.rim * np.abs(layer)
         if not self.doubt:
             return np.asarray(half)
         return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
 
+    def away(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The part that waves have away from it."""
+        return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
 
-def smooth_half_width(change: FloatArray, share: float, order: int) -> FloatArray:
+
+def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
     """What a mesh of order p misses away from edges of frequencies that order p - 1 misses `change` more of, relative: `share`
-    of it, or more where waves are short for the elements.
+    of it, or more where waves, which make so much of it, are short for the elements.
 
     Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s tells
     w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
@@ -92,7 +116,7 @@ def smooth_half_width(change: FloatArray, share: float, order: int) -> FloatArra
     if order < 2:
         return np.asarray(share * size)
     own, less = ((factorial(p) / factorial(2 * p)) ** 2 / (2 * p + 1) for p in (order, order - 1))
-    told = UNRESOLVED * own / 2.0 * (2.0 * size / (UNRESOLVED * less)) ** (order / (order - 1))
+    told = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
     return np.asarray(np.maximum(share * size, told))
 
 
@@ -105,7 +129,12 @@ Rim = tuple[Material, Material]  # the wider part's material, and that of the na
 
 
 def rim_shares(
-    plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, outer_share: float = 1.0, wall: float = pi / 2.0
+    plate: Material,
+    pillar: Material,
+    mesh: HexSettings,
+    *more: Rim,
+    outer_share: float = RIM_OUTER,
+    wall: float = pi / 2.0,
 ) -> Shares:
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
     them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves; wall: the angle in rad
@@ -119,9 +148,10 @@ def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_
     """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
     exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
     shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH, OUTER), smooth=CLAMPED_SMOOTH)
-    if not mesh.layers or mesh.size_m <= thickness_m:
+    if mesh.size_m <= thickness_m:
         return shares
-    return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread)
+    shares = replace(shares, waves=UNLOCKED)
+    return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
 
 
 def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
@@ -181,7 +211,7 @@ class CoarserMeshes:
             / 2.0
             for each in (self.layer or self.order, self.order)
         )
-        return self.shares.taken * layer, self.shares.half_width(layer, order)
+        return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
 
 
 def coarser_eigenvalues(

@@ -149,6 +149,25 @@ def test_short_waves_widen_the_bar_of_a_part_and_of_a_cell() -> None:
         assert bars[2] == pytest.approx(smooth_half_width(change, 0.0, MESH.order)[2])
 
 
+def test_a_plate_longer_in_its_elements_than_thick_counts_less_of_its_last_order() -> None:
+    """Order two locks there: of a plate of 2 mm in elements of 4 mm six tenths of what order three brought are waves'."""
+    none, change = np.zeros(1), np.array([0.1])
+    even = HexSettings(3, 4e-3)
+    thick, thin = (clamped_shares(STEEL, even, thickness_m=t).half_width(none, change) for t in (5e-3, 2e-3))
+    assert thin == pytest.approx(0.6**1.5 * thick) and thick == pytest.approx(smooth_half_width(change, 0.0, 3))
+
+
+def test_a_mode_to_which_the_last_order_brought_nothing_has_half_the_bar_of_lower_ones() -> None:
+    """Whatever the order of the modes; what the edge has is each mode's own, and no higher mode widens a lower one's bar."""
+    shares, none = Shares(order=3), np.zeros(3)
+    changes, values = np.array([5e-2, 0.0, 1e-3]), np.array([2.0, 3.0, 1.0])
+    own = shares.away(none, changes)
+    assert shares.of_modes(values, none, changes) == pytest.approx([own[0], 0.5 * own[0], own[2]])
+    foot = rim_shares(STEEL, STEEL, MESH)
+    layer = np.array([0.0, 0.0, 1e-2])
+    assert foot.of_modes(values, layer, foot.edge * layer) == pytest.approx(foot.half_width(layer, foot.edge * layer))
+
+
 def test_what_the_layer_brings_beyond_the_edges_part_is_doubted() -> None:
     """The order's change bounds what of the layer's is the edge's; half of the share of the rest counts, at a foot alone."""
     foot = rim_shares(STEEL, STEEL, MESH)
