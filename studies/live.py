@@ -2,6 +2,7 @@
 
     python -m studies.live [DESIGNS] [CASE]    so many random designs
     python -m studies.live corners [CASE]      those of the corners of the box
+    python -m studies.live plates N [CASE]     columns beside assembled plates, N designs of the cloud
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
@@ -20,7 +21,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
 from pipeline.case.overrides import read_toml
-from pipeline.explore.answer import BATCH, Explorer, Scene
+from pipeline.explore.answer import BATCH, Explorer, Scene, compute
 from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models.parametric import BANDS, CellModel, cell_model
 from pipeline.models.parametric_mesh import with_sizes
@@ -33,6 +34,7 @@ from solvers.parametric.bands import FLAT
 
 ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
+SPARE = 3  # designs of the cloud for each one asked for: some have no wanted mode
 EVERY = 5  # wavevectors that the plain reduction solves
 
 
@@ -108,6 +110,43 @@ def _whole(explorer: Explorer, case: Case) -> None:
     print(f"a design of the cloud: {each:.3f} s of the processor, {60.0 / each:.0f} a minute")
 
 
+def plates(count: int, path: str) -> None:
+    """Print how far the column's wanted mode lies from the assembled plate's, a line a design, and what holds of most."""
+    raw, case = read_toml(Path(path)), load_case(path)
+    scene = Scene(case, raw, ())
+    explorer, log = Explorer(scene, cell_model(case, TerminalLog())), WarningLog()
+    apart: list[tuple[float, float]] = []
+    held: list[tuple[bool, bool]] = []
+    step = len(explorer.cloud_designs) // (SPARE * count)
+    for given in explorer.cloud_designs[:: max(step, 1)]:
+        live = explorer.answer(given)["plate"]
+        if live.get("confinement_db") is None or len(apart) == count:
+            continue
+        real = compute(scene, given, live["frequency_hz"], log)
+        text = ", ".join(f"{name} {value:g}" for name, value in given.items())
+        if real.get("confinement_db") is None:
+            print(
+                f"{text}: {live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB; the plate has no such mode",
+                flush=True,
+            )
+            continue
+        apart.append(
+            (live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"])
+        )
+        held.append((abs(apart[-1][0]) <= live["frequency_error"], abs(apart[-1][1]) <= live["confinement_error_db"]))
+        print(
+            f"{text}: {live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB, {live['status']}; the plate "
+            f"{real['frequency_hz']:.0f} Hz, {real['confinement_db']:.1f} dB: {apart[-1][0]:+.2%}, {apart[-1][1]:+.2f} dB",
+            flush=True,
+        )
+    tones, levels = np.abs(np.array(apart)).T
+    tone, level = np.array(held).sum(axis=0)
+    print(f"{tone} of {len(held)} frequencies and {level} levels within their bars")
+    for share in (0.5, 0.9, 0.95, 1.0):
+        off, level = np.quantile(tones, share), np.quantile(levels, share)
+        print(f"{share:.0%} of {len(apart)} plates: within {off:.2%} and {level:.2f} dB")
+
+
 def picture(path: str) -> None:
     """Write the moving picture of the documentation: the page's own answers at FRAMES heights, there and back."""
     from matplotlib import pyplot as plt
@@ -147,6 +186,9 @@ def picture(path: str) -> None:
 
 if __name__ == "__main__":
     words = sys.argv[1:]
+    if words[:1] == ["plates"]:
+        plates(int(words[1]), words[2] if len(words) > 2 else str(STUDIES / "three-rows.toml"))
+        raise SystemExit
     if words[:1] == ["picture"]:
         picture(words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"))
         raise SystemExit

@@ -290,13 +290,16 @@ def _alike(arguments: Namespace, case: Case, log: TerminalLog, band: Band | None
     from pipeline.analysis.tolerance import lines
     from pipeline.explore import alike
     from pipeline.plots.response import report_figure
+    from pipeline.search.fidelity import column_level_error_db
 
     record = alike.solve(case, log)
+    level = column_level_error_db(record.nominal.confinement_db, case.design.nodal_lines)
     head = ("peak_hz", "confinement_db", "tracking")
     rows = [[getattr(one, name) for name in head] for one in record.samples]
     said = [
         f"{record.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
-        f"{record.frequency_error or 0.0:.1%} of its frequency, and its confinement has no bar",
+        f"{record.frequency_error or 0.0:.1%} of its frequency"
+        + (f" and {level:.1f} dB of its confinement" if level else ""),
         reading_table(head, rows),
         *lines(record),
     ]

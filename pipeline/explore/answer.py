@@ -18,7 +18,7 @@ from pipeline.models.live_column import LiveCell, live_modes
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
-from pipeline.search.fidelity import COLUMN, SLACK
+from pipeline.search.fidelity import COLUMN, column_level_error_db, frequency_slack
 from pipeline.search.limits import mass_kg
 from pipeline.units import GRAM, MM
 from solvers.errors import SolverError
@@ -285,7 +285,8 @@ class Explorer:
         squares = np.abs(profile.values[:, at]) ** 2
         return numbers | {
             "frequency_hz": float(frequency_hz[at]),
-            "frequency_error": SLACK[COLUMN],
+            "frequency_error": frequency_slack(COLUMN, design.nodal_lines),
+            "confinement_error_db": column_level_error_db(numbers["confinement_db"], design.nodal_lines),
             "status": level.wanted.status,
             "rivals": len(level.wanted.rivals),
             "profile": _profile(profile.y_m, profile.weights, squares, design.half_span_m),

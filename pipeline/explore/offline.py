@@ -18,7 +18,7 @@ from pipeline.models.live_column import FACE, INNER, PANEL
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
-from pipeline.search.fidelity import COLUMN, SLACK
+from pipeline.search.fidelity import COLUMN, column_level_error_db, frequency_slack
 from solvers.parametric import bands, bare, chain
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
@@ -113,7 +113,8 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "window_thickness": design.thickness_m,
         "panel": PANEL,
         "reach": chain.REACH,
-        "slack": SLACK[COLUMN],
+        "slack": frequency_slack(COLUMN, design.nodal_lines),
+        "level_slack_db": [column_level_error_db(level, design.nodal_lines) for level in (0.0, 1.0)],
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,

@@ -49,6 +49,13 @@ COLUMNS = (
     Column("live_wanted_hz", "wanted mode, live", _live(lambda one: one.frequency_hz), ".2f", "Hz"),
     Column("live_error", "its expected error, live", _live(lambda one: one.frequency_error), ".2%"),
     Column("live_confinement_db", "confinement, live", _live(lambda one: one.confinement_db), ".2f", "dB"),
+    Column(
+        "live_confinement_error_db",
+        "its expected error, live",
+        _live(lambda one: one.confinement_error_db),
+        ".2f",
+        "dB",
+    ),
     Column("live_db_per_row", "decay per row, live", _live(lambda one: one.db_per_row), ".2f", "dB"),
 )
 

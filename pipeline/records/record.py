@@ -444,12 +444,14 @@ class PredictionRecord(Part):
 class LiveRecord(Part):
     """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode.
 
-    frequency_error, relative: what a column may be off by, and its cells' mesh; why_not: why there is no wanted mode.
+    frequency_error, relative: what a column may be off by, and its cells' mesh; confinement_error_db: the same of a level;
+    why_not: why there is no wanted mode.
     """
 
     frequency_hz: float | None = None
     frequency_error: float | None = None
     confinement_db: float | None = None
+    confinement_error_db: float | None = None
     zone_to_extension_db: float | None = None
     mac: float | None = None
     gap_hz: tuple[float, float] | None

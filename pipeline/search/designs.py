@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from pipeline.search.fidelity import PLATE, SLACK, FidelityResult
+from pipeline.search.fidelity import PLATE, FidelityResult, frequency_slack
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
 from pipeline.units import KHZ
@@ -133,7 +133,7 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
         settings.limits.of_design(design)
         + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
         + settings.limits.of_zones(result.isolation_db, slack)
-        for slack in (SLACK[result.fidelity], 0.0)
+        for slack in (frequency_slack(result.fidelity, design.nodal_lines), 0.0)
     )
     excess = sum(amount for _, amount in violated)
     mass = mass_kg(design)

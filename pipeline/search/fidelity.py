@@ -30,7 +30,10 @@ MODELS = {
     PLATE: "plate assembled from reduced cells",
     SOLID: "the whole plate as one solid mesh",
 }
-SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a fidelity's frequency may be off, for the limits
+SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a fidelity's frequency may be off at least
+# a column leaves out the free ends, which shift the N - 1/2 half waves of a zone: over those, of a frequency and of a level in
+# dB, and dB besides. `python -m studies.live plates` holds them against assembled plates
+ENDS, LEVEL_ENDS, LEVEL_DB = 0.26, 1.0, 1.0
 COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
 AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
 SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
@@ -63,6 +66,21 @@ class FidelityResult:
     band_khz: float | None = None
     isolation_db: float | None = None
     gap_mm: float | None = None
+
+
+def frequency_slack(fidelity: str, nodal_lines: int) -> float:
+    """How far a fidelity's wanted frequency may lie from the plate's, relative, with so many nodal lines along the zone."""
+    return max(SLACK[fidelity], ENDS / _half_waves(nodal_lines)) if fidelity in (STRIP, COLUMN) else SLACK[fidelity]
+
+
+def column_level_error_db(level_db: float | None, nodal_lines: int) -> float | None:
+    """How far a column's confinement (dB) may lie from the plate's, dB; None where it has none."""
+    return None if level_db is None else LEVEL_DB + LEVEL_ENDS * abs(level_db) / _half_waves(nodal_lines)
+
+
+def _half_waves(nodal_lines: int) -> float:
+    """Half waves along the zone; rigid shapes count as the shortest one that bends."""
+    return max(nodal_lines, 2) - 0.5
 
 
 def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:

@@ -218,7 +218,14 @@ def _compare(browser: Any, exported: Path, explorer: Explorer, designs: int) -> 
         for one, other in zip(ours["bands"]["frequency_hz"], theirs["bands"]["frequency_hz"], strict=True):
             assert other == pytest.approx(one, rel=1e-4, abs=1e-5 * highest)
         assert theirs["bands"]["gaps"] == [pytest.approx(gap, rel=1e-4) for gap in ours["bands"]["gaps"]]
-        for name in ("confinement_db", "extension_db", "frequency_hz", "mac"):
+        for name in (
+            "confinement_db",
+            "extension_db",
+            "frequency_hz",
+            "mac",
+            "frequency_error",
+            "confinement_error_db",
+        ):
             assert theirs["plate"][name] == pytest.approx(ours["plate"][name], rel=1e-4)
         assert theirs["plate"]["profile"]["level"] == pytest.approx(ours["plate"]["profile"]["level"], abs=1e-4)
         known = [

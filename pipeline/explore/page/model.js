@@ -529,13 +529,17 @@ function measured(data, found, design) { // solvers/measures: confinement.py, wa
   const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
   return { ...best, rivals: Math.min(rivals, 3) };
 }
+function levelError(data, level) { // of a column: pipeline/search/fidelity.py
+  const [least, at] = data.level_slack_db;
+  return level === null ? null : least + (at - least) * Math.abs(level);
+}
 function plateOf(data, pillarRow, design, window) {
   const found = columnOf(data, pillarRow, design, window), best = measured(data, found, design);
   if (!best) return { why_not: "no mode of the wanted shape in the window" };
   const slots = data.profile, end = found.half_span, area = zeros(slots), square = zeros(slots);
   for (const p of found.profile) { const slot = Math.min(Math.floor(Math.abs(p.y) / end * slots), slots - 1); area[slot] += p.weight; square[slot] += p.weight * (p.re[best.c] ** 2 + p.im[best.c] ** 2); }
   const full = range(0, slots).filter((i) => area[i] > 0), level = full.map((i) => Math.sqrt(square[i] / area[i])), high = Math.max(...level);
-  return { confinement_db: best.confinement_db, extension_db: best.extension_db, mac: best.mac, zone_share: best.zone_share, frequency_hz: best.hz, frequency_error: data.slack, rivals: best.rivals,
+  return { confinement_db: best.confinement_db, extension_db: best.extension_db, mac: best.mac, zone_share: best.zone_share, frequency_hz: best.hz, frequency_error: data.slack, confinement_error_db: levelError(data, best.confinement_db), rivals: best.rivals,
     profile: { y_mm: full.map((i) => 1e3 * (i + 0.5) / slots * end), level: level.map((v) => v / high) }, half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * end };
 }
 

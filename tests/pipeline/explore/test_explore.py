@@ -101,6 +101,13 @@ def test_no_figure_of_the_mesh_is_told_where_none_was_measured(explorer: Explore
     assert answer["plate"]["frequency_error"] > unknown["plate"]["frequency_error"] > 0.0
 
 
+def test_a_column_may_be_off_by_what_the_free_ends_do_to_its_half_waves(explorer: Explorer) -> None:
+    """0.26 of a half wave of the N - 1/2 of four nodal lines, whatever the mesh; of a level 1 dB and the level over them."""
+    plate = Explorer(explorer.scene, replace(explorer.model, mesh=None)).answer(OWN)["plate"]
+    assert plate["frequency_error"] == pytest.approx(0.26 / 3.5)
+    assert plate["confinement_error_db"] == pytest.approx(1.0 + abs(plate["confinement_db"]) / 3.5)
+
+
 def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> None:
     """A table of such a product gives it back everywhere, and every corner its own."""
 

@@ -22,7 +22,18 @@ from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
-from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult, by_strip, evaluate, worst
+from pipeline.search.fidelity import (
+    COLUMN,
+    PLATE,
+    STRIP,
+    EvaluationCache,
+    FidelityResult,
+    by_strip,
+    column_level_error_db,
+    evaluate,
+    frequency_slack,
+    worst,
+)
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.plots import landscape
 from pipeline.search.space import parse_vary, read_space, searchable_keys, word_keys
@@ -238,6 +249,17 @@ def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> N
     assert result.confinement_db == pytest.approx(20.0 - 30.0 * 0.1**2)
     nothing = FidelityResult(COLUMN, None, None, None, None)
     assert worst(case, 0.2e-3, lambda each: nothing).worst_db is None
+
+
+@pytest.mark.parametrize(
+    ("lines", "slack"), [(0, 0.26 / 1.5), (2, 0.26 / 1.5), (4, 0.26 / 3.5), (8, 0.26 / 7.5), (40, 0.02)]
+)
+def test_cheap_fidelities_may_be_off_by_what_the_free_ends_do(lines: int, slack: float) -> None:
+    assert frequency_slack(COLUMN, lines) == pytest.approx(slack)
+    assert frequency_slack(STRIP, lines) == pytest.approx(max(slack, 0.1))
+    assert frequency_slack(PLATE, lines) == 0.0
+    assert column_level_error_db(None, lines) is None
+    assert column_level_error_db(-3.0, 4) == pytest.approx(1.0 + 3.0 / 3.5)
 
 
 def test_limits() -> None:
