@@ -21,7 +21,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
 from pipeline.case.overrides import read_toml
-from pipeline.explore.answer import BATCH, Explorer, Scene, compute
+from pipeline.explore.answer import BATCH, Document, Explorer, Scene, compute
 from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models.parametric import BANDS, CellModel, cell_model
 from pipeline.models.parametric_mesh import with_sizes
@@ -110,41 +110,48 @@ def _whole(explorer: Explorer, case: Case) -> None:
     print(f"a design of the cloud: {each:.3f} s of the processor, {60.0 / each:.0f} a minute")
 
 
+@dataclass(frozen=True)
+class BesidePlate:
+    """A column's wanted mode less the assembled plate's, relative and in dB, and its bars."""
+
+    frequency: float
+    level_db: float
+    frequency_bar: float
+    level_bar_db: float
+
+    @classmethod
+    def of(cls, live: Document, real: Document) -> BesidePlate:
+        """From both answers."""
+        off = live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"]
+        return cls(*off, live["frequency_error"], live["confinement_error_db"])
+
+
 def plates(count: int, path: str) -> None:
     """Print how far the column's wanted mode lies from the assembled plate's, a line a design, and what holds of most."""
-    raw, case = read_toml(Path(path)), load_case(path)
-    scene = Scene(case, raw, ())
-    explorer, log = Explorer(scene, cell_model(case, TerminalLog())), WarningLog()
-    apart: list[tuple[float, float]] = []
-    held: list[tuple[bool, bool]] = []
-    step = len(explorer.cloud_designs) // (SPARE * count)
-    for given in explorer.cloud_designs[:: max(step, 1)]:
+    scene = Scene(load_case(path), read_toml(Path(path)), ())
+    explorer = Explorer(scene, cell_model(scene.case, TerminalLog()))
+    step = max(len(explorer.cloud_designs) // (SPARE * count), 1)
+    every: list[BesidePlate] = []
+    for given in explorer.cloud_designs[::step]:
         live = explorer.answer(given)["plate"]
-        if live.get("confinement_db") is None or len(apart) == count:
+        if live.get("confinement_db") is None or len(every) == count:
             continue
-        real = compute(scene, given, live["frequency_hz"], log)
-        text = ", ".join(f"{name} {value:g}" for name, value in given.items())
+        real = compute(scene, given, live["frequency_hz"], WarningLog())
+        print(", ".join(f"{name} {value:g}" for name, value in given.items()), end=": ")
+        print(f"{live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB, {live['status']}", end="; the plate ")
         if real.get("confinement_db") is None:
-            print(
-                f"{text}: {live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB; the plate has no such mode",
-                flush=True,
-            )
+            print("has no such mode", flush=True)
             continue
-        apart.append(
-            (live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"])
-        )
-        held.append((abs(apart[-1][0]) <= live["frequency_error"], abs(apart[-1][1]) <= live["confinement_error_db"]))
-        print(
-            f"{text}: {live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB, {live['status']}; the plate "
-            f"{real['frequency_hz']:.0f} Hz, {real['confinement_db']:.1f} dB: {apart[-1][0]:+.2%}, {apart[-1][1]:+.2f} dB",
-            flush=True,
-        )
-    tones, levels = np.abs(np.array(apart)).T
-    tone, level = np.array(held).sum(axis=0)
-    print(f"{tone} of {len(held)} frequencies and {level} levels within their bars")
+        every.append(BesidePlate.of(live, real))
+        print(f"{real['frequency_hz']:.0f} Hz, {real['confinement_db']:.1f} dB", flush=True)
+    tones, levels = (np.abs([getattr(one, name) for one in every]) for name in ("frequency", "level_db"))
+    bars = [[getattr(one, name) for one in every] for name in ("frequency_bar", "level_bar_db")]
+    print(
+        f"{(tones <= bars[0]).sum()} of {len(every)} frequencies and {(levels <= bars[1]).sum()} levels within their bars"
+    )
     for share in (0.5, 0.9, 0.95, 1.0):
         off, level = np.quantile(tones, share), np.quantile(levels, share)
-        print(f"{share:.0%} of {len(apart)} plates: within {off:.2%} and {level:.2f} dB")
+        print(f"{share:.0%} of {len(every)} plates: within {off:.2%} and {level:.2f} dB")
 
 
 def picture(path: str) -> None:

@@ -47,9 +47,9 @@ SHADE = (
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
-# of what the elements beside the innermost one miss by themselves: as measured at clamped faces, and at the rims of feet, where
+# of what the elements beside the innermost one miss by themselves: as measured at clamped faces and at the rims of feet, where
 # 61 cells of `python -m studies.error_bars` and of other seeds ask for 0.5 (stiff on soft) to 0.9 (alike)
-OUTER, RIM_OUTER = 0.6, 0.7
+OUTER = 0.6
 UNRESOLVED = (
     0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 )
@@ -133,21 +133,19 @@ def rim_shares(
     pillar: Material,
     mesh: HexSettings,
     *more: Rim,
-    outer_share: float = RIM_OUTER,
     wall: float = pi / 2.0,
 ) -> Shares:
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
-    them (williams1952); outer_share: of what the elements beside the innermost one miss by themselves; wall: the angle in rad
-    that the pillar fills above its foot.
+    them (williams1952); wall: the angle in rad that the pillar fills above its foot.
     """
     exponents = (*_exponents(rim_wedges(plate, pillar, wall)), *_rim_exponents(*more))
-    return replace(_shares(exponents, mesh, RIM_ROUGH, outer_share), doubt=SHADE)
+    return replace(_shares(exponents, mesh, RIM_ROUGH), doubt=SHADE)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
     """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
     exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
-    shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH, OUTER), smooth=CLAMPED_SMOOTH)
+    shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if mesh.size_m <= thickness_m:
         return shares
     shares = replace(shares, waves=UNLOCKED)
@@ -163,11 +161,11 @@ def _exponents(wedges: tuple[Wedge, ...]) -> tuple[float, float]:
     return min(edge_exponent(wedges), ALMOST_SMOOTH), min(antiplane_exponent(wedges), ALMOST_SMOOTH)
 
 
-def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float, outer_share: float) -> Shares:
+def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
     for exponent in exponents:
         own, coarse, lower = (
-            rim_error(exponent, each.order, each.factor, each.layers - each.skipped, outer_share)
+            rim_error(exponent, each.order, each.factor, each.layers - each.skipped, OUTER)
             for each in (mesh, mesh.coarser if mesh.layers else less, less)
         )
         left.append(own / (coarse - own))

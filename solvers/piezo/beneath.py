@@ -27,7 +27,7 @@ from geometry.mesh import Mesh
 from geometry.patches import mirrored_axes
 from solvers.errors import TooLarge
 from solvers.fem.assembly import System
-from solvers.fem.coarser import OUTER, Shares, rim_shares
+from solvers.fem.coarser import Shares, rim_shares
 from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.piezo import patch as piezo_patch
@@ -94,7 +94,7 @@ class Beneath:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
         ceramic = patch.material
         alike = Material(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
-        shares = rim_shares(self.reductions.material, alike, patch.mesh, outer_share=OUTER)
+        shares = rim_shares(self.reductions.material, alike, patch.mesh)
         return replace(shares, spread=shares.spread + ROUGH * shares.taken)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
