@@ -54,9 +54,13 @@ UNRESOLVED = (
     0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 )
 # of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
-UNLOCKED = 0.6
+UNLOCKED = 0.5
 HIDDEN = 0.5  # of the largest half-width by short waves of a class's modes below: so much one of them may hide
-RIM_ROUGH, CLAMPED_ROUGH = 0.1, 0.3  # of the share: one radial function stands for the whole of an edge
+RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = (
+    0.1,
+    0.3,
+    0.2,
+)  # of the share: one radial function stands for the whole of an edge
 
 
 @dataclass(frozen=True)
@@ -145,8 +149,9 @@ def rim_shares(
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
     """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
     exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
-    shares = replace(_shares(exponents, mesh, CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
-    if mesh.size_m <= thickness_m:
+    is_long = mesh.size_m > thickness_m
+    shares = replace(_shares(exponents, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+    if not is_long:
         return shares
     shares = replace(shares, waves=UNLOCKED)
     return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
