@@ -137,7 +137,10 @@ def test_the_check_tells_what_interpolation_misses(middle: CellFamily) -> None:
     assert missed > 1e-4 * np.linalg.norm(theirs - seen(middle.cell.stiffness, middle.cell.mass, count, scale))
 
 
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    "shape",
+    ["round", "hexagonal", "tapered", *(pytest.param(one, marks=pytest.mark.slow) for one in ("wider", "cross"))],
+)
 def test_pillars_of_other_shapes_change_as_meshes_of_their_own_do(shape: str) -> None:
     """The lowest modes of the free cell. What the third order of a change of 3 % misses, 60 times 3 % cubed, is below 0.2 % of
     a frequency.
