@@ -115,9 +115,7 @@ class Pillar:
     @property
     def takes_hexahedra(self) -> bool:
         """True when hexahedra, straight or curved, can follow the pillar where its panel leaves them room."""
-        if self.is_made_of_boxes:
-            return True
-        return bool(self.form.plan) and self.fillet_m == 0.0 and self.tip is None and self.faces == 1
+        return self.is_made_of_boxes or self.is_plain
 
     @property
     def is_plain(self) -> bool:

@@ -54,13 +54,16 @@ class VariedPanel:
             raise MeshError("a pillar's height must stay above 0")
         shifts = _Shift.along(self.panel, self.pillar, change, 0), _Shift.along(self.panel, self.pillar, change, 1)
         if self.pillar.form.plan not in PLANS:
-            return self._shifted(shifts, 1.0 + change.height_m / self.pillar.height_m)
+            return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
         patches = foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
         z = lines_along_z(self.thickness_m, self.pillar.height_m, self.settings)
-        raised = 1.0 + change.height_m / self.pillar.height_m
-        z = np.where(z > self.thickness_m, self.thickness_m + (z - self.thickness_m) * raised, z)
-        return relaid(self._patched, patches, z, self.thickness_m)
+        return relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
+
+    def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
+        """Places along z, those above the plate stretched to the changed height."""
+        beyond = np.maximum(z - self.thickness_m, 0.0)
+        return np.asarray(z + beyond * change.height_m / self.pillar.height_m)
 
     @property
     def _whole(self) -> Panel:
@@ -73,8 +76,6 @@ class VariedPanel:
 
     @cached_property
     def _of_boxes(self) -> Mesh:
-        if not self.opened:
-            return panel_mesh(self.panel, self.thickness_m, self.pillar, self.settings).mesh
         boxes = panel_boxes(replace(self.panel, pillar=square_of(self.pillar)), self.thickness_m, None, self.settings)
         for axis in self.opened:
             boxes = unfolded(boxes, axis)
@@ -82,15 +83,15 @@ class VariedPanel:
         mesh = hex_mesh(boxes, self.settings.order)
         return leaning(mesh, foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
 
-    def _shifted(self, shifts: tuple[_Shift, _Shift], raised: float) -> Mesh:
+    def _shifted(self, shifts: tuple[_Shift, _Shift], change: PillarChange) -> Mesh:
         """Lines along the axes go along with the foot: the plate's nodes piecewise linearly between the panel's sides and the
         foot's, those of the pillar as its foot does.
         """
-        mesh, thickness = self.still, self.thickness_m
+        mesh = self.still
         x, y, z = mesh.nodes.T
-        above = z > thickness + FLUSH_M
+        above = z > self.thickness_m + FLUSH_M
         plan = [np.where(above, own.foot(line), own.plate(line)) for own, line in zip(shifts, (x, y), strict=True)]
-        nodes = np.column_stack([*plan, np.where(above, thickness + (z - thickness) * raised, z)])
+        nodes = np.column_stack([*plan, self._raised(z, change)])
         spans = None if mesh.spans is None else np.ptp(nodes[mesh.cells], axis=1)
         return replace(mesh, nodes=nodes, spans=spans)
 

@@ -31,9 +31,9 @@ MODELS = {
     SOLID: "the whole plate as one solid mesh",
 }
 SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a fidelity's frequency may be off at least
-# a column leaves out the free ends, which shift the N - 1/2 half waves of a zone: over those, of a frequency and of a level in
-# dB, and dB besides. `python -m studies.live plates` holds them against assembled plates
-ENDS, LEVEL_ENDS, LEVEL_DB = 0.26, 1.0, 1.0
+# a column leaves out the free ends, which shift the N - 1/2 half waves of a zone: of a frequency so much over those, of a level
+# all of it over those, and dB besides. `python -m studies.live plates` holds them against assembled plates
+ENDS, LEVEL_DB = 0.26, 1.0
 COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
 AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
 SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
@@ -75,7 +75,7 @@ def frequency_slack(fidelity: str, nodal_lines: int) -> float:
 
 def column_level_error_db(level_db: float | None, nodal_lines: int) -> float | None:
     """How far a column's confinement (dB) may lie from the plate's, dB; None where it has none."""
-    return None if level_db is None else LEVEL_DB + LEVEL_ENDS * abs(level_db) / _half_waves(nodal_lines)
+    return None if level_db is None else LEVEL_DB + abs(level_db) / _half_waves(nodal_lines)
 
 
 def _half_waves(nodal_lines: int) -> float:

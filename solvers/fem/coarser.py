@@ -56,11 +56,8 @@ UNRESOLVED = (
 # of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
 HIDDEN = 0.5  # of the largest half-width by short waves of a class's modes below: so much one of them may hide
-RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = (
-    0.1,
-    0.3,
-    0.2,
-)  # of the share: one radial function stands for the whole of an edge
+# of the share: one radial function stands for the whole of an edge
+RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.2
 
 
 @dataclass(frozen=True)
@@ -132,13 +129,7 @@ def largest(half_widths: FloatArray) -> float | None:
 Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
 
 
-def rim_shares(
-    plate: Material,
-    pillar: Material,
-    mesh: HexSettings,
-    *more: Rim,
-    wall: float = pi / 2.0,
-) -> Shares:
+def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0) -> Shares:
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
     them (williams1952); wall: the angle in rad that the pillar fills above its foot.
     """
