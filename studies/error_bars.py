@@ -3,7 +3,7 @@
 Plates and pillars of every library material and thicknesses from 0.5 to 5 mm: cells with square, round, hexagonal and tapered
 pillars on the first mesh level against the finest, both with the same reduction; some of them against the whole cell as meshed
 under Bloch's conditions, without any reduction; cells of tetrahedra with square and round pillars against hexahedra; lone
-pillars and zones at accuracy 0.01 against 0.0005, of tetrahedra, too.
+pillars and zones at accuracy 0.01 against 0.0005, of tetrahedra, too; plates on the first mesh level against the finest.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ from pipeline.planning import mesh_rules
 from pipeline.plots import style
 from pipeline.records.store import write_atomic
 from solvers.fem.assembly import Scale, assemble
-from solvers.superelement.build import Reductions
+from solvers.fem.eigen import modes_near
+from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
@@ -45,6 +46,8 @@ SEED, BANDS = 7, 10
 TUNGSTEN = Material("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 ROUGHLY, FINELY = 0.01, 0.0005  # accuracies of lone parts
+CLASS_MODES = 6  # of a plate's symmetry class
+EXTENSION = 2.0  # of plates beyond their zone and rows, in thicknesses
 TAPER = 0.6  # of tapered pillars: tip over foot
 QUIET = TerminalLog(True)
 
@@ -181,11 +184,35 @@ def of_part(part: str, design: Design, mesh: str = "auto") -> Compared:
 
 def _modes(part: str, design: Design, accuracy: float, mesh: str) -> tuple[FloatArray, FloatArray]:
     case: Case = load_case(CASE, [f"solve.accuracy={accuracy}", f"solve.mesh={mesh}"])
-    result = solve_modes(replace(case, design=design), Request(part, near_hz=0.0, count=6), QUIET)
-    return (
-        np.array([row.frequency_hz for row in result.rows[:6]]),
-        np.array([row.error if row.error is not None else np.nan for row in result.rows[:6]]),
-    )
+    rows = solve_modes(replace(case, design=design), Request(part, near_hz=0.0, count=6), QUIET).rows[:6]
+    bars = np.array([row.error if row.error is not None else np.nan for row in rows])
+    return np.array([row.frequency_hz for row in rows]), bars
+
+
+def of_plate(design: Design) -> Compared:
+    """The lowest modes of a plate with a row of pillars on either side of its zone, on the first mesh level and on the finest,
+    the elements of its bare panels half as long there.
+    """
+    levels = list(mesh_rules.CELL_LEVELS.values())
+    design = replace(design, rows=1, extension_m=EXTENSION * design.thickness_m)
+    (rough, bar), (fine, _) = _plate_modes(design, levels[0], 1.0), _plate_modes(design, levels[-1], 0.5)
+    return Compared("plate", described(design), np.abs(rough / fine - 1.0), bar)
+
+
+def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> tuple[FloatArray, FloatArray]:
+    """Frequencies of every symmetry class's lowest modes, and the half-widths of their bars by the mesh."""
+    mesh = mesh_rules.cell_mesh(design, level)
+    bare_m = mesh_rules.bare_size_m(design, mesh.order)
+    assert bare_m
+    settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.wanted_window_hz(design)[1])
+    settings = replace(settings, hexahedra=mesh, bare_size_m=shrunk * bare_m)
+    model = PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, settings))
+    tones, bars = [], []
+    for symmetry in model.symmetries:
+        modes = modes_near(pencil := model.pencil(symmetry), 0.0, CLASS_MODES)
+        tones.append(modes.frequency_hz[:CLASS_MODES])
+        bars.append(model.mode_errors(symmetry, pencil, modes.vectors).mesh[:CLASS_MODES])
+    return np.concatenate(tones), np.concatenate(bars)
 
 
 def compare(counts: dict[str, int], folder: Path | None = None) -> list[Compared]:
@@ -220,10 +247,12 @@ PARTS: dict[str, Callable[[Design], Compared]] = {
     "pillars_of_tetrahedra": partial(of_part, "pillar", mesh="tet"),
     "zones": partial(of_part, "zone"),
     "zones_of_tetrahedra": partial(of_part, "zone", mesh="tet"),
+    "plates": of_plate,
 }
 COUNTS = {
     "cells": 12, "whole_cells": 2, "round": 6, "hexagonal": 6, "tapered": 6, "square_tetrahedra": 8, "round_tetrahedra": 4,
     "pillars": 34, "pillars_of_tetrahedra": 12, "zones": 34, "zones_of_tetrahedra": 4,
+    "plates": 10,
 }  # fmt: skip
 
 

@@ -116,23 +116,25 @@ def _alignment(
 ) -> tuple[FloatArray, FloatArray]:
     """Turns (their dof, k) and (own dof, k) of both bases to directions that belong together.
 
-    Boundary functions keep their names; what the coarser mesh's shapes differ by is given to its modes as far as they can
-    clamp it, so that almost massless combinations stay so.
+    Boundary functions keep their names, in whatever combinations each mesh takes them: one that is its own image under
+    x <-> y splits them once more. What the coarser mesh's shapes differ by is given to its modes as far as they can clamp it,
+    so that almost massless combinations stay so.
     """
     width, nodes = part.basis.shape[1], transfer.shape[1]
+    renamed = other.basis.T @ part.basis  # both are orthonormal and span the same
     prolonged = (transfer @ other.shapes.reshape(nodes, -1)).reshape(len(part.shapes), -1)
     modes = prolonged[:, width:]
     heavy = (fine.system.mass @ modes.reshape(len(modes) // 3, -1)).reshape(modes.shape)
     left, overlap, right = np.linalg.svd(heavy.T @ part.shapes[:, width:], full_matrices=False)
     alike = overlap > ALIKE
-    lent = heavy.T @ (part.shapes[:, :width] - prolonged[:, :width])
-    return _widened(lent, left[:, alike]), _widened(np.zeros((len(right.T), width)), right[alike].T)
+    lent = heavy.T @ (part.shapes[:, :width] - prolonged[:, :width] @ renamed)
+    own = np.zeros((len(right.T), width))
+    return _widened(renamed, lent, left[:, alike]), _widened(np.eye(width), own, right[alike].T)
 
 
-def _widened(lent: FloatArray, turn: FloatArray) -> FloatArray:
+def _widened(named: FloatArray, lent: FloatArray, turn: FloatArray) -> FloatArray:
     """The boundary's degrees of freedom with what the modes lend them, beside a turn of the modes."""
-    width = lent.shape[1]
-    return np.block([[np.eye(width), np.zeros((width, turn.shape[1]))], [lent, turn]])
+    return np.block([[named, np.zeros((len(named), turn.shape[1]))], [lent, turn]])
 
 
 def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:

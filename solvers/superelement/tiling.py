@@ -151,8 +151,8 @@ def _cuts(design: Design) -> FloatArray:
 
 
 def _distinct(places_m: Iterable[float]) -> FloatArray:
-    """Places in ascending order, each once; numpy.unique would load masked arrays for a few numbers."""
-    return np.array(sorted({round(float(place), DIGITS + 3) + 0.0 for place in places_m}))
+    """Places in ascending order, each once, not rounded: a square panel stays one; numpy.unique would load masked arrays."""
+    return np.array(sorted({round(float(place), DIGITS + 3) + 0.0: float(place) + 0.0 for place in places_m}.values()))
 
 
 def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:

@@ -13,9 +13,10 @@ from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.superelement import cell as reduction
+from solvers.superelement.build import Reductions
 from solvers.superelement.cell import reduce_cell
 from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
@@ -47,6 +48,28 @@ def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatc
     assert np.abs(turned.stiffness[boundary, boundary] - direct.stiffness[boundary, boundary]).max() < 1e-10 * largest
     shapes = [c.touch.matrix[:, 0, FACE.count :][:, c.fixed_parity[:, 0] == -1] for c in (turned, direct)]
     assert subspace_angles(*shapes).max() < 1e-6
+
+
+@pytest.mark.parametrize("split", ["the finer mesh", "its coarser ones"])
+def test_a_mesh_tells_its_error_to_one_that_the_diagonal_splits_otherwise(
+    split: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sides that differ in the tenth digit are alike to one mesh and not to the other: their functions are still the same."""
+    settings = ReductionSettings(FACE, 300e3, HexSettings(3, 2e-3, 1))
+    panel = Reductions(2e-3, ALUMINIUM, PILLAR, settings)
+    alike = panel.cell(SQUARE).mesh_error
+    nodes = len(panel._mesh(SQUARE, settings.hexahedra).mesh.nodes)
+
+    def seen(body: System) -> np.ndarray | None:
+        finer = len(body.mesh.nodes) == nodes
+        return diagonal_mirror(body) if finer == (split == "the finer mesh") else None
+
+    monkeypatch.setattr(reduction, "diagonal_mirror", seen)
+    otherwise = panel.cell(SQUARE).mesh_error
+    assert alike and otherwise
+    for one, other in ((alike.order_stiffness, otherwise.order_stiffness), (alike.layer_mass, otherwise.layer_mass)):
+        own = slice(0, FACE.count)
+        assert np.abs((one - other)[own, own]).max() < 1e-8 * np.abs(one).max()
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -144,3 +144,19 @@ def test_a_mesh_too_coarse_for_the_boundary_functions_is_refused() -> None:
     made = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(Interface(4, 3), 200e3, coarse))
     with pytest.raises(SolverError, match="through the thickness"):
         made.cell(lattice_panel(DESIGN))
+
+
+def test_panels_as_long_as_wide_are_square_to_the_last_digit() -> None:
+    """A rounded edge hides the mirror x <-> y of a small panel, and with it half of the work."""
+    base = DESIGN.pillar
+    assert base
+    side = 6.70396232277384e-4
+    pitch = 1.7153805616369382e-3
+    small = replace(DESIGN, pillar=replace(base, base_m=side, tip_m=side), pitch_x_m=pitch, pitch_y_m=pitch)
+    small = replace(small, thickness_m=6.6e-4, rows=1, width_m=5.597930496e-3, length_m=3.4735e-2, extension_m=1.32e-3)
+    tiling = tile(small, 2e-3)
+    panels = [tiling.panel(i, j) for i, j in tiling.representatives(False) if (i, j) in tiling.feet]
+    assert panels
+    for panel in panels:
+        wide, long = (high - low for low, high in zip(panel.low, panel.high, strict=True))
+        assert abs(wide / long - 1.0) < 1e-11
