@@ -2,7 +2,7 @@
 
 Plates and pillars of every library material and thicknesses from 0.5 to 5 mm: cells with square, round, hexagonal and tapered
 pillars on the first mesh level against the finest, both with the same reduction; some of them against the whole cell as meshed
-under Bloch's conditions, without any reduction; cells of tetrahedra with square and round pillars against hexahedra; lone
+under Bloch's conditions, without any reduction; cells of tetrahedra against hexahedra, with square and round pillars; lone
 pillars and zones at accuracy 0.01 against 0.0005, of tetrahedra, too; plates on the first mesh level against the finest.
 """
 
@@ -27,6 +27,7 @@ from pipeline.analysis.bands import solve_bands
 from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.parts import tet_cell
 from pipeline.paths import ROOT
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
@@ -42,10 +43,11 @@ from solvers.waves.bloch import BlochCell
 
 PAGE, PICTURE = ROOT / "docs" / "error-bars.md", ROOT / "docs" / "pictures" / "error-bars.svg"
 CASE = Path(__file__).with_name("three-rows.toml")
-SEED, BANDS = 7, 10
+SEED, BANDS = 9, 10  # a seed of whose scenes no constant of the bars was chosen
 TUNGSTEN = Material("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 ROUGHLY, FINELY = 0.01, 0.0005  # accuracies of lone parts
+CUTOFF = 0.003  # accuracy for which the fixed-interface modes of cells are kept: none of any weight on one mesh alone
 CLASS_MODES = 6  # of a plate's symmetry class
 EXTENSION = 2.0  # of plates beyond their zone and rows, in thicknesses
 TAPER = 0.6  # of tapered pillars: tip over foot
@@ -110,14 +112,13 @@ def shaped(design: Design, shape: str) -> Design:
 def of_cells(design: Design, shape: str = "square") -> Compared:
     """Ten bands at G, X, M and between, on the first mesh level and on the finest."""
     levels, design = list(mesh_rules.CELL_LEVELS.values()), shaped(design, shape)
-    (rough, bar), (fine, _) = (_bands(design, level) for level in (levels[0], levels[-1]))
+    (rough, bar), (fine, _) = (_bands(design, _lattice(design, level)) for level in (levels[0], levels[-1]))
     name = "cell" if shape == "square" else f"{shape} cell"
     return Compared(name, described(design), np.abs(rough / fine - 1.0), bar)
 
 
-def _bands(design: Design, level: mesh_rules.MeshLevel) -> tuple[FloatArray, FloatArray]:
+def _bands(design: Design, lattice: Lattice) -> tuple[FloatArray, FloatArray]:
     """Frequencies above those of rigid-body waves, and the half-widths of their bars by the mesh."""
-    lattice = _lattice(design, level)
     edge, tones, bars = np.pi / design.pitch_x_m, [], []
     for k in ((0.0, 0.0), (edge, 0.0), (edge, edge), (0.37 * edge, 0.61 * edge)):
         waves = lattice.waves(np.array(k), BANDS)
@@ -128,10 +129,14 @@ def _bands(design: Design, level: mesh_rules.MeshLevel) -> tuple[FloatArray, Flo
 
 
 def _lattice(design: Design, level: mesh_rules.MeshLevel) -> Lattice:
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, _settings(design, level))
+    return Lattice(reductions.cell(lattice_panel(design)))
+
+
+def _settings(design: Design, level: mesh_rules.MeshLevel) -> ReductionSettings:
     along = 4 if design.pitch_x_m <= 2.5 * design.thickness_m else 5
-    top_hz = mesh_rules.lattice_reduction(design, 0.03).top_hz
-    settings = ReductionSettings(Interface(along, 3), top_hz, mesh_rules.cell_mesh(design, level))
-    return Lattice(Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design)))
+    top_hz = mesh_rules.lattice_reduction(design, CUTOFF).top_hz
+    return ReductionSettings(Interface(along, 3), top_hz, mesh_rules.cell_mesh(design, level))
 
 
 def of_whole_cell(design: Design) -> Compared:
@@ -159,11 +164,17 @@ def _corners(design: Design) -> FloatArray:
 
 
 def of_tetrahedra(design: Design, shape: str) -> Compared:
-    """Ten bands at G, X and M of a cell by tetrahedra at accuracy 0.01, and by hexahedra at 0.003."""
-    design = shaped(design, shape)
-    (rough, bar), (fine, _) = (_at_corners(design, *each) for each in ((0.01, "tet"), (0.003, "hex")))
-    moving, name = fine > SLOWEST * fine.max(), f"{shape} cell by tetrahedra"
-    return Compared(name, described(design), np.abs(rough[moving] / fine[moving] - 1.0), bar[moving])
+    """Ten bands at G, X, M and between of a cell by tetrahedra as for accuracy 0.01, and by hexahedra one mesh level finer than
+    the first.
+    """
+    design, level = shaped(design, shape), list(mesh_rules.CELL_LEVELS.values())[1]
+    mesh, halved = tet_cell(design, mesh_rules.tet_cell_edge_m(design, ROUGHLY), QUIET)
+    reductions = Reductions(
+        design.thickness_m, design.material, design.pillar, _settings(design, level), mesher=lambda panel: mesh
+    )
+    by_tetrahedra = Lattice(reductions.cell(replace(lattice_panel(design), halved=halved)))
+    (rough, bar), (fine, _) = _bands(design, by_tetrahedra), _bands(design, _lattice(design, level))
+    return Compared(f"{shape} cell by tetrahedra", described(design), np.abs(rough / fine - 1.0), bar)
 
 
 def _at_corners(design: Design, accuracy: float, mesh: str = "auto") -> tuple[FloatArray, FloatArray]:
@@ -262,7 +273,7 @@ def page(results: list[Compared]) -> str:
         "# Error bars against true errors",
         "",
         "Written by `python -m studies.error_bars`. Scenes are drawn at random over all library materials, thicknesses from",
-        "0.5 to 5 mm, stubby and slender pillars. Each frequency is compared with a finer computation; the bar is the stated",
+        "0.5 to 5 mm, stubby and slender pillars; no constant of the bars was chosen by these. Each frequency is compared with a finer computation; the bar is the stated",
         "one, and what the finer computation may be off by itself counts as error. A bar too wide is a fault, too: the last",
         "column tells how many times the true error it is. A whole cell is solved as meshed under Bloch's conditions, without",
         "symmetry or reduction: another path through the program, on no finer mesh, so that both bars are added. What is named",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
-from pipeline.planning.refinement import MARGIN
+from pipeline.planning.refinement import CLIMBS, MARGIN, finer_mesh
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
@@ -46,6 +46,7 @@ from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polar
 from solvers.waves.supercell import Supercell, staggered_tiling
 from solvers.waves.symmetry import Mirrors
 
+AnyCell = TypeVar("AnyCell", WholeCell, Supercell)
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
 DIGITS = 7
@@ -190,21 +191,45 @@ def _check(case: Case) -> None:
 
 def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     """Solve the cell as meshed."""
-    settings = choice.hexahedra
-    assert settings
-    with log.step("assemble the cell and two coarser ones"):
-        cell = WholeCell.of(case.design, settings)
-    return _sampled(case, f"solid hex{settings.order}", cell, path, [mesh_record("cell", cell.mesh)], log)
+
+    def meshed(choice: ModelChoice) -> WholeCell:
+        assert choice.hexahedra
+        with log.step("assemble the cell and two coarser ones"):
+            return WholeCell.of(case.design, choice.hexahedra)
+
+    choice, cell = _fine_enough(case, choice, path, meshed, log)
+    return _sampled(case, choice.name, cell, path, [mesh_record("cell", cell.mesh)], log)
 
 
 def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     """Join the panels of two staggered rows."""
-    assert choice.reduction
     design = case.design
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, choice.reduction, CellCache())
-    with log.step("reduce the panels of two rows"):
-        cell = Supercell(staggered_tiling(design), reductions)
+
+    def joined(choice: ModelChoice) -> Supercell:
+        assert choice.reduction
+        reductions = Reductions(design.thickness_m, design.material, design.pillar, choice.reduction, CellCache())
+        with log.step("reduce the panels of two rows"):
+            return Supercell(staggered_tiling(design), reductions)
+
+    choice, cell = _fine_enough(case, choice, path, joined, log)
     return _sampled(case, choice.name, cell, path, [], log)
+
+
+def _fine_enough(
+    case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
+) -> tuple[ModelChoice, AnyCell]:
+    """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds."""
+    corners, cell = path.wavevectors[[segment.last for segment in path.segments]], build(choice)
+    for _ in range(CLIMBS):
+        with log.step("error of the mesh at the path's corners"):
+            _, estimates = _each_once(corners, case.bands.count, cell.solve)
+        worst = largest(np.concatenate([each.mesh for each in estimates]))
+        truncated = MARGIN * max(float(each.total.max()) for each in estimates)
+        finer = finer_mesh(choice, worst, case, log, truncated)
+        if finer is None or not foresight.fits(foresight.of_bands(case, finer, len(path.wavevectors)), log):
+            break
+        choice, cell = finer, build(finer)
+    return choice, cell
 
 
 def _sampled(

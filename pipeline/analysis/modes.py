@@ -23,11 +23,12 @@ from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.refinement import (
+    CLIMBS,
     MARGIN,
     ErrorEstimate,
+    finer_mesh,
     raise_cutoff,
     refine_mesh,
-    refine_plate_mesh,
     refine_reduction,
     refused,
     warn,
@@ -156,12 +157,17 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     )
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
-    for refine in (refine_reduction, refine_plate_mesh):
-        estimate = _error_estimate(part_modes, errors)
-        finer = refine(choice, estimate, case, log) if estimate else None
-        if finer:
-            with refused(log):
-                (part_modes, errors), choice = _solved(case, query, finer, log), finer
+    estimate = _error_estimate(part_modes, errors)
+    finer = refine_reduction(choice, estimate, case, log) if estimate else None
+    if finer:
+        with refused(log):
+            (part_modes, errors), choice = _solved(case, query, finer, log), finer
+    with refused(log):
+        for _ in range(CLIMBS):
+            finer = finer_mesh(choice, _decisive(part_modes, errors), case, log)
+            if finer is None or not foresight.fits(foresight.of_modes(case, finer, with_search(case, query)), log):
+                break
+            (part_modes, errors), choice = _solved(case, query, finer, log), finer
     estimate = _error_estimate(part_modes, errors)
     if estimate:
         log.info(
@@ -178,6 +184,13 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         expected_error=expected,
         bar=_bar(case, choice, part_modes, errors),
     )
+
+
+def _decisive(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> float | None:
+    """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the wanted mode's."""
+    row = part_modes.wanted.row if part_modes.wanted and isinstance(part_modes.model, PlateModel) else None
+    rows = (row,) if row else part_modes.rows
+    return largest(np.array([_mesh_error(each, errors) for each in rows], dtype=float))
 
 
 def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> PartModes:
@@ -242,7 +255,9 @@ def _within_reach(
     solved = _solved(case, query, choice, log, coarse)
     for _ in range(PASSES):
         highest = max((row.frequency_hz for row in solved[0].all_rows(query.search)), default=0.0)
-        higher = refine_mesh(choice, highest, case, log) or raise_cutoff(choice, highest, log)
+        error = _decisive(*solved)
+        met = error is not None and error <= case.solve.accuracy  # whatever was measured on another design
+        higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(choice, highest, log)
         if higher is None:
             break
         solved, choice = _solved(case, query, higher, log, coarse), higher
@@ -418,15 +433,15 @@ def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors])
 
     Without a wanted mode the worst one stands for it.
     """
-    every = [np.vstack([each.modes, each.degrees, each.mesh]) for each in errors.values() if len(each.modes)]
+    every = [np.vstack([each.modes, each.degrees]) for each in errors.values() if len(each.modes)]
     if not every or not isinstance(part_modes.model, PlateModel):
         return None
     together = np.hstack(every)
-    worst = together[:, int(np.argmax(together[:2].sum(axis=0)))]
+    worst = together[:, int(np.argmax(together.sum(axis=0)))]
     row = part_modes.wanted.row if part_modes.wanted else None
     own = errors[row.symmetry] if row else None
-    mine = (own.modes[row.column], own.degrees[row.column], own.mesh[row.column]) if row and own else worst
-    return ErrorEstimate(float(worst[:2].sum()), *(float(value) for value in mine))
+    mine = (own.modes[row.column], own.degrees[row.column]) if row and own else worst
+    return ErrorEstimate(float(worst.sum()), *(float(value) for value in mine))
 
 
 def _bar(

@@ -17,9 +17,9 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record, tet_cell
-from pipeline.planning import mesh_rules
+from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
-from pipeline.planning.refinement import describe_change, higher_degree, more_modes
+from pipeline.planning.refinement import CLIMBS, describe_change, finer_mesh, higher_degree, more_modes
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.fem.coarser import largest
@@ -84,41 +84,42 @@ def lattice_model(
     its bands.
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
-    edge = choice.edge_m
-    reduce = _from_tetrahedra(case.design, edge, log, meshes) if edge else _from_hexahedra(case.design, log)
+    reduce = _reducer(choice, case.design, log, meshes)
     reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
-    if edge or not finer:
-        by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
-    else:
-        reduction, lattice, by_mesh = _finer_mesh(reduce, reduction, lattice, error, corners, case, log)
-    name = replace(choice, model=SUPERELEMENT, hexahedra=reduction.hexahedra).name
-    return LatticeModel(name, lattice, error, beyond, by_mesh)
+    level = mesh_rules.cell_level(case.solve.accuracy)  # where the cell is made for more than its bands, too
+    choice = replace(
+        choice, reduction=reduction, hexahedra=reduction.hexahedra, mesh_level=None if choice.edge_m else level
+    )
+    if finer:
+        choice, lattice = _on_finer_meshes(choice, lattice, error, corners, case, log, meshes)
+    by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
+    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, by_mesh)
 
 
-def _finer_mesh(
-    reduce: Reduce,
-    reduction: ReductionSettings,
+def _on_finer_meshes(
+    choice: ModelChoice,
     lattice: Lattice,
     truncated: float,
     corners: FloatArray,
     case: Case,
     log: Log,
-) -> tuple[ReductionSettings, Lattice, float | None]:
-    """Reduce on the next mesh level while coarser meshes tell that the bar exceeds the accuracy; with the bar's half-width."""
-    count, accuracy, level = case.bands.count, case.solve.accuracy, mesh_rules.cell_level(case.solve.accuracy)
-    while (error := worst_by_the_mesh(lattice, corners, count)) is not None and error + truncated > accuracy:
-        finer = mesh_rules.finer_cell_level(level)
-        if finer is None or error < truncated:
+    meshes: list[MeshRecord],
+) -> tuple[ModelChoice, Lattice]:
+    """Reduce on finer meshes while the bar exceeds the accuracy by more than truncation does."""
+    count = case.bands.count
+    for _ in range(CLIMBS):
+        finer = finer_mesh(choice, worst_by_the_mesh(lattice, corners, count), case, log, truncated)
+        if finer is None or not foresight.fits(foresight.of_bands(case, finer, len(corners)), log):
             break
-        level = finer
-        mesh = replace(mesh_rules.cell_mesh(case.design, level), through=reduction.hexahedra.through)
-        reduction = replace(reduction, hexahedra=mesh)
-        log.info(
-            f"bands within {error:.2%} by the mesh, as coarser meshes tell, {accuracy:.2%} wanted: "
-            f"elements of order {level.order} with {level.layers} layers at the pillar's foot"
-        )
-        lattice = Lattice(reduce(reduction))
-    return reduction, lattice, error
+        assert finer.reduction
+        choice, lattice = finer, Lattice(_reducer(finer, case.design, log, meshes)(finer.reduction))
+    return choice, lattice
+
+
+def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
+    """What reduces the cell on the mesh of a choice, whose record takes the place of an earlier one."""
+    meshes.clear()
+    return _from_tetrahedra(design, choice.edge_m, log, meshes) if choice.edge_m else _from_hexahedra(design, log)
 
 
 def worst_by_the_mesh(lattice: Lattice, wavevectors: FloatArray, count: int) -> float | None:

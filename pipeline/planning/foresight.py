@@ -15,7 +15,7 @@ from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
-from pipeline.planning.resources import Demand, refuse
+from pipeline.planning.resources import Demand, refuse, too_much
 from solvers.analytic.mode_density import highest_hz, pillar_modes, plate_modes
 from solvers.cores import workers
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
@@ -54,6 +54,14 @@ def announce(what: str, demand: Demand, log: Log) -> None:
             f"the reduction keeps about {demand.functions} functions {demand.a_what} for {what}: its modes are kept up to a "
             "frequency that the plate sets, where waves in so soft or large a pillar are short; expect much time and memory",
         )
+
+
+def fits(demand: Demand, log: Log) -> bool:
+    """Whether the machine can hold the demand of a finer mesh; logged where it cannot."""
+    reason = too_much(demand)
+    if reason:
+        log.info(f"no finer mesh: it {reason}")
+    return reason is None
 
 
 # -- bodies ------------------------------------------------------------------------------------------------------------
@@ -99,12 +107,12 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     change = _changes(case, choice, query)
     if choice.reduction is not None:
         return _assembled(case, choice, choice.reduction, classes, each, near, change)
-    body = _body(case, choice)
-    each = min(each, body.dofs)
+    mesh = whole_mesh(case, choice)
+    each = min(each, mesh.dofs)
     reported = min(each, total) if near else classes * each
-    solve = modal_solve(body.dofs, 9.0 * body.pairs, body.fill, each, near)
+    solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, each, near)
     return Demand(
-        solid_modes(body, classes, each, near),
+        solid_modes(mesh, classes, each, near),
         reported,
         change=change,
         cad=choice.kind != HEX,
@@ -182,7 +190,7 @@ def _per_row(design: Design) -> int:
     return 2 * (floor((design.length_m - design.footprint_m) / design.pitch_x_m + 1e-6) + 1)
 
 
-def _body(case: Case, choice: ModelChoice) -> MeshCounts:
+def whole_mesh(case: Case, choice: ModelChoice) -> MeshCounts:
     """Counts of a part's mesh that is solved as it is."""
     design = case.design
     if choice.kind != HEX:

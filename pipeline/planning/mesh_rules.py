@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 from math import ceil, inf, sqrt
 
 from geometry.hex.boxes import HexSettings
@@ -65,8 +66,16 @@ def cell_level(accuracy: float) -> MeshLevel:
 
 def finer_cell_level(level: MeshLevel) -> MeshLevel | None:
     """The next mesh level of a reduced cell; None after the finest."""
-    levels = list(CELL_LEVELS.values())
-    return next((levels[i + 1] for i in range(len(levels) - 1) if levels[i] == level), None)
+    return _after(level, tuple(CELL_LEVELS.values()))
+
+
+def finer_level(part: str, level: MeshLevel) -> MeshLevel | None:
+    """The next mesh level of a part solved as meshed; None after the finest."""
+    return _after(level, mesh_levels(part))
+
+
+def _after(level: MeshLevel, levels: tuple[MeshLevel, ...]) -> MeshLevel | None:
+    return next((finer for own, finer in pairwise(levels) if own == level), None)
 
 
 def mesh_levels(part: str) -> tuple[MeshLevel, ...]:

@@ -204,11 +204,10 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
     if hexahedra:
         error = None if reduced else mesh_rules.expected_error(part, level)
         known = "" if error is None else f"{error:.2%} were measured on the calibrated design, "
-        reason = f"{known}two coarser meshes tell its own error"
-        reason = "two coarser meshes tell its error, and a finer one is taken where it misses" if reduced else reason
+        reason = f"{known}two coarser meshes tell its own error, and a finer one is taken where it misses"
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
-    return (shape, f"{accuracy} sets their edges")
+    return (shape, f"{accuracy} sets their edges, and shorter ones are taken where their stresses tell that it misses")
 
 
 def _mm(length_m: float) -> str:

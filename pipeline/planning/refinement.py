@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
 
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning import mesh_rules
+from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
@@ -22,6 +23,12 @@ RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_h
 SHORT = (
     0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
 )
+CLIMBS = 2  # finer meshes for the accuracy, at most
+EDGE_RATE = (
+    1.1  # 2 x 0.54, of displacements at a re-entrant right angle: nothing that tetrahedra miss falls more slowly
+)
+AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
+SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 
 
@@ -54,13 +61,12 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
 @dataclass(frozen=True)
 class ErrorEstimate:
     """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the wanted one that
-    by modes and by degrees left out, and the half-width of its bar by the mesh (NaN where no coarser mesh tells it).
+    by modes and by degrees left out.
     """
 
     worst: float
     modes: float
     degrees: float
-    mesh: float
 
     @property
     def total(self) -> float:
@@ -83,17 +89,58 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
     return replace(choice, reduction=finer)
 
 
-def refine_plate_mesh(choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log) -> ModelChoice | None:
-    """Take the next mesh level of a plate's cells where the wanted mode's bar by the mesh exceeds the accuracy; else None."""
-    level = mesh_rules.finer_cell_level(choice.mesh_level) if choice.mesh_level else None
-    if choice.reduction is None or level is None or not estimate.mesh > case.solve.accuracy:
+def finer_mesh(
+    choice: ModelChoice, error: float | None, case: Case, log: Log, truncated: float = 0.0
+) -> ModelChoice | None:
+    """Take the next mesh of a part whose bar by the mesh, and by truncation beside it, exceeds the accuracy: the next mesh
+    level of hexahedra, shorter edges of tetrahedra; None where it does not, where truncation is most of it, where nothing
+    tells it, and after the finest.
+    """
+    accuracy = case.solve.accuracy
+    if error is None or error < truncated or error + truncated <= accuracy:
         return None
-    mesh = mesh_rules.cell_mesh(case.design, level)
-    log.info(
-        f"the wanted mode within {estimate.mesh:.2%} by the mesh, as coarser meshes tell, {case.solve.accuracy:.2%} wanted: "
-        f"elements of order {level.order} with {level.layers} layers at the pillars' feet"
-    )
-    return replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
+    edges, left = choice.edge_m is not None, max(accuracy - truncated, accuracy / 4.0)
+    finer = _shorter_edges(choice, error, left) if edges else _next_level(choice, case)
+    if finer:
+        by = "its stresses" if edges else "coarser meshes"
+        log.info(f"within {error:.2%} by the mesh, as {by} tell, {accuracy:.2%} wanted: {finer.mesh}")
+    return finer
+
+
+def _shorter_edges(choice: ModelChoice, error: float, wanted: float) -> ModelChoice:
+    """Tetrahedra with edges as short as an error asks for that goes as their length to EDGE_RATE."""
+    assert choice.edge_m
+    factor = min(max((AIM * wanted / error) ** (1.0 / EDGE_RATE), SHORTER[0]), SHORTER[1])
+    return replace(choice, edge_m=factor * choice.edge_m)
+
+
+def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
+    """The next mesh level of a part of hexahedra that has more of them; None after the finest."""
+    finer = _on_next_level(choice, case.design)
+    if finer is None or finer.reduction or finer.part == "cell":
+        return finer
+    same = (
+        foresight.whole_mesh(case, finer).dofs <= foresight.whole_mesh(case, choice).dofs
+    )  # rounded to whole elements
+    return _next_level(finer, case) if same else finer
+
+
+def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
+    if choice.mesh_level is None:
+        return None
+    if choice.reduction is not None or choice.part == "cell":
+        level = mesh_rules.finer_cell_level(choice.mesh_level)
+    else:
+        level = mesh_rules.finer_level("whole" if choice.part == "plate" else choice.part, choice.mesh_level)
+    if level is None:
+        return None
+    own = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(choice.part)
+    mesh = own(design, level, choice.good_to_hz) if own else mesh_rules.cell_mesh(design, level)
+    reduction = choice.reduction
+    if reduction is not None:  # whose degree through the thickness may ask for more elements there
+        mesh = replace(mesh, through=max(mesh.through, reduction.hexahedra.through))
+        reduction = replace(reduction, hexahedra=mesh)
+    return replace(choice, hexahedra=mesh, mesh_level=level, reduction=reduction)
 
 
 def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:

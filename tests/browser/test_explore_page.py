@@ -170,6 +170,7 @@ def test_the_exported_page_has_pythons_numbers(browser: Any, exported: Path, exp
     _compare(browser, exported, explorer, 3)
 
 
+@pytest.mark.slow
 def test_the_exported_page_of_round_pillars_has_pythons_numbers(browser: Any, tmp_path: Path) -> None:
     """A block wider than the pillar grows with it; the case that is saved has the shape's own key."""
     round_ones = small_explorer(tmp_path, "pillar.shape=round", "pillar.diameter_mm=2")

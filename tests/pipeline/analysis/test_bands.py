@@ -118,6 +118,7 @@ def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.Monke
     """Of the lowest bands: those that change places with bands not asked for may be others."""
     settings = HexSettings(2, 4e-3, 1, 0.15)
     monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: settings)
+    monkeypatch.setattr(mesh_rules, "finer_cell_level", lambda level: None)
     result, _ = solved("solve.model=solid", "bands.points=1", "bands.count=6", "bands.path=GM")
     design, at_m = case().design, result.path.wavevectors[1]
     whole = WholeCell.of(design, settings).own.frequencies(at_m, 6)

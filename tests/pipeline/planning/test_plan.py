@@ -250,9 +250,8 @@ def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Reque
     (step,) = planned.steps
     result = modes.solve_modes(scene, request_, heard)
     assert step.model.startswith(result.model.name)
-    assert [name for name in heard.steps if name.startswith("solve class")] == [
-        f"solve class {p}" for p in step.classes
-    ]
+    solved = [name for name in heard.steps if name.startswith("solve class")]  # again, where a finer mesh was asked for
+    assert list(dict.fromkeys(solved)) == [f"solve class {p}" for p in step.classes]
     if "band_hz" in step.numbers:
         assert [result.count.low_hz, result.count.high_hz] == pytest.approx(step.numbers["band_hz"])
     else:

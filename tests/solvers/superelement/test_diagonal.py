@@ -55,7 +55,7 @@ def test_a_mesh_tells_its_error_to_one_that_the_diagonal_splits_otherwise(
     split: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Sides that differ in the tenth digit are alike to one mesh and not to the other: their functions are still the same."""
-    settings = ReductionSettings(FACE, 300e3, HexSettings(3, 2e-3, 1))
+    settings = ReductionSettings(FACE, 150e3, HexSettings(3, 4e-3, 1))
     panel = Reductions(2e-3, ALUMINIUM, PILLAR, settings)
     alike = panel.cell(SQUARE).mesh_error
     nodes = len(panel._mesh(SQUARE, settings.hexahedra).mesh.nodes)

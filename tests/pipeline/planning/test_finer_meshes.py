@@ -1,0 +1,149 @@
+"""The accuracy is met by what a mesh tells of itself: where it misses, the next one is taken, and it is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.analysis import bands, modes
+from pipeline.case.model import Case, case_from_dict
+from pipeline.planning import foresight, mesh_rules
+from pipeline.planning.calibration import MeshLevel
+from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
+from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
+from pipeline.planning.request import Request
+from tests.helpers.recording_log import RecordingLog
+
+LEVELS = MeshLevel(2, 1, 0.15), MeshLevel(3, 1, 0.15)
+OF_CELLS = MeshLevel(2, 0, 0.15), MeshLevel(3, 0, 0.15)  # small ones
+
+
+def case(accuracy: float = 0.01, **solve: str) -> Case:
+    return case_from_dict(
+        {
+            "name": "small",
+            "material": "aluminium",
+            "plate": {"thickness_mm": 2.0},
+            "zone": {"length_mm": 28.0, "width_mm": 18.0, "nodal_lines": 2},
+            "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 3.0},
+            "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 5.0},
+            "bands": {"points": 1, "count": 2, "path": "XM"},
+            "solve": {"accuracy": accuracy, **solve},
+        }
+    )
+
+
+def choice_of(part: str, scene: Case) -> ModelChoice:
+    return cell_model_choice(scene) if part == "cell" else model_choice_of(scene, part, 50e3)
+
+
+@pytest.mark.parametrize("model", ["auto", "solid"])
+@pytest.mark.parametrize("part", ["zone", "pillar", "plate", "cell"])
+def test_each_part_has_a_next_mesh_level_until_the_finest(part: str, model: str) -> None:
+    scene, log = case(0.03, model=model), RecordingLog()
+    choice: ModelChoice | None = choice_of(part, scene)
+    names, dofs = [], []
+    while choice is not None:
+        assert choice.hexahedra and (choice.reduction is None or choice.reduction.hexahedra == choice.hexahedra)
+        names.append(choice.mesh)
+        dofs.append(_dofs(part, scene, choice))
+        choice = finer_mesh(choice, 0.031, scene, log)
+    assert len(names) >= 3 and [name in fact for name, fact in zip(names[1:], log.facts, strict=True)]
+    assert dofs == sorted(dofs) and len(set(dofs)) == len(names)
+
+
+def _dofs(part: str, scene: Case, choice: ModelChoice) -> float:
+    if part == "cell" or choice.reduction:
+        assert choice.hexahedra
+        return foresight.of_boxes(foresight.cell_scene(scene.design, choice.hexahedra), choice.hexahedra.order).dofs
+    return foresight.whole_mesh(scene, choice).dofs
+
+
+@pytest.mark.parametrize(
+    ("error", "truncated"),
+    [(0.0099, 0.0), (None, 0.0), (0.008, 0.0019), (0.011, 0.012)],
+    ids=["met", "unknown", "met with truncation", "truncation is more"],
+)
+def test_no_finer_mesh_where_none_would_help(error: float | None, truncated: float) -> None:
+    scene, log = case(), RecordingLog()
+    assert finer_mesh(choice_of("cell", scene), error, scene, log, truncated) is None and not log.facts
+
+
+def test_edges_of_tetrahedra_shrink_with_what_is_left_to_the_mesh() -> None:
+    scene, log = case(0.01, mesh="tet"), RecordingLog()
+    choice = choice_of("cell", scene)
+    factors = [
+        finer.edge_m / choice.edge_m
+        for error, truncated in ((0.0101, 0.0), (0.013, 0.0), (0.013, 0.002), (1.0, 0.0))
+        if (finer := finer_mesh(choice, error, scene, log, truncated))
+    ]
+    assert factors == sorted(factors, reverse=True) and factors[0] <= SHORTER[1] and factors[-1] == SHORTER[0]
+    assert 0.013 * factors[1] ** EDGE_RATE < 0.01 and 0.013 * factors[2] ** EDGE_RATE < 0.008
+    assert "its stresses" in log.facts[0]
+
+
+@pytest.fixture
+def two_levels(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two coarse mesh levels of every part, the first of them expected to do."""
+    monkeypatch.setattr(mesh_rules, "CELL_LEVELS", dict(zip((0.0, -1.0), OF_CELLS, strict=True)))
+    monkeypatch.setattr(mesh_rules, "MESH_LEVELS", dict.fromkeys(("zone", "pillar", "cell", "whole"), LEVELS))
+    monkeypatch.setattr(mesh_rules, "expected_error", lambda part, row, growth=1.0: 0.0)
+
+
+@pytest.mark.usefixtures("two_levels")
+def test_a_whole_cell_that_misses_is_meshed_anew() -> None:
+    kept, missed = (bands.solve_bands(case(accuracy, model="solid"), RecordingLog()) for accuracy in (0.1, 0.002))
+    assert (kept.model, missed.model) == ("solid hex2", "solid hex3")
+    moving = kept.frequencies_hz > 1.0
+    # both meshes have the same lines: what the coarser one can do the finer one can, too
+    assert (missed.computed_hz <= kept.computed_hz * (1.0 + 1e-9))[moving].all()
+    assert missed.by_mesh.max() < kept.by_mesh.max()
+
+
+@pytest.mark.usefixtures("two_levels")
+def test_a_mesh_that_memory_does_not_hold_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(foresight, "too_much", lambda demand: "needs more than there is")
+    log = RecordingLog()
+    result = bands.solve_bands(case(0.002, model="solid"), log)
+    assert result.model == "solid hex2" and "no finer mesh: it needs more than there is" in log.facts
+    assert result.expected_error and result.expected_error > 0.002  # and is told
+
+
+@pytest.mark.usefixtures("two_levels")
+@pytest.mark.parametrize("part", ["pillar", "zone"])
+def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
+    request = Request(part, near_hz=30e3, count=2, search=False)
+    kept, missed = (modes.solve_modes(case(accuracy), request, RecordingLog()) for accuracy in (0.1, 0.001))
+    assert kept.meshes[0].order == 2 and missed.meshes[0].order == 3
+    for rough, fine in zip(kept.rows, missed.rows, strict=True):
+        assert rough.error and fine.error
+        assert abs(rough.frequency_hz / fine.frequency_hz - 1.0) <= rough.error + fine.error
+        assert fine.error < rough.error
+
+
+@pytest.mark.slow
+def test_tetrahedra_that_miss_are_meshed_anew() -> None:
+    """Against hexahedra, within both bars, at an accuracy that the first edges miss."""
+    log = RecordingLog()
+    by_tetrahedra = bands.solve_bands(case(0.001, mesh="tet"), log)
+    assert any("wanted: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
+    assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.001
+    hexahedra = bands.solve_bands(case(0.001), RecordingLog())
+    moving = hexahedra.frequencies_hz > 1.0
+    off = np.abs(by_tetrahedra.frequencies_hz[moving] / hexahedra.frequencies_hz[moving] - 1.0)
+    allowed = np.array(by_tetrahedra.error, dtype=float) + np.array(hexahedra.error, dtype=float)
+    assert (off <= allowed[moving]).all()
+
+
+def test_what_a_mesh_tells_of_itself_outweighs_what_another_design_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Modes above those measured on another design ask for no finer elements where their own bars do not."""
+    asked: list[float] = []
+    monkeypatch.setattr(modes, "coarse_modes", lambda *given: None)
+    monkeypatch.setattr(modes, "refine_mesh", lambda choice, highest_hz, *given: asked.append(highest_hz))
+    request = Request("pillar", near_hz=300e3, count=2, search=False)
+    met = modes.solve_modes(case(0.01), request, RecordingLog())
+    assert met.expected_error and met.expected_error < 0.01 and not asked
+    monkeypatch.setattr(modes, "finer_mesh", lambda *given: None)
+    monkeypatch.setattr(modes, "_decisive", lambda *given: 0.011)
+    modes.solve_modes(case(0.01), request, RecordingLog())
+    assert asked
