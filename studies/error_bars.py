@@ -13,10 +13,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from io import BytesIO
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from rich.progress import track
 
 from geometry.elements import FloatArray
@@ -43,7 +45,7 @@ from solvers.waves.bloch import BlochCell
 
 PAGE, PICTURE = ROOT / "docs" / "error-bars.md", ROOT / "docs" / "pictures" / "error-bars.svg"
 CASE = Path(__file__).with_name("three-rows.toml")
-SEED, BANDS = 9, 10  # a seed of whose scenes no constant of the bars was chosen
+SEED, BANDS = 9, 10  # a seed by whose scenes no constant of hexahedra was chosen
 TUNGSTEN = Material("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 ROUGHLY, FINELY = 0.01, 0.0005  # accuracies of lone parts
@@ -273,11 +275,12 @@ def page(results: list[Compared]) -> str:
         "# Error bars against true errors",
         "",
         "Written by `python -m studies.error_bars`. Scenes are drawn at random over all library materials, thicknesses from",
-        "0.5 to 5 mm, stubby and slender pillars; no constant of the bars was chosen by these. Each frequency is compared with a finer computation; the bar is the stated",
-        "one, and what the finer computation may be off by itself counts as error. A bar too wide is a fault, too: the last",
-        "column tells how many times the true error it is. A whole cell is solved as meshed under Bloch's conditions, without",
-        "symmetry or reduction: another path through the program, on no finer mesh, so that both bars are added. What is named",
-        "`by tetrahedra`, whose bar is the roughest, is compared with hexahedra.",
+        "0.5 to 5 mm, stubby and slender pillars; no constant of the bars of hexahedra was chosen by these. Each frequency is",
+        "compared with a finer computation of the same reduction; the bar is the stated one of the mesh, and what the finer",
+        "computation may be off by itself counts as error. A bar too wide is a fault, too: the last column tells how many",
+        "times the true error it is. A whole cell is solved as meshed under Bloch's conditions, without symmetry or reduction:",
+        "another path through the program, on no finer mesh, so that both bars are added. What is named `by tetrahedra`, whose",
+        "bar is the roughest, is compared with hexahedra.",
         "",
         "![Stated bar over true error of every frequency](pictures/error-bars.svg)",
         "",
@@ -299,19 +302,18 @@ def _row(part: str, results: list[Compared]) -> str:
     )
 
 
-def draw(results: list[Compared], path: Path) -> None:
-    """Stated bar over true error; what lies below the line is outside its bar."""
-    figure, axes = plt.subplots(figsize=(6.0, 4.5), layout="constrained")
-    for part, mark in zip(dict.fromkeys(result.part for result in results), style.MARKERS, strict=False):
+def drawn(results: list[Compared]) -> Figure:
+    """Stated bar over true error, part by part; what lies below the line is outside its bar."""
+    figure, axes = plt.subplots(figsize=(6.0, 5.4), layout="constrained")
+    for part, mark in zip(dict.fromkeys(result.part for result in results), cycle(style.MARKERS), strict=False):
         own = [result for result in results if result.part == part]
         error, bar = (np.concatenate([getattr(result, name) for result in own]) for name in ("error", "bar"))
         axes.loglog(100.0 * np.maximum(error, 1e-7), 100.0 * bar, mark, markersize=3, alpha=0.5, label=part)
     ends = np.array([1e-5, 3.0])
     axes.loglog(ends, ends, "k-", linewidth=0.8, label="bar = error")
     axes.set(xlabel="true error (%)", ylabel="stated half-width of the bar (%)")
-    axes.legend()
-    figure.savefig(path, metadata={"Date": None})
-    plt.close(figure)
+    figure.legend(loc="outside lower center", ncols=3, fontsize=8)
+    return figure
 
 
 def main() -> int:
@@ -327,7 +329,9 @@ def main() -> int:
     results = compare(given, folder)
     text = page(results)
     write_atomic(PAGE, text.encode())
-    draw(results, PICTURE)
+    figure = drawn(results)
+    figure.savefig(PICTURE, metadata={"Date": None})
+    plt.close(figure)
     print(text)
     return 0
 

@@ -55,7 +55,7 @@ UNRESOLVED = (
 )
 # of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
-HIDDEN = 0.5  # of the largest half-width by short waves of a class's modes below: so much one of them may hide
+HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
 # of the share: one radial function stands for the whole of an edge
 RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.2
 
@@ -86,8 +86,8 @@ class Shares:
         return np.asarray(self.at_edge(layer, order) + self.away(layer, order))
 
     def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
-        """The same of modes of a class with eigenvalues (k,): the last order may bring one nothing, but waves as short as
-        those of lower modes are missed in it, too.
+        """The same of modes of a class, or of waves at a wavevector, with eigenvalues (k,): the last order may bring one
+        nothing, but waves as short as those of lower ones are missed in it, too.
         """
         away, upwards = self.away(layer, order), np.argsort(values)
         shown = np.maximum.accumulate(away[upwards])

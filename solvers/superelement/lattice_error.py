@@ -135,7 +135,8 @@ def _moving(waves: Waves) -> BoolArray:
 def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
 
-    By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`).
+    By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`); what lower waves at the same
+    wavevector show of short ones, one to which the last order brought nothing may hide (`Shares.of_modes`).
     """
     error = cell.mesh_error
     if error is None:
@@ -143,4 +144,4 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     moving = _moving(waves)
     changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
     layer, order = (np.where(moving, change, 0.0) for change in changes)
-    return MeshErrors(error.taken * layer, error.shares.half_width(layer, order))
+    return MeshErrors(error.taken * layer, error.shares.of_modes(waves.eigenvalue, layer, order))
