@@ -42,7 +42,7 @@ def run(*arguments: str) -> int:
         return int(end.code or 0)
 
 
-@pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", "shaping"])
+@pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", pytest.param("shaping", marks=pytest.mark.slow)])
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:
     figures = collected(monkeypatch)
     assert run(model, "--out", str(tmp_path), "--quiet") == 0

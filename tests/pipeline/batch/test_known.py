@@ -75,6 +75,7 @@ def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
     assert known.known() == {}
 
 
+@pytest.mark.slow
 def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(
     state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

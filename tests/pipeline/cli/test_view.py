@@ -105,6 +105,7 @@ def test_a_vtu_file_shows_its_surface_and_its_vectors(tmp_path: Path, capfd: pyt
     assert capfd.readouterr().err == ""  # nothing of VTK's own complaints
 
 
+@pytest.mark.slow
 def test_a_moving_shape_is_drawn_into_a_file_without_a_window(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, no_display: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

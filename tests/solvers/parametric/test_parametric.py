@@ -178,6 +178,7 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
         sectors(FACE, ((0.5, 0.5),), cell.symmetry)
 
 
+@pytest.mark.slow
 def test_few_chosen_designs_tell_what_many_do(affine: AffineCell) -> None:
     """The greedy choice on a coarser mesh: on unseen designs as near as all of the pool, with a part of it."""
     pool, coarse = BOX.spread(16), AffineCell(BOX, FixedMesh(order=2, beside=1, along=2, layers=0), ALUMINIUM, STEEL)

@@ -83,6 +83,7 @@ def joined(thick_m: float, mesh: HexSettings, monkeypatch: pytest.MonkeyPatch) -
     return plate, len(factors)
 
 
+@pytest.mark.slow
 def test_panels_that_stay_stiff_beneath_a_patch_spare_the_whole_plates_factors(monkeypatch: pytest.MonkeyPatch) -> None:
     plate, factors = joined(0.3e-3, FINER, monkeypatch)
     assert plate.is_stiff and not plate.differs_too_much and not factors

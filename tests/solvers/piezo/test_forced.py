@@ -437,6 +437,7 @@ def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_i
     )
 
 
+@pytest.mark.slow
 def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
     """The solid's coarse mesh lies 0.2 to 0.4 % above a finer one; without the panels' own flexibility ours does so, too."""
     box, made = MIDDLE[0], plate_of(300e3, 4e-3)
