@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 
 from pipeline.paths import RESULTS
+from pipeline.plots import style
 from pipeline.records.store import write_atomic
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
@@ -21,7 +22,19 @@ that ran it (two cores). What is compared with exact solutions and published ben
 one file a proof: Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko,
 Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, assembled against whole plates, and faults
 planted on purpose, each of which a proof must see.
+
+![Cell, the pillars' bending at M: relative error against wall time and memory by every model](pictures/error-against-time.svg)
+
+Circles are the meshes that `solve.accuracy` may choose, grey is the reference's own uncertainty; the other quantities have
+pictures in the report of `antinode run accuracy`.
+
+![Stated bar over true error of every frequency](pictures/error-bars.svg)
+
+What every result says of its own error beside what it is truly off by, on scenes drawn at random:
+[docs/error-bars.md](error-bars.md) has the parts and the scenes.
 """
+FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
+STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
 
 
 SPEED = "## Whole commands beside an earlier commit"
@@ -39,7 +52,7 @@ def with_speed(page: str, rows: dict[str, str], lead: str) -> str:
 
 
 def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
-    """The page. Raises FileNotFoundError for a study that was not run."""
+    """The page but for its pictures. Raises FileNotFoundError for a study that was not run."""
     return INTRODUCTION + "".join("\n" + _lowered((RESULTS / name / "report.md").read_text()) for name in names)
 
 
@@ -53,7 +66,9 @@ def main() -> int:
     """Write the page, or say which study is missing."""
     try:
         _, speed, table = (PAGE.read_text() if PAGE.exists() else "").partition(SPEED)
-        write_atomic(PAGE, (text() + ("\n" if speed else "") + speed + table).encode())
+        page, figure = text(), (RESULTS / STORED).read_bytes()
+        write_atomic(FIGURE, figure)
+        write_atomic(PAGE, (page + ("\n" if speed else "") + speed + table).encode())
     except FileNotFoundError as fault:
         print(f"{fault.filename}: not there; run `make bench` first", file=sys.stderr)
         return 2

@@ -24,9 +24,7 @@ SHORT = (
     0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
 )
 CLIMBS = 2  # finer meshes for the accuracy, at most
-EDGE_RATE = (
-    1.1  # 2 x 0.54, of displacements at a re-entrant right angle: nothing that tetrahedra miss falls more slowly
-)
+EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges too hopeful are taken once more
 AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
 SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
@@ -119,10 +117,8 @@ def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
     finer = _on_next_level(choice, case.design)
     if finer is None or finer.reduction or finer.part == "cell":
         return finer
-    same = (
-        foresight.whole_mesh(case, finer).dofs <= foresight.whole_mesh(case, choice).dofs
-    )  # rounded to whole elements
-    return _next_level(finer, case) if same else finer
+    own, more = (foresight.whole_mesh(case, each).dofs for each in (choice, finer))  # sizes round to whole elements
+    return finer if more > own else _next_level(finer, case)
 
 
 def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:

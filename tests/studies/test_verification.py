@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -42,14 +43,18 @@ def test_rows_of_tasks_replace_their_own_and_stay_when_the_page_is_written_anew(
     for name in ("accuracy", "extremes"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "report.md").write_text(f"# {name}\n")
+    (tmp_path / verification.STORED).parent.mkdir()
+    (tmp_path / verification.STORED).write_text("<svg/>")
     monkeypatch.setattr(verification, "RESULTS", tmp_path)
     monkeypatch.setattr(verification, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(verification, "FIGURE", tmp_path / "figure.svg")
     verification.PAGE.write_text(page)
     assert verification.main() == 0
     assert (
         verification.PAGE.read_text().endswith("| bands | 1 |\n| grid | 9 |\n")
         and "## extremes" in verification.PAGE.read_text()
     )
+    assert verification.FIGURE.read_text() == "<svg/>"
 
 
 def test_the_committed_page_has_both_studies() -> None:
@@ -57,6 +62,8 @@ def test_the_committed_page_has_both_studies() -> None:
     assert "## Error against run time" in page
     assert "## Stiff and extreme cases" in page
     assert "WRONG" not in page
+    named = re.findall(r"\]\((pictures/[^)]*)\)", page)
+    assert len(named) == 2 and all((verification.PAGE.parent / name).is_file() for name in named)
 
 
 def test_every_mesh_that_an_accuracy_may_choose_is_on_the_committed_envelope_or_near_it() -> None:
