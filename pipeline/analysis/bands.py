@@ -20,7 +20,8 @@ from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
-from pipeline.planning.refinement import CLIMBS, MARGIN, finer_mesh
+from pipeline.planning.refinement import MARGIN, on_finer_meshes
+from pipeline.planning.resources import Demand
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
@@ -219,17 +220,18 @@ def _fine_enough(
     case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
 ) -> tuple[ModelChoice, AnyCell]:
     """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds."""
-    corners, cell = path.wavevectors[[segment.last for segment in path.segments]], build(choice)
-    for _ in range(CLIMBS):
+    corners = path.wavevectors[[segment.last for segment in path.segments]]
+
+    def told(cell: AnyCell) -> tuple[float | None, float]:
         with log.step("error of the mesh at the path's corners"):
             _, estimates = _each_once(corners, case.bands.count, cell.solve)
-        worst = largest(np.concatenate([each.mesh for each in estimates]))
         truncated = MARGIN * max(float(each.total.max()) for each in estimates)
-        finer = finer_mesh(choice, worst, case, log, truncated)
-        if finer is None or not foresight.fits(foresight.of_bands(case, finer, len(path.wavevectors)), log):
-            break
-        choice, cell = finer, build(finer)
-    return choice, cell
+        return largest(np.concatenate([each.mesh for each in estimates])), truncated
+
+    def demand(choice: ModelChoice) -> Demand:
+        return foresight.of_bands(case, choice, len(path.wavevectors))
+
+    return on_finer_meshes((choice, build(choice)), told, build, demand, case, log)
 
 
 def _sampled(

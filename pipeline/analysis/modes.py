@@ -23,10 +23,9 @@ from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.refinement import (
-    CLIMBS,
     MARGIN,
     ErrorEstimate,
-    finer_mesh,
+    on_finer_meshes,
     raise_cutoff,
     refine_mesh,
     refine_reduction,
@@ -162,12 +161,14 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     if finer:
         with refused(log):
             (part_modes, errors), choice = _solved(case, query, finer, log), finer
-    with refused(log):
-        for _ in range(CLIMBS):
-            finer = finer_mesh(choice, _decisive(part_modes, errors), case, log)
-            if finer is None or not foresight.fits(foresight.of_modes(case, finer, with_search(case, query)), log):
-                break
-            (part_modes, errors), choice = _solved(case, query, finer, log), finer
+    choice, (part_modes, errors) = on_finer_meshes(
+        (choice, (part_modes, errors)),
+        lambda solved: (_decisive(*solved), 0.0),
+        lambda finer: _solved(case, query, finer, log),
+        lambda finer: foresight.of_modes(case, finer, with_search(case, query)),
+        case,
+        log,
+    )
     estimate = _error_estimate(part_modes, errors)
     if estimate:
         log.info(

@@ -19,7 +19,8 @@ from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record, tet_cell
 from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
-from pipeline.planning.refinement import CLIMBS, describe_change, finer_mesh, higher_degree, more_modes
+from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
+from pipeline.planning.resources import Demand
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.fem.coarser import largest
@@ -86,39 +87,30 @@ def lattice_model(
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case.design, log, meshes)
     reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
-    level = mesh_rules.cell_level(case.solve.accuracy)  # where the cell is made for more than its bands, too
-    choice = replace(
-        choice, reduction=reduction, hexahedra=reduction.hexahedra, mesh_level=None if choice.edge_m else level
+    choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
+
+    def with_bar(lattice: Lattice) -> tuple[Lattice, float | None]:
+        return lattice, worst_by_the_mesh(lattice, corners, case.bands.count)
+
+    def on_mesh(choice: ModelChoice) -> tuple[Lattice, float | None]:
+        assert choice.reduction
+        own: list[MeshRecord] = []
+        lattice = Lattice(_reducer(choice, case.design, log, own)(choice.reduction))
+        meshes[:] = own  # in the place of the first one's, once it is solved
+        return with_bar(lattice)
+
+    def demand(choice: ModelChoice) -> Demand:
+        return foresight.of_bands(case, choice, len(corners))
+
+    first = choice, with_bar(lattice)
+    choice, (lattice, by_mesh) = (
+        on_finer_meshes(first, lambda built: (built[1], error), on_mesh, demand, case, log) if finer else first
     )
-    if finer:
-        choice, lattice = _on_finer_meshes(choice, lattice, error, corners, case, log, meshes)
-    by_mesh = worst_by_the_mesh(lattice, corners, case.bands.count)
     return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, by_mesh)
 
 
-def _on_finer_meshes(
-    choice: ModelChoice,
-    lattice: Lattice,
-    truncated: float,
-    corners: FloatArray,
-    case: Case,
-    log: Log,
-    meshes: list[MeshRecord],
-) -> tuple[ModelChoice, Lattice]:
-    """Reduce on finer meshes while the bar exceeds the accuracy by more than truncation does."""
-    count = case.bands.count
-    for _ in range(CLIMBS):
-        finer = finer_mesh(choice, worst_by_the_mesh(lattice, corners, count), case, log, truncated)
-        if finer is None or not foresight.fits(foresight.of_bands(case, finer, len(corners)), log):
-            break
-        assert finer.reduction
-        choice, lattice = finer, Lattice(_reducer(finer, case.design, log, meshes)(finer.reduction))
-    return choice, lattice
-
-
 def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
-    """What reduces the cell on the mesh of a choice, whose record takes the place of an earlier one."""
-    meshes.clear()
+    """What reduces the cell on the mesh of a choice, whose record is added to `meshes`."""
     return _from_tetrahedra(design, choice.edge_m, log, meshes) if choice.edge_m else _from_hexahedra(design, log)
 
 

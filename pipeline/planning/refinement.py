@@ -4,16 +4,19 @@ accuracy; shorter elements where a lone part's modes lie higher than its mesh wa
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
+from typing import TypeVar
 
+from geometry.errors import MeshError
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
+from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -28,6 +31,7 @@ EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges
 AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
 SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
+Built = TypeVar("Built")
 
 
 def more_modes(reduction: ReductionSettings, error: float, wanted: float, most: float = inf) -> ReductionSettings:
@@ -87,9 +91,32 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
     return replace(choice, reduction=finer)
 
 
-def finer_mesh(
-    choice: ModelChoice, error: float | None, case: Case, log: Log, truncated: float = 0.0
-) -> ModelChoice | None:
+def on_finer_meshes(
+    first: tuple[ModelChoice, Built],
+    told: Callable[[Built], tuple[float | None, float]],
+    build: Callable[[ModelChoice], Built],
+    demand: Callable[[ModelChoice], Demand],
+    case: Case,
+    log: Log,
+) -> tuple[ModelChoice, Built]:
+    """A model choice and what was built of it, or those of the first finer mesh that meets the accuracy.
+
+    told: half-widths of its bar by the mesh and by truncation; CLIMBS meshes at most, as far as memory holds them and they can
+    be solved: what was built before stays.
+    """
+    choice, built = first
+    for _ in range(CLIMBS):
+        finer = finer_mesh(choice, *told(built), case, log)
+        if finer is None or not foresight.fits(demand(finer), log):
+            break
+        with refused(log):
+            choice, built = finer, build(finer)
+        if choice is not finer:
+            break
+    return choice, built
+
+
+def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case: Case, log: Log) -> ModelChoice | None:
     """Take the next mesh of a part whose bar by the mesh, and by truncation beside it, exceeds the accuracy: the next mesh
     level of hexahedra, shorter edges of tetrahedra; None where it does not, where truncation is most of it, where nothing
     tells it, and after the finest.
@@ -165,10 +192,10 @@ def raise_cutoff(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoic
 
 @contextmanager
 def refused(log: Log) -> Iterator[None]:
-    """Log that finer reduction settings cannot be solved; what was computed before stays."""
+    """Log that finer reduction settings or a finer mesh cannot be had; what was computed before stays."""
     try:
         yield
-    except SolverError as fault:
+    except (MeshError, SolverError) as fault:
         log.info(f"no mesh level higher: {fault}")
 
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geometry.errors import MeshError
 from pipeline.analysis import bands, modes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import foresight, mesh_rules, refinement
 from pipeline.planning.calibration import MeshLevel
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
 from pipeline.planning.request import Request
+from pipeline.planning.resources import Demand
+from solvers.errors import SolverError
 from tests.helpers.recording_log import RecordingLog
 
 LEVELS = MeshLevel(2, 1, 0.15), MeshLevel(3, 1, 0.15)
@@ -47,7 +50,7 @@ def test_each_part_has_a_next_mesh_level_until_the_finest(part: str, model: str)
         assert choice.hexahedra and (choice.reduction is None or choice.reduction.hexahedra == choice.hexahedra)
         names.append(choice.mesh)
         dofs.append(_dofs(part, scene, choice))
-        choice = finer_mesh(choice, 0.031, scene, log)
+        choice = finer_mesh(choice, 0.031, 0.0, scene, log)
     assert len(names) >= 3 and [name in fact for name, fact in zip(names[1:], log.facts, strict=True)]
     assert dofs == sorted(dofs) and len(set(dofs)) == len(names)
 
@@ -66,7 +69,7 @@ def _dofs(part: str, scene: Case, choice: ModelChoice) -> float:
 )
 def test_no_finer_mesh_where_none_would_help(error: float | None, truncated: float) -> None:
     scene, log = case(), RecordingLog()
-    assert finer_mesh(choice_of("cell", scene), error, scene, log, truncated) is None and not log.facts
+    assert finer_mesh(choice_of("cell", scene), error, truncated, scene, log) is None and not log.facts
 
 
 def test_edges_of_tetrahedra_shrink_with_what_is_left_to_the_mesh() -> None:
@@ -75,7 +78,7 @@ def test_edges_of_tetrahedra_shrink_with_what_is_left_to_the_mesh() -> None:
     factors = [
         finer.edge_m / choice.edge_m
         for error, truncated in ((0.0101, 0.0), (0.013, 0.0), (0.013, 0.002), (1.0, 0.0))
-        if (finer := finer_mesh(choice, error, scene, log, truncated))
+        if (finer := finer_mesh(choice, error, truncated, scene, log))
     ]
     assert factors == sorted(factors, reverse=True) and factors[0] <= SHORTER[1] and factors[-1] == SHORTER[0]
     assert 0.013 * factors[1] ** EDGE_RATE < 0.01 and 0.013 * factors[2] ** EDGE_RATE < 0.008
@@ -107,6 +110,26 @@ def test_a_mesh_that_memory_does_not_hold_is_not_taken(monkeypatch: pytest.Monke
     result = bands.solve_bands(case(0.002, model="solid"), log)
     assert result.model == "solid hex2" and "no finer mesh: it needs more than there is" in log.facts
     assert result.expected_error and result.expected_error > 0.002  # and is told
+
+
+@pytest.mark.parametrize(("failing", "fault"), [(1, SolverError), (2, MeshError)])
+def test_a_mesh_that_cannot_be_had_leaves_what_the_one_before_it_gave(failing: int, fault: type[Exception]) -> None:
+    scene, log = case(0.01), RecordingLog()
+    start, built = choice_of("zone", scene), []
+
+    def build(choice: ModelChoice) -> str:
+        built.append(choice.mesh)
+        if len(built) == failing:
+            raise fault("the mesh holds no more")
+        return choice.mesh
+
+    def demand(choice: ModelChoice) -> Demand:
+        return foresight.of_modes(scene, choice, Request("zone", near_hz=30e3, count=2, search=False))
+
+    first = start, start.mesh
+    choice, kept = refinement.on_finer_meshes(first, lambda mesh: (0.02, 0.0), build, demand, scene, log)
+    assert len(built) == failing and kept == choice.mesh == [start.mesh, *built][-2]
+    assert "no mesh level higher: the mesh holds no more" in log.facts
 
 
 @pytest.mark.usefixtures("two_levels")
@@ -143,7 +166,7 @@ def test_what_a_mesh_tells_of_itself_outweighs_what_another_design_did(monkeypat
     request = Request("pillar", near_hz=300e3, count=2, search=False)
     met = modes.solve_modes(case(0.01), request, RecordingLog())
     assert met.expected_error and met.expected_error < 0.01 and not asked
-    monkeypatch.setattr(modes, "finer_mesh", lambda *given: None)
+    monkeypatch.setattr(refinement, "finer_mesh", lambda *given: None)
     monkeypatch.setattr(modes, "_decisive", lambda *given: 0.011)
     modes.solve_modes(case(0.01), request, RecordingLog())
     assert asked
