@@ -21,16 +21,16 @@ LEVELS = MeshLevel(2, 1, 0.15), MeshLevel(3, 1, 0.15)
 OF_CELLS = MeshLevel(2, 0, 0.15), MeshLevel(3, 0, 0.15)  # small ones
 
 
-def case(accuracy: float = 0.01, **solve: str) -> Case:
+def case(accuracy: float = 0.01, height_mm: float = 3.0, count: int = 2, path: str = "XM", **solve: str) -> Case:
     return case_from_dict(
         {
             "name": "small",
             "material": "aluminium",
             "plate": {"thickness_mm": 2.0},
             "zone": {"length_mm": 28.0, "width_mm": 18.0, "nodal_lines": 2},
-            "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 3.0},
+            "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": height_mm},
             "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 5.0},
-            "bands": {"points": 1, "count": 2, "path": "XM"},
+            "bands": {"points": 1, "count": count, "path": path},
             "solve": {"accuracy": accuracy, **solve},
         }
     )
@@ -147,11 +147,11 @@ def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
 @pytest.mark.slow
 def test_tetrahedra_that_miss_are_meshed_anew() -> None:
     """Against hexahedra, within both bars, at an accuracy that the first edges miss."""
-    log = RecordingLog()
-    by_tetrahedra = bands.solve_bands(case(0.001, mesh="tet"), log)
+    log, asked = RecordingLog(), (0.001, 6.3, 4, "GXMG")
+    by_tetrahedra = bands.solve_bands(case(*asked, mesh="tet"), log)
     assert any("wanted: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
     assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.001
-    hexahedra = bands.solve_bands(case(0.001), RecordingLog())
+    hexahedra = bands.solve_bands(case(*asked), RecordingLog())
     moving = hexahedra.frequencies_hz > 1.0
     off = np.abs(by_tetrahedra.frequencies_hz[moving] / hexahedra.frequencies_hz[moving] - 1.0)
     allowed = np.array(by_tetrahedra.error, dtype=float) + np.array(hexahedra.error, dtype=float)
