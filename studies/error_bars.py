@@ -1,9 +1,10 @@
 """Stated error bars against true errors on scenes drawn at random: `python -m studies.error_bars` writes docs/error-bars.md.
 
 Plates and pillars of every library material and thicknesses from 0.5 to 5 mm: cells with square, round, hexagonal and tapered
-pillars on the first mesh level against the finest, both with the same reduction; some of them against the whole cell as meshed
-under Bloch's conditions, without any reduction; cells of tetrahedra against hexahedra, with square and round pillars; lone
-pillars and zones at accuracy 0.01 against 0.0005, of tetrahedra, too; plates on the first mesh level against the finest.
+pillars on the first mesh level against the finest, both with the same reduction, square ones on the second level, too; some of
+them against the whole cell as meshed under Bloch's conditions, without any reduction; cells of tetrahedra against hexahedra,
+with square and round pillars; lone pillars and zones at accuracy 0.01 against 0.0005, of tetrahedra, too; plates on the first
+mesh level against the finest.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ from solvers.waves.bloch import BlochCell
 
 PAGE, PICTURE = ROOT / "docs" / "error-bars.md", ROOT / "docs" / "pictures" / "error-bars.svg"
 CASE = Path(__file__).with_name("three-rows.toml")
-SEED, BANDS = 9, 10  # a seed by whose scenes no constant of hexahedra was chosen
+SEED, BANDS = 10, 10  # a seed by whose scenes no constant of hexahedra was chosen
 TUNGSTEN = Material("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 ROUGHLY, FINELY = 0.01, 0.0005  # accuracies of lone parts
@@ -111,12 +112,12 @@ def shaped(design: Design, shape: str) -> Design:
     return replace(design, pillar=replace(design.pillar, shape=shape, tip_m=tip))
 
 
-def of_cells(design: Design, shape: str = "square") -> Compared:
-    """Ten bands at G, X, M and between, on the first mesh level and on the finest."""
+def of_cells(design: Design, shape: str = "square", first: int = 0) -> Compared:
+    """Ten bands at G, X, M and between, on the first mesh level, or on that of another number, and on the finest."""
     levels, design = list(mesh_rules.CELL_LEVELS.values()), shaped(design, shape)
-    (rough, bar), (fine, _) = (_bands(design, _lattice(design, level)) for level in (levels[0], levels[-1]))
+    (rough, bar), (fine, _) = (_bands(design, _lattice(design, level)) for level in (levels[first], levels[-1]))
     name = "cell" if shape == "square" else f"{shape} cell"
-    return Compared(name, described(design), np.abs(rough / fine - 1.0), bar)
+    return Compared(f"{name}, second mesh" if first else name, described(design), np.abs(rough / fine - 1.0), bar)
 
 
 def _bands(design: Design, lattice: Lattice) -> tuple[FloatArray, FloatArray]:
@@ -147,7 +148,7 @@ def of_whole_cell(design: Design) -> Compared:
     What the whole cell's own mesh is off by is told by the reduced cell of the same mesh: what nested meshes take from it.
     """
     assert design.pillar
-    fine = mesh_rules.cell_level(0.001)
+    fine = list(mesh_rules.CELL_LEVELS.values())[1]
     boxes = cell_boxes(design, mesh_rules.cell_mesh(design, fine))
     scale = Scale(design.thickness_m, design.material.young_pa, design.material.density_kg_m3)
     system = assemble(hex_mesh(boxes, fine.order), region_materials(design.material, design.pillar), scale)
@@ -228,9 +229,9 @@ def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> 
     return np.concatenate(tones), np.concatenate(bars)
 
 
-def compare(counts: dict[str, int], folder: Path | None = None) -> list[Compared]:
+def compare(counts: dict[str, int], folder: Path | None = None, seed: int = SEED) -> list[Compared]:
     """Every scene of every part, so many of each, a progress bar meanwhile; those in `folder` are taken from there."""
-    wanted = [(part, i, design) for part, count in counts.items() for i, design in enumerate(designs(count))]
+    wanted = [(part, i, design) for part, count in counts.items() for i, design in enumerate(designs(count, seed))]
     return [_kept(part, design, folder and folder / f"{part}-{i}.npz") for part, i, design in track(wanted, "scenes")]
 
 
@@ -250,6 +251,7 @@ def _kept(part: str, design: Design, file: Path | None) -> Compared:
 
 PARTS: dict[str, Callable[[Design], Compared]] = {
     "cells": of_cells,
+    "second_meshes": partial(of_cells, first=1),
     "whole_cells": of_whole_cell,
     "round": partial(of_cells, shape="round"),
     "hexagonal": partial(of_cells, shape="hexagonal"),
@@ -263,7 +265,8 @@ PARTS: dict[str, Callable[[Design], Compared]] = {
     "plates": of_plate,
 }
 COUNTS = {
-    "cells": 12, "whole_cells": 2, "round": 6, "hexagonal": 6, "tapered": 6, "square_tetrahedra": 8, "round_tetrahedra": 4,
+    "cells": 12, "second_meshes": 6, "whole_cells": 2,
+    "round": 6, "hexagonal": 6, "tapered": 6, "square_tetrahedra": 8, "round_tetrahedra": 4,
     "pillars": 34, "pillars_of_tetrahedra": 12, "zones": 34, "zones_of_tetrahedra": 4,
     "plates": 10,
 }  # fmt: skip
@@ -324,10 +327,16 @@ def main() -> int:
     parser.add_argument(
         "--kept", type=Path, help="folder of scenes of an earlier run of this version; new ones are added"
     )
+    parser.add_argument(
+        "--seed", type=int, default=SEED, help="of the scenes; another one than the page's is only printed"
+    )
     given = vars(parser.parse_args())
-    folder = given.pop("kept")
-    results = compare(given, folder)
+    folder, seed = given.pop("kept"), given.pop("seed")
+    results = compare(given, folder, seed)
     text = page(results)
+    if seed != SEED:
+        print(text)
+        return 0
     write_atomic(PAGE, text.encode())
     figure = drawn(results)
     figure.savefig(PICTURE, metadata={"Date": None})

@@ -23,7 +23,6 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.planning.resources import Demand
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
-from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -31,6 +30,7 @@ from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (
     ReductionError,
     cutoff_hz,
+    further_degrees,
     last_degree_through,
     mesh_error,
     reduction_error,
@@ -40,14 +40,17 @@ from solvers.superelement.lattice_error import (
 from solvers.superelement.tiling import lattice_panel
 
 ROUNDS = 8
-MARGIN = 0.7  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
+MARGIN = 0.3  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
 THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
 MAX_THROUGH = 6
 COARSE = 3  # order of the coarse cell's elements
 CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
-BY_MODES = 0.25  # of what truncation may bring: modes are cheaper than degrees
+BY_MODES = 0.5  # of what truncation may bring: modes are cheaper than degrees
+MOST_BY_MESH = 0.8  # of the accuracy: beyond, a finer mesh is cheaper than what would be left to truncation
+AIM = 0.7  # of what is left to truncation
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
+Bar = tuple[float | None, float]  # half-widths by the mesh and by truncation
 
 
 @dataclass(frozen=True)
@@ -65,9 +68,7 @@ class LatticeModel:
 
     def truncation(self, waves: Sequence[Waves], count: int) -> FloatArray:
         """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
-        estimates = [truncation(self.lattice, each) for each in waves]
-        modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*estimates, strict=True))
-        return modes + truncation_bars(degrees) + self.beyond
+        return truncated_bars(self.lattice, waves, count, self.beyond)
 
 
 def lattice_model(
@@ -89,10 +90,10 @@ def lattice_model(
     reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
-    def with_bar(lattice: Lattice) -> tuple[Lattice, float | None]:
-        return lattice, worst_by_the_mesh(lattice, corners, case.bands.count)
+    def with_bar(lattice: Lattice) -> tuple[Lattice, Bar]:
+        return lattice, widest_bar(lattice, corners, case.bands.count, beyond)
 
-    def on_mesh(choice: ModelChoice) -> tuple[Lattice, float | None]:
+    def on_mesh(choice: ModelChoice) -> tuple[Lattice, Bar]:
         assert choice.reduction
         own: list[MeshRecord] = []
         lattice = Lattice(_reducer(choice, case.design, log, own)(choice.reduction))
@@ -103,10 +104,10 @@ def lattice_model(
         return foresight.of_bands(case, choice, len(corners))
 
     first = choice, with_bar(lattice)
-    choice, (lattice, by_mesh) = (
-        on_finer_meshes(first, lambda built: (built[1], error), on_mesh, demand, case, log) if finer else first
+    choice, (lattice, bar) = (
+        on_finer_meshes(first, lambda built: built[1], on_mesh, demand, case, log) if finer else first
     )
-    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, by_mesh)
+    return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, bar[0])
 
 
 def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
@@ -114,11 +115,24 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
     return _from_tetrahedra(design, choice.edge_m, log, meshes) if choice.edge_m else _from_hexahedra(design, log)
 
 
-def worst_by_the_mesh(lattice: Lattice, wavevectors: FloatArray, count: int) -> float | None:
-    """Largest half-width of the lowest bands' bar by the mesh at wavevectors (n, 2); None where no coarser mesh tells it."""
+def widest_bar(lattice: Lattice, wavevectors: FloatArray, count: int, beyond: float) -> Bar:
+    """Of the lowest bands at wavevectors (n, 2) the widest bar: its half-widths by the mesh, None where no coarser mesh tells
+    it, and by truncation.
+    """
+    waves = [lattice.waves(k, count) for k in wavevectors]
+    truncated = truncated_bars(lattice, waves, count, beyond)
     if lattice.cell.mesh_error is None:
-        return None
-    return largest(np.array([mesh_error(lattice.cell, lattice.waves(k, count)).half_width for k in wavevectors]))
+        return None, float(truncated.max())
+    by_mesh = np.array([mesh_error(lattice.cell, each).half_width[:count] for each in waves])
+    worst = np.unravel_index(np.argmax(by_mesh + truncated), by_mesh.shape)
+    return float(by_mesh[worst]), float(truncated[worst])
+
+
+def truncated_bars(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: float) -> FloatArray:
+    """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
+    estimates = [truncation(lattice, each) for each in waves]
+    modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*estimates, strict=True))
+    return modes + truncation_bars(degrees, further_degrees(lattice, waves)) + beyond
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:
@@ -255,11 +269,10 @@ def _good_enough(
     advised, beyond = _thick_enough(pilot, advised, corners, count, MARGIN * accuracy / 2.0, log)
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
-    finer = advised if error.total <= accuracy else _raised(advised, lattice, error, MARGIN * accuracy)
+    left = _left_by_the_mesh(lattice, corners, case, beyond)
+    finer = advised if error.total <= left else _raised(advised, lattice, error, AIM * left)
     if finer != advised:
-        log.info(
-            f"bands within {error.total:.2%} by truncation, {accuracy:.2%} wanted: {describe_change(advised, finer)}"
-        )
+        log.info(f"bands within {error.total:.2%} by truncation, {left:.2%} wanted: {describe_change(advised, finer)}")
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
             advised, lattice, error = finer, trial, reduction_error(trial, corners, count)
@@ -272,6 +285,15 @@ def _good_enough(
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
     return advised, lattice, total, beyond
+
+
+def _left_by_the_mesh(lattice: Lattice, corners: FloatArray, case: Case, beyond: float) -> float:
+    """What of the accuracy truncation may take beside the mesh: all of it where a finer mesh would have to be taken anyway."""
+    by_mesh, truncated = widest_bar(lattice, corners, case.bands.count, beyond)
+    accuracy = case.solve.accuracy
+    if by_mesh is None or by_mesh + truncated <= accuracy or by_mesh > MOST_BY_MESH * accuracy:
+        return accuracy
+    return accuracy - by_mesh
 
 
 def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:

@@ -52,7 +52,7 @@ MESH_LEVELS = {
     "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip
 # a reduced cell tells its own mesh error by coarser meshes and is refined where that is too large: this is where it begins
-CELL_LEVELS = {0.002: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(4, 1, 0.15), 0.0: MeshLevel(4, 2, 0.15)}
+CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0005: MeshLevel(4, 1, 0.15), 0.0: MeshLevel(4, 2, 0.15)}
 FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
 PLATE_TETRAHEDRA = 2.0  # across its smallest dimension then: 1.9 % too high; 1.4, 3.2 % too high, lose the confinement

@@ -47,9 +47,14 @@ SHADE = (
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
-# of what the elements beside the innermost one miss by themselves: as measured at clamped faces and at the rims of feet, where
-# 61 cells of `python -m studies.error_bars` and of other seeds ask for 0.5 (stiff on soft) to 0.9 (alike)
-OUTER = 0.6
+# of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
+# finite elements about wedges tell (tests/solvers/analytic/test_rim_by_elements.py)
+OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
+# of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
+# err least with 0.65 to 0.85, and round pillars that twist have next to none of it
+ACROSS = 0.7
+# half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
+RANGES = {3: 0.3, 4: 1.1}
 UNRESOLVED = (
     0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 )
@@ -133,43 +138,54 @@ def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim,
     """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
     them (williams1952); wall: the angle in rad that the pillar fills above its foot.
     """
-    exponents = (*_exponents(rim_wedges(plate, pillar, wall)), *_rim_exponents(*more))
-    return replace(_shares(exponents, mesh, RIM_ROUGH), doubt=SHADE)
+    edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
+    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=SHADE)
 
 
 def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
     """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
-    exponents = (clamped_edge_exponent(material), *_rim_exponents(*more))
+    edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
     is_long = mesh.size_m > thickness_m
-    shares = replace(_shares(exponents, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+    shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
     if not is_long:
         return shares
     shares = replace(shares, waves=UNLOCKED)
     return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
 
 
-def _rim_exponents(*rims: Rim) -> tuple[float, ...]:
-    return tuple(exponent for rim in rims for exponent in _exponents(rim_wedges(*rim)))
+@dataclass(frozen=True)
+class Edge:
+    """A singularity: its exponent, what elements beside the innermost one count, and its weight among others."""
+
+    exponent: float
+    outer: float
+    weight: float
 
 
-def _exponents(wedges: tuple[Wedge, ...]) -> tuple[float, float]:
-    """In the plane across an edge and along it, both a little below the 1 of what is not singular."""
-    return min(edge_exponent(wedges), ALMOST_SMOOTH), min(antiplane_exponent(wedges), ALMOST_SMOOTH)
+def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
+    return tuple(edge for rim in rims for edge in _edges(rim_wedges(*rim)))
 
 
-def _shares(exponents: tuple[float, ...], mesh: HexSettings, rough: float) -> Shares:
+def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
+    """In the plane across an edge and along it, both exponents a little below the 1 of what is not singular."""
+    across, along = (min(each(wedges), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
+    return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
+
+
+def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> Shares:
+    """Of singularities as they weigh; uncertain by so many half-ranges between them and a rough part."""
     left, order, less = [], [], replace(mesh, order=mesh.order - 1)
-    for exponent in exponents:
+    for edge in edges:
         own, coarse, lower = (
-            rim_error(exponent, each.order, each.factor, each.layers - each.skipped, OUTER)
+            rim_error(edge.exponent, each.order, each.factor, each.layers - each.skipped, edge.outer)
             for each in (mesh, mesh.coarser if mesh.layers else less, less)
         )
         left.append(own / (coarse - own))
         order.append((lower - own) / (coarse - own))
-    middle = sum(left) / len(left)
-    spread = (max(left) - min(left)) / 2.0 + rough * middle
+    middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
+    spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
     taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
-    return Shares(taken, spread + middle - taken, sum(order) / len(order), order=mesh.order)
+    return Shares(taken, spread + middle - taken, at_edge, order=mesh.order)
 
 
 Body = TypeVar("Body")

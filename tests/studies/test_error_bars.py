@@ -24,7 +24,7 @@ def test_every_part_is_drawn_and_told() -> None:
 
 
 def test_scenes_are_the_same_each_time_and_those_of_another_seed_are_others() -> None:
-    first, again, other = ([*error_bars.designs(3, seed)] for seed in (9, 9, 7))
+    first, again, other = ([*error_bars.designs(3, seed)] for seed in (error_bars.SEED, error_bars.SEED, 7))
     assert first == again and not [design for design in first if design in other]
     assert {error_bars.described(design) for design in error_bars.designs(2)} == {
         error_bars.described(design) for design in error_bars.designs(3, error_bars.SEED)

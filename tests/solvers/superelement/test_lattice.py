@@ -18,7 +18,14 @@ from solvers.fem.assembly import assemble
 from solvers.superelement.build import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import _rise, cutoff_hz, reduction_error, truncation_bars
+from solvers.superelement.lattice_error import (
+    _rise,
+    cutoff_hz,
+    further_degrees,
+    reduction_error,
+    truncation,
+    truncation_bars,
+)
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 
@@ -26,6 +33,7 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 THICK_M, BARE = 2e-3, (3e-3, 4e-3)
 COARSE = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
+AMPLE = HexSettings(order=4, size_m=1e-3, layers=0, pillar_size_m=6.3e-3)
 GENERIC = np.array([310.0, 520.0])
 
 
@@ -240,6 +248,23 @@ def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
     bars = truncation_bars(rises)
     assert (bars >= rises).all() and bars[1, 0] > 1e-4 and bars[0, 1] > 1e-4
     assert bars.max() == pytest.approx(5e-3) and bars[0, 0] < 2e-3
+
+
+@pytest.mark.parametrize("degree", [4, 5, 6])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), (7e-3, 7e-3)])
+def test_the_fall_of_the_degrees_tells_what_further_ones_bring(pitch: tuple[float, float], degree: int) -> None:
+    """Against the same cell of degree 8, for which the last degree alone tells many times too much."""
+    ample, count = lattice(pitch, top_hz=0.6e6, face=Interface(8, 3), settings=AMPLE), 8
+    one, truth = ample.up_to(Interface(degree, 3), 0.6e6), 0.0
+    waves = [one.waves(k, count) for k in corners(pitch)]
+    for k, each in zip(corners(pitch), waves, strict=True):
+        exact = ample.frequencies(k, count)
+        moving = exact > 1e-4 * exact[-1]
+        truth = max(truth, float(np.abs(each.frequency_hz[moving] / exact[moving] - 1.0).max()))
+    last = max(float(truncation(one, each)[1].max()) for each in waves)
+    share = further_degrees(one, waves)
+    assert truth <= share * last
+    assert degree == 6 or (share == 1.0 if degree == 4 else share < 0.5)
 
 
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
