@@ -218,16 +218,13 @@ def _piloted(
         suppress(SolverError),
     ):  # more than the coarse mesh can hold
         for _ in range(ROUNDS):
-            lattice = pilot.lattice(reduction)
+            fewer = cutoff_hz(pilot.lattice(reduction), corners, count, BY_MODES * wanted)
+            level = replace(reduction, top_hz=max(min(reduction.top_hz, fewer), least_hz))
+            lattice = pilot.lattice(level)
             error = reduction_error(lattice, corners, count)
-            level, reduction = (
-                reduction,
-                reduction if error.total <= wanted else _raised(reduction, lattice, error, wanted),
-            )
+            reduction = level if error.total <= wanted else _raised(level, lattice, error, wanted)
             if reduction == level:
                 break
-        fewer = cutoff_hz(pilot.lattice(level), corners, count, BY_MODES * wanted)
-        return replace(level, top_hz=max(min(level.top_hz, fewer), least_hz))
     return level
 
 
@@ -251,8 +248,8 @@ def _thick_enough(
     if through == face.through:
         return reduction, error
     log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
-    mesh = replace(reduction.hexahedra, through=2)  # the mesh without its layers needs a node for each degree, too
-    return replace(reduction, interface=Interface(face.along, through), hexahedra=mesh), error
+    finer = replace(reduction, interface=Interface(face.along, through))
+    return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.interface, finer.hexahedra)), error
 
 
 def _good_enough(

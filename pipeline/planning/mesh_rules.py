@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf, sqrt
@@ -52,7 +53,11 @@ MESH_LEVELS = {
     "whole": (MeshLevel(3, 0, 0.1), MeshLevel(4, 0, 0.1), MeshLevel(3, 1, 0.1), MeshLevel(3, 1, 0.12, 0.45)),
 }  # fmt: skip
 # a reduced cell tells its own mesh error by coarser meshes and is refined where that is too large: this is where it begins
-CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0005: MeshLevel(4, 1, 0.15), 0.0: MeshLevel(4, 2, 0.15)}
+CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(3, 1, 0.15, 1.0, 2), 0.0: MeshLevel(4, 2, 0.15)}
+# widths of a foot that an element of order 3 beneath it is thick at most: the field at a rim reaches half of one, and cells
+# whose plates are thicker had twice the error; no more elements than MOST_THROUGH for it, whatever the foot
+STOUT, MOST_THROUGH = 1.2, 3
+COARSEST = 3  # order of a cell's elements at least
 FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
 PLATE_TETRAHEDRA = 2.0  # across its smallest dimension then: 1.9 % too high; 1.4, 3.2 % too high, lose the confinement
@@ -148,8 +153,18 @@ def _shrunk(part: str, design: Design, high_hz: float) -> float:
 
 
 def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
-    """Elements of plate and cells: two thicknesses wide, graded towards the pillars' feet."""
-    return _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
+    """Elements of plate and cells: two thicknesses wide, no thicker than about a foot is wide, graded towards the feet."""
+    mesh = _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
+    if not design.pillar or row.order > 3:
+        return mesh
+    foot = min(pillar.base_m for pillar in design.kinds)
+    least = min(ceil(design.thickness_m / (STOUT * foot)), MOST_THROUGH)
+    return replace(mesh, through=row.through + least - 1)
+
+
+def with_nodes_for(face: Interface, mesh: HexSettings) -> HexSettings:
+    """The mesh of a cell with a node through the plate for each degree, as the one without its layers needs it, too."""
+    return replace(mesh, through=max(mesh.through, 2)) if face.through > COARSEST else mesh
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:

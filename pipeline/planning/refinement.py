@@ -160,8 +160,8 @@ def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
     own = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(choice.part)
     mesh = own(design, level, choice.good_to_hz) if own else mesh_rules.cell_mesh(design, level)
     reduction = choice.reduction
-    if reduction is not None:  # whose degree through the thickness may ask for more elements there
-        mesh = replace(mesh, through=max(mesh.through, reduction.hexahedra.through))
+    if reduction is not None:
+        mesh = mesh_rules.with_nodes_for(reduction.interface, mesh)
         reduction = replace(reduction, hexahedra=mesh)
     return replace(choice, hexahedra=mesh, mesh_level=level, reduction=reduction)
 

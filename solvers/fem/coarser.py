@@ -37,7 +37,7 @@ from solvers.fem.solid import SolidModel
 
 BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
 SMOOTH, CLAMPED_SMOOTH = (
-    0.04,
+    0.035,
     0.02,
 )  # of what the last order brought away from the edge: more than further ones bring there
 SHADE = (
@@ -54,7 +54,7 @@ OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 # err least with 0.65 to 0.85, and round pillars that twist have next to none of it
 ACROSS = 0.7
 # half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
-RANGES = {3: 0.3, 4: 1.1}
+RANGES = {3: 0.15, 4: 1.1}
 UNRESOLVED = (
     0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
 )
@@ -62,7 +62,7 @@ UNRESOLVED = (
 UNLOCKED = 0.5
 HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
 # of the share: one radial function stands for the whole of an edge
-RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.2
+RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
 
 
 @dataclass(frozen=True)

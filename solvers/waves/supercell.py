@@ -55,7 +55,7 @@ class Supercell:
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
         tones = self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
         moving, errors_of = tones > STILL * tones[-1], np.zeros((4, len(tones)))
-        errors = mode_errors(self.plate, self.pencil, turn @ waves[:, moving])
+        errors = mode_errors(self.plate, self.pencil, turn @ waves[:, moving], rims=1.0)
         errors_of[:, moving] = errors.modes, errors.degrees, errors.taken, errors.mesh
         return tones, ModeErrors(*errors_of)
 
