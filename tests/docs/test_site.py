@@ -134,6 +134,7 @@ def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType
     assert all("PosixPath" not in page and str(ROOT) not in page for page in text.values())
 
 
+@pytest.mark.slow  # `make docs` builds the same site; that job of continuous integration runs this one, too
 def test_the_site_has_no_dead_link_and_no_public_name_without_its_words(
     site: dict[str, ModuleType], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
