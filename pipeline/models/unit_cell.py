@@ -45,6 +45,7 @@ THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree 
 MAX_THROUGH = 6
 COARSE = 3  # order of the coarse cell's elements
 CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
+THROUGH = 0.35  # of the accuracy: the next degree through the thickness is another element through the plate
 BY_MODES = 0.5  # of what truncation may bring: modes are cheaper than degrees
 MOST_BY_MESH = 0.8  # of the accuracy: beyond, a finer mesh is cheaper than what would be left to truncation
 AIM = 0.7  # of what is left to truncation
@@ -263,7 +264,7 @@ def _good_enough(
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
-    advised, beyond = _thick_enough(pilot, advised, corners, count, MARGIN * accuracy / 2.0, log)
+    advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
     lattice = Lattice(reduce(advised))
     error = reduction_error(lattice, corners, count)
     left = _left_by_the_mesh(lattice, corners, case, beyond)

@@ -22,7 +22,7 @@ from geometry.elements import FloatArray
 from pipeline.paths import ROOT
 
 CASE = "studies/three-rows.toml"
-FINEST, ACCURACIES = 0.0005, (0.01, 0.003, 0.002)
+FINEST, ACCURACIES = 0.0005, (0.01, 0.003, 0.001, 0.0007)
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 OTHERS_HIGH = 2e-4  # the other program's own error, from above
 OTHERS_HZ = {("G", 4): 39.67e3, ("G", 6): 108.45e3, ("G", 7): 175.83e3, ("G", 9): 233.28e3,
