@@ -289,7 +289,8 @@ def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, 
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((8e-3, 8e-3), marks=pytest.mark.slow)])
 def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], top_hz: float, count: int) -> None:
     """Against the same mesh, not reduced; and it is no more than some times the truth, or it would be of no use."""
-    one = lattice(pitch, True, top_hz * 4e-3 / max(pitch), Interface(6 if pitch[0] > 5e-3 else 4, 3))
+    # of no higher degree: the sides of so coarse a mesh have kinks, which no series of degrees foretells
+    one = lattice(pitch, True, top_hz * 4e-3 / max(pitch), Interface(5 if pitch[0] > 5e-3 else 4, 3))
     truth = 0.0
     for k in corners(pitch):
         ours, exact = one.frequencies(k, count), full(pitch, True).frequencies(k, count)
