@@ -20,7 +20,7 @@ from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
-from solvers.superelement.plate_error import ALIKE, mode_errors
+from solvers.superelement.plate_error import AT_RIMS, mode_errors
 from solvers.superelement.tiling import lattice_panel
 
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
@@ -140,7 +140,7 @@ def test_a_plates_modes_know_what_was_taken_from_their_cells() -> None:
     modes = modes_in_band(pencil, 5e3, 100e3)
     bars = model.mode_errors("SS", pencil, modes.vectors)
     as_bands = mode_errors(model.assembled("SS"), pencil, modes.vectors, rims=1.0)
-    assert (as_bands.mesh > bars.mesh).all() and (bars.mesh >= ALIKE * as_bands.mesh).all()
+    assert (as_bands.mesh > bars.mesh).all() and (bars.mesh > AT_RIMS * as_bands.mesh).all()
     model.cells = {key: without(one) for key, one in model.cells.items()}
     model._assembled_plates.clear()
     del model._grid
@@ -159,5 +159,4 @@ def test_the_bar_of_a_plates_modes_holds_a_finer_computation() -> None:
         tones.append(modes.frequency_hz)
         bars.append(model.mode_errors("SS", pencil, modes.vectors).mesh)
     assert len(tones[0]) == len(tones[1]) >= 4
-    off = np.abs(tones[0] / tones[1] - 1.0) / (bars[0] + bars[1])
-    assert (off > 1.0).sum() <= 1 and off.max() < 2.0  # 95 of 100 within, none beyond twice
+    assert (np.abs(tones[0] / tones[1] - 1.0) <= bars[0] + bars[1]).all()
