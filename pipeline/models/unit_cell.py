@@ -30,6 +30,7 @@ from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (
     ReductionError,
     cutoff_hz,
+    error_of_waves,
     further_degrees,
     last_degree_through,
     mesh_error,
@@ -88,23 +89,20 @@ def lattice_model(
     """
     reduction = choice.reduction or mesh_rules.lattice_reduction(case.design, case.solve.accuracy)
     reduce = _reducer(choice, case.design, log, meshes)
-    reduction, lattice, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
+    reduction, lattice, bar, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
-
-    def with_bar(lattice: Lattice) -> tuple[Lattice, Bar]:
-        return lattice, widest_bar(lattice, corners, case.bands.count, beyond)
 
     def on_mesh(choice: ModelChoice) -> tuple[Lattice, Bar]:
         assert choice.reduction
         own: list[MeshRecord] = []
         lattice = Lattice(_reducer(choice, case.design, log, own)(choice.reduction))
         meshes[:] = own  # in the place of the first one's, once it is solved
-        return with_bar(lattice)
+        return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(corners))
 
-    first = choice, with_bar(lattice)
+    first = choice, (lattice, bar)
     choice, (lattice, bar) = (
         on_finer_meshes(first, lambda built: built[1], on_mesh, demand, case, log) if finer else first
     )
@@ -116,11 +114,13 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
     return _from_tetrahedra(design, choice.edge_m, log, meshes) if choice.edge_m else _from_hexahedra(design, log)
 
 
-def widest_bar(lattice: Lattice, wavevectors: FloatArray, count: int, beyond: float) -> Bar:
-    """Of the lowest bands at wavevectors (n, 2) the widest bar: its half-widths by the mesh, None where no coarser mesh tells
-    it, and by truncation.
-    """
-    waves = [lattice.waves(k, count) for k in wavevectors]
+def _solved(lattice: Lattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
+    """The lowest waves at wavevectors (n, 2)."""
+    return [lattice.waves(k, case.bands.count) for k in wavevectors]
+
+
+def widest_bar(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: float) -> Bar:
+    """Of the lowest bands the widest bar: half-widths by the mesh, None where no coarser mesh tells it, and by truncation."""
     truncated = truncated_bars(lattice, waves, count, beyond)
     if lattice.cell.mesh_error is None:
         return None, float(truncated.max())
@@ -255,9 +255,9 @@ def _thick_enough(
 
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log, least_hz: float
-) -> tuple[ReductionSettings, Lattice, float, float]:
-    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds the accuracy; with the
-    estimate, and what of it lies beyond the degree through the thickness.
+) -> tuple[ReductionSettings, Lattice, Bar, float, float]:
+    """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds what the mesh leaves of the
+    accuracy; with the widest bar, the estimate, and what of it lies beyond the degree through the thickness.
     """
     count, accuracy = case.bands.count, case.solve.accuracy
     pilot = _Pilot(case.design)
@@ -266,14 +266,17 @@ def _good_enough(
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
     lattice = Lattice(reduce(advised))
-    error = reduction_error(lattice, corners, count)
-    left = _left_by_the_mesh(lattice, corners, case, beyond)
+    waves = _solved(lattice, corners, case)
+    error, bar = error_of_waves(lattice, waves), widest_bar(lattice, waves, count, beyond)
+    left = _left_by_the_mesh(bar, accuracy)
     finer = advised if error.total <= left else _raised(advised, lattice, error, AIM * left)
     if finer != advised:
         log.info(f"bands within {error.total:.2%} by truncation, {left:.2%} wanted: {describe_change(advised, finer)}")
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
-            advised, lattice, error = finer, trial, reduction_error(trial, corners, count)
+            waves = _solved(trial, corners, case)
+            error, bar = error_of_waves(trial, waves), widest_bar(trial, waves, count, beyond)
+            advised, lattice = finer, trial
     total = error.total + beyond
     log.info(f"bands within {total:.2%} by truncation, as residual flexibility and last degree tell")
     if total > accuracy:
@@ -282,13 +285,12 @@ def _good_enough(
             f"the reduction may put a band {total:.2%} off, solve.accuracy asks for {accuracy:.2%}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
-    return advised, lattice, total, beyond
+    return advised, lattice, bar, total, beyond
 
 
-def _left_by_the_mesh(lattice: Lattice, corners: FloatArray, case: Case, beyond: float) -> float:
+def _left_by_the_mesh(bar: Bar, accuracy: float) -> float:
     """What of the accuracy truncation may take beside the mesh: all of it where a finer mesh would have to be taken anyway."""
-    by_mesh, truncated = widest_bar(lattice, corners, case.bands.count, beyond)
-    accuracy = case.solve.accuracy
+    by_mesh, truncated = bar
     if by_mesh is None or by_mesh + truncated <= accuracy or by_mesh > MOST_BY_MESH * accuracy:
         return accuracy
     return accuracy - by_mesh

@@ -155,7 +155,7 @@ def _shrunk(part: str, design: Design, high_hz: float) -> float:
 def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
     """Elements of plate and cells: two thicknesses wide, no thicker than about a foot is wide, graded towards the feet."""
     mesh = _settings(row, 2.0 * design.thickness_m, _along(design) if design.pillar else None)
-    if not design.pillar or row.order > 3:
+    if not design.pillar or row.order > COARSEST:
         return mesh
     foot = min(pillar.base_m for pillar in design.kinds)
     least = min(ceil(design.thickness_m / (STOUT * foot)), MOST_THROUGH)

@@ -56,7 +56,11 @@ class MeshErrors:
 
 def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
-    waves = [lattice.waves(k, count) for k in wavevectors]
+    return error_of_waves(lattice, [lattice.waves(k, count) for k in wavevectors])
+
+
+def error_of_waves(lattice: Lattice, waves: Sequence[Waves]) -> ReductionError:
+    """The same of waves that are solved already."""
     estimates = [truncation(lattice, each) for each in waves]
     modes, degrees = (max(float(each.max(initial=0.0)) for each in kind) for kind in zip(*estimates, strict=True))
     return ReductionError(modes, further_degrees(lattice, waves) * degrees)

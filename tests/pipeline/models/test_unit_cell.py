@@ -39,11 +39,8 @@ def case(accuracy: float = 0.001, side_mm: float = 2.0, thickness_mm: float = 2.
         ((9e-4, 6e-4), 1e-3),  # a finer mesh is taken anyway
     ],
 )
-def test_what_the_mesh_takes_of_the_accuracy_is_left_out_of_truncations_part(
-    bar: unit_cell.Bar, left: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(unit_cell, "widest_bar", lambda *_: bar)
-    assert unit_cell._left_by_the_mesh(None, np.zeros((1, 2)), case(), 0.0) == pytest.approx(left)  # type: ignore[arg-type]
+def test_what_the_mesh_takes_of_the_accuracy_is_left_out_of_truncations_part(bar: unit_cell.Bar, left: float) -> None:
+    assert unit_cell._left_by_the_mesh(bar, 1e-3) == pytest.approx(left)
 
 
 def test_modes_that_nobody_needs_make_room_for_a_degree() -> None:
