@@ -222,7 +222,7 @@ def _fine_enough(
     """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds."""
     corners = path.wavevectors[[segment.last for segment in path.segments]]
 
-    def told(cell: AnyCell) -> tuple[float | None, float]:
+    def bar(cell: AnyCell) -> tuple[float | None, float]:
         with log.step("error of the mesh at the path's corners"):
             _, estimates = _each_once(corners, case.bands.count, cell.solve)
         truncated = MARGIN * max(float(each.total.max()) for each in estimates)
@@ -231,7 +231,7 @@ def _fine_enough(
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
 
-    return on_finer_meshes((choice, build(choice)), told, build, demand, case, log)
+    return on_finer_meshes((choice, build(choice)), bar, build, demand, case, log)
 
 
 def _sampled(

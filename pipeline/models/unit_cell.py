@@ -48,7 +48,7 @@ COARSE = 3  # order of the coarse cell's elements
 CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
 THROUGH = 0.35  # of the accuracy: the next degree through the thickness is another element through the plate
 BY_MODES = 0.5  # of what truncation may bring: modes are cheaper than degrees
-MOST_BY_MESH = 0.8  # of the accuracy: beyond, a finer mesh is cheaper than what would be left to truncation
+MAX_BY_MESH = 0.8  # of the accuracy: beyond, a finer mesh is cheaper than what would be left to truncation
 AIM = 0.7  # of what is left to truncation
 MAX_DOF = 400  # at a wavevector: beyond, a dense solve costs more than the accuracy is worth
 Reduce = Callable[[ReductionSettings], Cell]
@@ -291,7 +291,7 @@ def _good_enough(
 def _left_by_the_mesh(bar: Bar, accuracy: float) -> float:
     """What of the accuracy truncation may take beside the mesh: all of it where a finer mesh would have to be taken anyway."""
     by_mesh, truncated = bar
-    if by_mesh is None or by_mesh + truncated <= accuracy or by_mesh > MOST_BY_MESH * accuracy:
+    if by_mesh is None or by_mesh + truncated <= accuracy or by_mesh > MAX_BY_MESH * accuracy:
         return accuracy
     return accuracy - by_mesh
 

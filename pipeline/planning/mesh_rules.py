@@ -55,8 +55,8 @@ MESH_LEVELS = {
 # a reduced cell tells its own mesh error by coarser meshes and is refined where that is too large: this is where it begins
 CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(3, 1, 0.15, 1.0, 2), 0.0: MeshLevel(4, 2, 0.15)}
 # widths of a foot that an element of order 3 beneath it is thick at most: the field at a rim reaches half of one, and cells
-# whose plates are thicker had twice the error; no more elements than MOST_THROUGH for it, whatever the foot
-STOUT, MOST_THROUGH = 1.2, 3
+# whose plates are thicker had twice the error; no more elements than MAX_BENEATH for it, whatever the foot
+STOUT, MAX_BENEATH = 1.2, 3
 COARSEST = 3  # order of a cell's elements at least
 FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
@@ -158,7 +158,7 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
     if not design.pillar or row.order > COARSEST:
         return mesh
     foot = min(pillar.base_m for pillar in design.kinds)
-    least = min(ceil(design.thickness_m / (STOUT * foot)), MOST_THROUGH)
+    least = min(ceil(design.thickness_m / (STOUT * foot)), MAX_BENEATH)
     return replace(mesh, through=row.through + least - 1)
 
 

@@ -26,7 +26,7 @@ RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_h
 SHORT = (
     0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
 )
-CLIMBS = 2  # finer meshes for the accuracy, at most
+MAX_REFINEMENTS = 2  # finer meshes for the accuracy, at most
 EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges too hopeful are taken once more
 AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
 SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
@@ -93,7 +93,7 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
 
 def on_finer_meshes(
     first: tuple[ModelChoice, Built],
-    told: Callable[[Built], tuple[float | None, float]],
+    bar: Callable[[Built], tuple[float | None, float]],
     build: Callable[[ModelChoice], Built],
     demand: Callable[[ModelChoice], Demand],
     case: Case,
@@ -101,12 +101,12 @@ def on_finer_meshes(
 ) -> tuple[ModelChoice, Built]:
     """A model choice and what was built of it, or those of the first finer mesh that meets the accuracy.
 
-    told: half-widths of its bar by the mesh and by truncation; CLIMBS meshes at most, as far as memory holds them and they can
+    bar: half-widths by the mesh and by truncation; MAX_REFINEMENTS meshes at most, as far as memory holds them and they can
     be solved: what was built before stays.
     """
     choice, built = first
-    for _ in range(CLIMBS):
-        finer = finer_mesh(choice, *told(built), case, log)
+    for _ in range(MAX_REFINEMENTS):
+        finer = finer_mesh(choice, *bar(built), case, log)
         if finer is None or not foresight.fits(demand(finer), log):
             break
         with refused(log):

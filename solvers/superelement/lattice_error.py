@@ -25,7 +25,7 @@ HIDDEN, BEYOND = (
 )  # of the largest estimate of a band and those below it, of all: one wave may hide what others show
 # times the geometric series, of which further degrees brought 0.03 to 2.7 to 48 cells of degrees 5 and 6; and of the last
 # degree's part at least, where they bring next to nothing; the fewest degrees that tell it
-SERIES, LEAST, FEWEST = 3.0, 0.2, 5
+SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.2, 5
 LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
 STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
 
@@ -82,7 +82,7 @@ def further_degrees(lattice: Lattice, waves: Sequence[Waves]) -> float:
     A degree below 5 shows no q of even and of odd ones.
     """
     cell, face = lattice.cell, lattice.cell.interface
-    if face.along < FEWEST:
+    if face.along < MIN_DEGREE:
         return 1.0
     degrees = range(face.along - 3, face.along + 1)
     own = {degree: face.within(Interface(degree, face.through)) for degree in (degrees[0] - 1, *degrees)}
@@ -93,7 +93,7 @@ def further_degrees(lattice: Lattice, waves: Sequence[Waves]) -> float:
     last, falls = parts[degrees[-1]], [parts[n] / parts[n - 2] for n in degrees[2:] if parts[n - 2] > 0.0]
     if not falls or last <= 0.0:
         return 1.0
-    return float(min(1.0, max(SERIES * (1.0 + parts[degrees[-2]] / last) * max(falls), LEAST)))
+    return float(min(1.0, max(SERIES * (1.0 + parts[degrees[-2]] / last) * max(falls), MIN_SHARE)))
 
 
 def _largest_rise(cell: Cell, waves: Waves, functions: IntArray) -> float:

@@ -53,7 +53,7 @@ def test_modes_that_nobody_needs_make_room_for_a_degree() -> None:
     assert unit_cell.reduction_error(pilot.lattice(advised), corners, 10).total <= wanted
 
 
-@pytest.mark.parametrize(("side_mm", "elements"), [(2.0, 1), (1.5, 2), (0.2, mesh_rules.MOST_THROUGH)])
+@pytest.mark.parametrize(("side_mm", "elements"), [(2.0, 1), (1.5, 2), (0.2, mesh_rules.MAX_BENEATH)])
 def test_elements_beneath_a_foot_are_no_thicker_than_about_its_width(side_mm: float, elements: int) -> None:
     design = case(side_mm=side_mm).design
     meshes = [mesh_rules.cell_mesh(design, level).through for level in (FIRST, SECOND, FINEST)]
