@@ -1,11 +1,7 @@
-"""Reduced cells, families of cells and what plates give way beneath patches, kept on disk."""
+"""Reduced cells, families of cells and the compliance of plates under patches, kept on disk."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import tempfile
-import zipfile
 from dataclasses import fields
 from functools import lru_cache
 from math import isqrt
@@ -17,6 +13,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
+from pipeline.records.cache import Cache
 from solvers.fem.assembly import Scale
 from solvers.superelement.cell import Cell, Expansion, MeshError
 from solvers.superelement.interface import Interface
@@ -33,55 +30,35 @@ def _salt() -> str:
     return fingerprint.code_hash()[:16]
 
 
-class CellCache:
-    """A folder of .npz files, one per cell, the longest unused ones removed; a torn or foreign file counts as absent."""
+class ArrayCache:
+    """A folder of arrays under the hash of what they answer and of the computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".cells", max_bytes: int = MAX_BYTES) -> None:
-        self.folder, self.max_bytes = folder, max_bytes
+        self.folder, self._files = folder, Cache(folder, max_bytes)
 
-    def get(self, key: str) -> Cell | None:
-        """Return the entry kept under this key by the same code, or None."""
-        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            return _unpacked(self.load(key))
-        return None
-
-    def put(self, key: str, cell: Cell) -> None:
-        """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
-        self.keep(key, _packed(cell))
-
-    def load(self, key: str) -> dict[str, Any]:
-        """The arrays kept under a key. OSError, ValueError, EOFError or BadZipFile where there are none or a torn file."""
-        with np.load(self._path(key)) as file:
-            flat = {name: file[name] for name in file.files}
-        os.utime(self._path(key))  # used now: the last to go
-        return flat
+    def load(self, key: str) -> dict[str, Any] | None:
+        """Return the arrays kept under this key by the same code, or None."""
+        return self._files.read_arrays(self._name(key))
 
     def keep(self, key: str, flat: dict[str, Any]) -> None:
-        """Keep arrays under a key, or none of them where the disk is full."""
-        with contextlib.suppress(OSError):
-            self.folder.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(dir=self.folder, suffix=".part")
-            try:
-                with os.fdopen(handle, "wb") as file:
-                    np.savez(file, **flat)
-                Path(name).replace(self._path(key))
-            finally:
-                Path(name).unlink(missing_ok=True)
-            self._make_room(self._path(key))
+        """Keep arrays; where the disk is full they are computed again in the next run."""
+        self._files.write_arrays(self._name(key), flat)
 
-    def _make_room(self, newest: Path) -> None:
-        """Remove the entries longest unused until the rest fits, never the one just kept."""
-        cells = sorted(((path.stat(), path) for path in self.folder.glob("*.npz")), key=lambda pair: pair[0].st_mtime)
-        total = sum(stat.st_size for stat, _ in cells)
-        for stat, path in cells:
-            if total <= self.max_bytes:
-                return
-            if path != newest:
-                path.unlink(missing_ok=True)
-                total -= stat.st_size
+    def _name(self, key: str) -> str:
+        return f"{type(self).__name__}-{key[:32]}-{_salt()}"
 
-    def _path(self, key: str) -> Path:
-        return self.folder / f"{key[:32]}-{_salt()}.npz"
+
+class CellCache(ArrayCache):
+    """Reduced cells, a file each."""
+
+    def get(self, key: str) -> Cell | None:
+        """Return the cell kept under this key by the same code, or None."""
+        flat = self.load(key)
+        return None if flat is None else _unpacked(flat)
+
+    def put(self, key: str, cell: Cell) -> None:
+        """Keep a cell."""
+        self.keep(key, _packed(cell))
 
 
 def _packed(cell: Cell) -> dict[str, Any]:
@@ -110,36 +87,37 @@ def _unpacked(flat: dict[str, Any]) -> Cell:
     return Cell(**plain)
 
 
-class MatrixCache(CellCache):
-    """A folder of .npz files, one a symmetric matrix, beside those of cells; a torn or foreign file counts as absent."""
+class MatrixCache(ArrayCache):
+    """Symmetric matrices, a file each."""
 
-    def get(self, key: str) -> FloatArray | None:  # type: ignore[override]
+    def get(self, key: str) -> FloatArray | None:
         """Return the matrix kept under this key by the same code, or None."""
-        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
-            upper = self.load(key)["upper"]
-            size = isqrt(2 * len(upper))
-            matrix = np.zeros((size, size))
-            matrix[np.triu_indices(size)] = upper
-            return matrix + np.triu(matrix, 1).T
-        return None
+        flat = self.load(key)
+        if flat is None:
+            return None
+        upper = flat["upper"]
+        size = isqrt(2 * len(upper))
+        matrix = np.zeros((size, size))
+        matrix[np.triu_indices(size)] = upper
+        return matrix + np.triu(matrix, 1).T
 
-    def put(self, key: str, matrix: FloatArray) -> None:  # type: ignore[override]
-        """Keep a matrix; where the disk is full it is recomputed in the next run, and this run keeps its result."""
+    def put(self, key: str, matrix: FloatArray) -> None:
+        """Keep a matrix."""
         self.keep(key, {"upper": matrix[np.triu_indices(len(matrix))]})
 
 
-class ParametricCellCache(CellCache):
-    """A folder of .npz files, one per family, beside those of cells; a torn or foreign file counts as absent."""
+class ParametricCellCache(ArrayCache):
+    """Families of cells, a file each."""
 
-    def get(self, key: str) -> CellFamily | None:  # type: ignore[override]
-        """Return the entry kept under this key by the same code, or None."""
-        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
-            flat = self.load(key)
-            reach, stiffness, mass, *missed = (flat.pop(name) for name in OWN)
-            return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass, (missed[0], missed[1]))
-        return None
+    def get(self, key: str) -> CellFamily | None:
+        """Return the family kept under this key by the same code, or None."""
+        flat = self.load(key)
+        if flat is None:
+            return None
+        reach, stiffness, mass, *missed = (flat.pop(name) for name in OWN)
+        return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass, (missed[0], missed[1]))
 
-    def put(self, key: str, family: CellFamily) -> None:  # type: ignore[override]
-        """Keep an entry; where the disk is full it is recomputed in the next run, and this run keeps its result."""
+    def put(self, key: str, family: CellFamily) -> None:
+        """Keep a family."""
         own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass, *family.missed), strict=True))
         self.keep(key, _packed(family.cell) | own)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import zipfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
@@ -18,7 +17,7 @@ from geometry.materials import Material
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.cell_cache import CellCache
+from pipeline.models.cell_cache import ArrayCache
 from pipeline.models.parametric_mesh import MeshTable, mesh_table, sizes_of
 from pipeline.paths import RESULTS
 from pipeline.workers import LocalWorkers
@@ -209,8 +208,8 @@ def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
         yield workers.map
 
 
-class CellModelCache(CellCache):
-    """A folder of .npz files, one a model, which no sweep's cells push out; a torn or foreign file counts as absent."""
+class CellModelCache(ArrayCache):
+    """Models, a file each, in a folder of their own, so that the cells of a sweep never displace them."""
 
     def __init__(self, folder: Path = RESULTS / ".explore", max_bytes: int = MAX_BYTES) -> None:
         super().__init__(folder, max_bytes)
@@ -229,9 +228,8 @@ class CellModelCache(CellCache):
 
     def get_model(self, key: str, offline: Offline) -> CellModel | None:
         """The model kept under this key by the same code, or None."""
-        with contextlib.suppress(OSError, ValueError, KeyError, EOFError, TypeError, zipfile.BadZipFile):
-            return _unpacked(self.load(key), offline)
-        return None
+        flat = self.load(key)
+        return None if flat is None else _unpacked(flat, offline)
 
     def put_model(self, key: str, model: CellModel) -> None:
         """Keep a model; where the disk is full it is made again in the next run."""

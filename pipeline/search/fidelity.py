@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from math import ceil, floor
 from pathlib import Path
@@ -17,7 +17,8 @@ from pipeline.logs import WarningLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request, of_case, with_defaults
-from pipeline.records import fingerprint, store
+from pipeline.records import fingerprint
+from pipeline.records.cache import Cache
 from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
@@ -292,27 +293,24 @@ def _outwards(low: float, high: float) -> tuple[float, float]:
 
 
 class EvaluationCache:
-    """Evaluations as small JSON files under the hash of question and computing sources; a torn file counts as absent."""
+    """Evaluations as JSON under the hash of question and computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
-        self.folder = folder
-        self.reused = 0
+        self._files, self.reused = Cache(folder), 0
 
     def get(self, question: dict[str, Any]) -> FidelityResult | None:
         """Return the evaluation made before by the same code, or None."""
-        with suppress(store.BadRecord, TypeError, KeyError, ValueError):
-            plain = store.read_json(self._path(question))
-            stored = FidelityResult(**plain | {"warnings": tuple((id, text) for id, text in plain["warnings"])})
-            self.reused += 1
-            return stored
-        return None
+        content = self._files.read(self._name(question))
+        if content is None:
+            return None
+        plain = json.loads(content)
+        self.reused += 1
+        return FidelityResult(**plain | {"warnings": tuple((id, text) for id, text in plain["warnings"])})
 
     def put(self, question: dict[str, Any], result: FidelityResult) -> None:
-        """Keep an evaluation; where the disk is full it is recomputed in the next run."""
-        with suppress(store.StoreError, OSError):
-            self.folder.mkdir(parents=True, exist_ok=True)
-            store.write_json(self._path(question), asdict(result))
+        """Keep an evaluation; where the disk is full it is computed again in the next run."""
+        self._files.write(self._name(question), json.dumps(fingerprint.plain(asdict(result))).encode())
 
-    def _path(self, question: dict[str, Any]) -> Path:
+    def _name(self, question: dict[str, Any]) -> str:
         salted = {"question": question, "code": fingerprint.current().code_hash}
-        return self.folder / f"{hashlib.sha256(fingerprint.canonical_json(salted).encode()).hexdigest()[:32]}.json"
+        return hashlib.sha256(fingerprint.canonical_json(salted).encode()).hexdigest()[:32]
