@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from antinode.results import KIND, KINDS, Result
 from antinode.sweeps import TABLE, SweepTable, read_table
 from pipeline.errors import InputError
+from pipeline.records import store
 
 MARKS = {
     "modes": "modes",
@@ -38,8 +38,8 @@ def open(path: str | Path) -> Result | SweepTable:
     if file.suffix == ".csv":
         return read_table(file)
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        document = store.read_json(Path(path))
+    except store.BadRecord as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     kind = _kind(document) if isinstance(document, dict) else None
     if kind is None or document.get("schema") != 1:

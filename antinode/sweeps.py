@@ -216,7 +216,7 @@ def main(words: Sequence[str]) -> int:
 
 def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, values: dict[str, Sequence[Any]]) -> Path:
     """The case and the study as files in the folder, which `antinode run` takes as well."""
-    from pipeline.batch.study_file import toml_text
+    from pipeline.case.overrides import toml_text
     from pipeline.records.outputs import write_file
 
     write_file(place / "plate.toml", case_text(plate).encode())
@@ -231,7 +231,7 @@ def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, va
 
 def case_text(plate: Plate) -> str:
     """A plate as the text of a case file; files that it names by their whole paths."""
-    from pipeline.batch.study_file import toml_text
+    from pipeline.case.overrides import toml_text
 
     raw = plate.to_dict()
     tables = {key: value for key, value in raw.items() if isinstance(value, dict) and key != "material"}

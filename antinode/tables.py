@@ -122,7 +122,9 @@ class Finger(Table):
 
 
 def plain(value: Any) -> Any:
-    """A value as a parsed case file holds it: tuples are lists, tables are dictionaries."""
+    """A value as a parsed case file holds it: tuples and arrays are lists, tables are dictionaries, numpy's scalars numbers."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
     if isinstance(value, dict):
         return {key: plain(item) for key, item in value.items()}
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import re
 import shutil
+import stat
 import subprocess
 import sys
 import sysconfig
@@ -57,9 +59,7 @@ def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
     state = hashlib.sha256(repr((command, flags, sys.platform, sysconfig.get_platform())).encode())
     for path in sorted([*CORE.rglob("an_*.*"), *HOST.glob("rig.[ch]")]):
         state.update(path.read_bytes())
-    folder = Path(tempfile.gettempdir()) / f"antinode-host-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    library = folder / f"core-{state.hexdigest()[:16]}.so"
+    library = _private_folder() / f"core-{state.hexdigest()[:16]}.so"
     if not library.exists():
         fresh = library.with_suffix(f".{os.getpid()}")
         subprocess.run(
@@ -67,6 +67,26 @@ def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
         )
         fresh.replace(library)
     return library
+
+
+def _private_folder() -> Path:
+    """A folder that this user alone can write to: in the user's cache, else a new temporary one."""
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "antinode", "host")
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.lstat()
+        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
+            return folder
+    except (OSError, RuntimeError):
+        pass
+    return _temporary_folder()
+
+
+@cache
+def _temporary_folder() -> Path:
+    folder = tempfile.mkdtemp(prefix="antinode-host-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 @cache

@@ -19,6 +19,8 @@ from geometry.errors import GeometryError
 from geometry.files import written_whole
 from geometry.quiet import silence_kernel
 
+NO_TIME = "1970-01-01T00:00:00"  # of a STEP file: its content does not depend on when it was written
+
 DEFLECTION_MM = 0.01  # a tenth of what a powder-bed machine holds
 ANGLE = 0.2  # rad between facets of a curve
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
@@ -77,16 +79,19 @@ METADATA = {
 
 def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
     """STEP AP214 in mm; parts of a bonded body stay separate solids. Raises GeometryError when the kernel refuses."""
+    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
     from OCP.IFSelect import IFSelect_RetDone
     from OCP.Interface import Interface_Static
     from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+    from OCP.TCollection import TCollection_HAsciiString
 
     silence_kernel()
     for key in ("xstep.cascade.unit", "write.step.unit"):
         Interface_Static.SetCVal_s(key, "MM")
-    Interface_Static.SetCVal_s("write.step.product.name", name)
     writer = STEPControl_Writer()
+    Interface_Static.SetCVal_s("write.step.product.name", name)  # known to the kernel once there is a writer
     done = writer.Transfer(body.shape.wrapped, STEPControl_AsIs) == IFSelect_RetDone
+    APIHeaderSection_MakeHeader(writer.Model()).SetTimeStamp(TCollection_HAsciiString(NO_TIME))  # same bytes each time
     with written_whole(path) as temporary:
         if not done or writer.Write(str(temporary)) != IFSelect_RetDone:
             raise GeometryError(f"{Path(path)}: the CAD kernel could not write STEP")

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.batch.job import Job
-from pipeline.batch.study_file import StudyFile, toml_text
+from pipeline.batch.study_file import StudyFile
 from pipeline.case.model import Case, load_case
+from pipeline.case.overrides import toml_text
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measures import registry

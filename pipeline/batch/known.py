@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import json
 import os
-from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from pipeline import paths
+from pipeline.errors import reason
 
 
 class Place(NamedTuple):
@@ -50,22 +50,25 @@ def known() -> dict[str, Place]:
     try:
         entries = json.loads(_file().read_text(encoding="utf-8"))
         places = {name: Place(Path(source), Path(folder)) for name, (source, folder) in entries.items()}
-    except (OSError, ValueError, TypeError, AttributeError):
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
         return {}
     return {name: place for name, place in places.items() if place.source.is_file() and place.folder.is_dir()}
 
 
-def remember(name: str, source: Path, folder: Path) -> None:
-    """Note a study whose results lie elsewhere; a state folder that cannot be written to is no reason to stop."""
-    from pipeline.records.store import write_atomic
+def remember(name: str, source: Path, folder: Path) -> str | None:
+    """Note a study whose results lie elsewhere; a warning where the state folder cannot be written."""
+    from pipeline.records.store import StoreError, write_atomic
 
     if folder.parent == paths.RESULTS and _is_ours(source):
-        return
+        return None
     entries = known() | {name: Place(source.resolve(), folder.resolve())}
     text = json.dumps({key: [str(part) for part in place] for key, place in sorted(entries.items())}, indent=1)
-    with suppress(OSError):
+    try:
         _file().parent.mkdir(parents=True, exist_ok=True)
         write_atomic(_file(), f"{text}\n".encode())
+    except (OSError, StoreError) as error:
+        return f"{_file()}: {reason(error)}: the study {name!r} is found by its file only, not by its name"
+    return None
 
 
 def _file() -> Path:

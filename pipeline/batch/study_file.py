@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import itertools
-import json
 import re
+from collections import Counter
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.batch import known
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file
-from pipeline.case.overrides import is_file, read_toml
+from pipeline.case.overrides import is_file, read_toml, toml_text
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
 from pipeline.paths import STUDIES
@@ -23,6 +23,7 @@ from pipeline.records.run_log import flat
 
 RENAMED = {"once": "base_measure"}
 MAX_ID_LENGTH = 120
+RESERVED = "reference"  # results/reference holds what checks compare with
 MAX_CASES = 100_000
 MAX_BYTES = 10_000_000  # of a study file: the values of as many cases
 
@@ -86,8 +87,10 @@ def load_study(path_or_name: str | Path) -> StudyFile:
     case_path = path.parent / values.get("study.case", "")
     if "study.case" in values and not is_file(case_path):
         diagnostics.add("study.case", values["study.case"], f"no such file {case_path}{nearest_file(case_path)}")
-    diagnostics.stop()
     name = values.get("study.name") or path.stem
+    if name == RESERVED:
+        diagnostics.add("study.name", name, "names the committed reference values; choose another name")
+    diagnostics.stop()
     base = tuple(values.get("study.base_measure") or ())
     return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, base)
 
@@ -172,25 +175,12 @@ def _check_counts(sweep: dict[str, tuple[Any, ...]], paired: bool, diagnostics: 
         counts = ", ".join(f"{key} has {count}" for key, count in lengths.items())
         diagnostics.add("sweep.zip", True, f"needs lists of equal length ({counts})")
     elif paired:
-        rows = [toml_text(list(row)) for row in zip(*sweep.values(), strict=True)]
-        for row in sorted({row for row in rows if rows.count(row) > 1}):
+        rows = Counter(toml_text(list(row)) for row in zip(*sweep.values(), strict=True))
+        for row in sorted(row for row, count in rows.items() if count > 1):
             diagnostics.add("sweep", row, "must hold each combination once")
-    total = prod(lengths.values())
-    if not paired and total > MAX_CASES:
+    total = max(lengths.values(), default=0) if paired else prod(lengths.values())
+    if total > MAX_CASES:
         diagnostics.add("sweep", f"{total} cases", f"must be at most {MAX_CASES}")
-
-
-def toml_text(value: Any) -> str:
-    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(item) for item in value) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
-    return json.dumps(value) if isinstance(value, str) else str(value)
 
 
 def _labels(keys: list[str]) -> list[str]:

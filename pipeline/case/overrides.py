@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import re
 import tomllib
 from collections.abc import Iterable
@@ -44,7 +45,7 @@ def _elsewhere(path: Path) -> str:
     with suppress(OSError):
         if (ours := paths.ROOT / path).is_file():
             return f" in this folder; there is {ours}"
-    return nearest_file(path) or nearest_file(paths.ROOT / path)
+    return nearest_file(path) or ("" if path.is_absolute() else nearest_file(paths.ROOT / path))
 
 
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
@@ -178,3 +179,21 @@ def _material_table(name: str) -> dict[str, Any] | None:
     if known is None:
         return None
     return {"young_GPa": known.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
+    return _quoted(value) if isinstance(value, str) else str(value)
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML, which takes every letter but control characters as it is."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,16 +66,19 @@ def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str,
 def read(place: Path, solve: bool, quiet: bool) -> Design:
     """What is known of a design. InputError for what is neither a case nor a result."""
     from pipeline.case.diagnostics import nearest_file
-    from pipeline.errors import InputError, reason
+    from pipeline.errors import InputError
+    from pipeline.records import store
 
     if place.suffix == ".toml":
         return _of_case(place, solve, quiet)
-    file = place / "record.json" if place.is_dir() else place
+    file = place / store.RECORD if place.is_dir() else place
     try:
-        document = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        why = f"cannot be read as a case (.toml), a record or a JSON result: {reason(error)}{nearest_file(file)}"
-        raise InputError(f"{file}: {why}") from error
+        document = store.read_record(file.parent) if file.name == store.RECORD else store.read_json(file)
+    except store.BadRecord as error:
+        near = "" if file.exists() else nearest_file(file)
+        raise InputError(
+            f"{file}: cannot be read as a case (.toml), a record or a JSON result: {error}{near}"
+        ) from error
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")

@@ -80,12 +80,14 @@ def _version(name: str) -> str | None:
 
 
 def _table(arguments: Namespace) -> int:
+    from firmware.table_format import MAX_BYTES
     from pipeline.board.table_file import TableError, describe, from_bytes
 
     if not arguments.file:
         raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
     try:
-        table = from_bytes(Path(arguments.file).read_bytes())
+        with Path(arguments.file).open("rb") as file:
+            table = from_bytes(file.read(MAX_BYTES + 1))
     except (OSError, TableError) as error:
         raise InputError(f"{arguments.file}: {reason(error)}") from error
     document: dict[str, Any] = {"version": table.version, "modes": len(table.modes), "wanted": table.wanted}

@@ -66,6 +66,7 @@ def _refuse_renamed(words: Sequence[str]) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     words = sys.argv[1:] if argv is None else argv
+    _open_streams()
     _refuse_renamed(words)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         importlib.import_module("pipeline.cli.completion").complete(_parser())
@@ -83,6 +84,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.debug:
             raise
         return _report_error(error)
+
+
+def _open_streams() -> None:
+    """Standard output and error that the caller closed lead nowhere."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open("w"))  # noqa: SIM115
 
 
 def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Namespace:

@@ -62,7 +62,8 @@ def run(arguments: Namespace) -> int:
             if text := kind.explain(study, job):
                 print("  " + text.replace("\n", "\n  "))
         return 0
-    known.remember(study.name, study.source, folder)
+    if warning := known.remember(study.name, study.source, folder):
+        print(f"antinode: warning: {warning}", file=sys.stderr)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     _log_without_effect(folder)
     if arguments.explorer and not outcome.failed:

@@ -6,10 +6,11 @@ import csv
 import errno
 import io
 import os
+import stat
 import sys
 import tempfile
 from argparse import Namespace
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -42,9 +43,31 @@ def check_places(arguments: Namespace) -> None:
     lines += [
         f"{option} = {alone[option]}: standard output takes one document, here that of {first}" for option in others
     ]
-    lines += _violations("--out", _known_files(arguments))
+    lines += _violations("--out", _known_files(arguments)) + _same_place(
+        alone | {"--plot": getattr(arguments, "plot", None)}
+    )
     if lines:
         raise InputError(lines)
+
+
+def _same_place(places: Mapping[str, str | None]) -> list[str]:
+    """One line for each option whose file an earlier option writes, too."""
+    first: dict[str, str] = {}
+    lines = []
+    for option, place in places.items():
+        if not place or is_standard_output(place):
+            continue
+        other = first.setdefault(os.path.realpath(place), option)
+        if other != option and not stat.S_ISCHR(_mode(place)):
+            lines.append(f"{option} = {place}: {other} writes this file, too; name another one")
+    return lines
+
+
+def _mode(place: str) -> int:
+    try:
+        return Path(place).stat().st_mode
+    except OSError:
+        return 0
 
 
 def check_apart(json_place: str | None, output: str | None) -> None:

@@ -32,6 +32,7 @@ UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
 SCHEMA = 4  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
 PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
+SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")
 
 
@@ -83,11 +84,19 @@ def write_json(path: Path, value: Any) -> None:
 def read_json(path: Path) -> Any:
     """Read JSON; raises BadRecord with the file's name when it is missing or torn, or holds NaN or infinity."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"), parse_constant=_no_number)
+        return parsed_json(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise BadRecord(f"{path.name} is missing") from error
     except (OSError, ValueError, RecursionError) as error:
         raise BadRecord(f"{path.name} is unreadable ({error})") from error
+
+
+def parsed_json(text: str) -> Any:
+    """Parse a JSON document; ValueError or RecursionError for text that is none, NaN, infinity and half a surrogate pair."""
+    value = json.loads(text, parse_constant=_no_number)
+    if SURROGATE.search(text):
+        json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
+    return value
 
 
 def _no_number(name: str) -> NoReturn:
@@ -148,6 +157,20 @@ def seal(folder: Path, record: dict[str, Any]) -> None:
     listed, kept = manifest(folder), plain({key: value for key, value in record.items() if key != PROOF})
     write_json(folder / MANIFEST, listed)
     write_json(folder / RECORD, {**kept, PROOF: _proof(kept, listed)})
+
+
+def write_sealed(path: Path, value: dict[str, Any]) -> None:
+    """Write a JSON object with the proof of its content."""
+    kept = plain({key: item for key, item in value.items() if key != PROOF})
+    write_json(path, {**kept, PROOF: _proof(kept, None)})
+
+
+def read_sealed(path: Path) -> dict[str, Any]:
+    """Read what `write_sealed` wrote. Raises BadRecord for a missing, torn or edited file."""
+    value = read_json(path)
+    if not isinstance(value, dict) or value.pop(PROOF, None) != _proof(value, None):
+        raise BadRecord(f"{path}: not what a run of this version wrote; run the study again")
+    return value
 
 
 def _proof(record: dict[str, Any], listed: Any) -> str:

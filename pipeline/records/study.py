@@ -133,7 +133,7 @@ def read_study(folder: Path) -> StoredStudy:
     )
     if (folder / CASES).exists():
         try:
-            listed = StudyList.model_validate(store.read_json(folder / CASES))
+            listed = StudyList.model_validate(store.read_sealed(folder / CASES))
         except ValidationError as error:
             said = error.errors()[0]["msg"]
             raise store.BadRecord(

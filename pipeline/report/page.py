@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -124,7 +125,7 @@ def _page(
         versions=next((case.record.versions for case in study.cases if case.record.versions), {}),
         left_out=text.left_out(study),
         plans=text.plans(study),
-        repeat=f"antinode run {study.about['name']}" if study.about.get("name") else "",
+        repeat=shlex.join(["antinode", "run", str(study.about["name"])]) if study.about.get("name") else "",
         with_defaults=_with_defaults(study),
         shapes=moving.shapes,
         bands=moving.cells,

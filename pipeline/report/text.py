@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections import Counter
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
+from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
 from pipeline.records.record import DesignRecord, Record
@@ -220,8 +222,8 @@ def computed_on(study: StoredStudy) -> str:
 def command(study: StoredStudy, case: StoredCase) -> str:
     """The command that computes a case's plate again."""
     base = case_file(study)
-    settings = "".join(f" --set {key}={value}" for key, value in case.sweep.items())
-    return f"antinode modes {base}{settings}" if base else ""
+    settings = [word for key, value in case.sweep.items() for word in ("--set", f"{key}={toml_text(value)}")]
+    return shlex.join(["antinode", "modes", base, *settings]) if base else ""
 
 
 def case_file(study: StoredStudy) -> str:

@@ -63,11 +63,6 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
     wants_json = arguments.json or getattr(arguments, "out", None)
     encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
     written = _files(arguments, name, answer, encoded)
-    alone = [data for place, data in written.items() if is_standard_output(place)]
-    if alone:
-        sys.stdout.write(alone[0].decode())
-    elif not is_standard_output(getattr(arguments, "output", None)):
-        print("\n".join(answer.lines))
     for place, data in written.items():
         if not is_standard_output(place):
             write_file(place, data)
@@ -77,7 +72,17 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
         from pipeline.views import figures
 
         figures.save(_figure(name, answer, document), Path(arguments.plot))
+    _print(arguments, answer, written)  # last: whoever reads it may have left
     return 0
+
+
+def _print(arguments: Namespace, answer: Answer, written: Mapping[Path, bytes]) -> None:
+    alone = [data for place, data in written.items() if is_standard_output(place)]
+    if alone:
+        sys.stdout.write(alone[0].decode())
+    elif not is_standard_output(getattr(arguments, "output", None)):
+        print("\n".join(answer.lines))
+    sys.stdout.flush()
 
 
 def _figure(name: str, answer: Answer, document: dict[str, Any]) -> Any:

@@ -14,6 +14,8 @@ import pytest
 from pydantic import ValidationError
 
 import antinode
+from antinode import sweeps
+from pipeline.batch.study_file import load_study
 from pipeline.cli import explore
 from pipeline.cli.main import main
 from tests.helpers.at_once import sweep_here
@@ -304,3 +306,16 @@ def test_a_script_without_a_guard_may_sweep(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, str(script)], cwd=ROOT, capture_output=True, text=True)
     assert (done.returncode, done.stdout.split()[0]) == (0, "1"), done.stderr[-800:]
+
+
+def test_numbers_of_numpy_are_numbers() -> None:
+    plate = antinode.load(SMALL).with_(pitch_mm=np.float64(4.5), rows=np.int64(2), heights_mm=np.linspace(6.0, 6.5, 2))
+    array = plate.to_dict()["array"]
+    assert (array["pitch_mm"], array["rows"], array["heights_mm"]) == (4.5, 2, [6.0, 6.5])
+    assert type(array["pitch_mm"]) is float and type(array["rows"]) is int
+    assert "np." not in sweeps.case_text(plate)
+
+
+def test_a_sweep_over_an_array_is_written_as_a_file_reads_it(tmp_path: Path) -> None:
+    path = sweeps._written(antinode.load(SMALL), tmp_path, ["bands"], False, {"pitch_mm": np.linspace(4, 5, 3)})
+    assert load_study(path).sweep == {"array.pitch_mm": (4, 4.5, 5)}

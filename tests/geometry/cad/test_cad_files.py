@@ -1,5 +1,7 @@
 """Print and CAD files read back by readers that did not write them: trimesh for STL and 3MF, CadQuery for STEP."""
 
+import re
+import time
 from dataclasses import replace
 from math import atan, degrees, pi
 
@@ -189,3 +191,19 @@ def test_a_write_that_dies_leaves_the_old_file_whole(tmp_path, monkeypatch):
         write_3mf(body, path, {})
     assert path.read_bytes() == b"old"
     assert [file.name for file in tmp_path.iterdir()] == ["a.3mf"]
+
+
+def test_step_has_the_same_bytes_each_time_and_names_its_product(tmp_path):
+    body = plate_solid(design(rows=0))
+    write_step(body, tmp_path / "one.step", "touch plate")
+    time.sleep(1.1)  # STEP counts seconds
+    write_step(body, tmp_path / "two.step", "touch plate")
+    text = (tmp_path / "one.step").read_text()
+    products = re.findall(r"PRODUCT\('([^']*)'", text)
+    assert products and all(name.startswith("touch plate") for name in products)
+    assert _unnumbered(text) == _unnumbered((tmp_path / "two.step").read_text())
+
+
+def _unnumbered(text: str) -> str:
+    """The kernel numbers the products of a process."""
+    return re.sub(r"touch plate \d+", "touch plate", text)

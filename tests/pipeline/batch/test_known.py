@@ -75,6 +75,20 @@ def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
     assert known.known() == {}
 
 
+def test_a_state_folder_that_cannot_be_written_is_a_warning(state: Path) -> None:
+    (state / "state" / "antinode" / "studies.json").mkdir(parents=True)
+    (state / "mine.toml").write_text(STUDY)
+    warning = known.remember("mine", state / "mine.toml", state / "results" / "mine")
+    assert warning and "studies.json" in warning and "'mine'" in warning
+    assert known.known() == {}
+
+
+def test_a_note_nested_without_end_is_no_note(state: Path) -> None:
+    (state / "state" / "antinode").mkdir(parents=True)
+    (state / "state" / "antinode" / "studies.json").write_text("[" * 100_000)
+    assert known.known() == {}
+
+
 @pytest.mark.slow
 def test_a_study_of_ones_own_is_run_here_and_asked_for_from_elsewhere(
     state: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import re
 import shutil
+import tomllib
 from pathlib import Path
 
 import pytest
 
+from pipeline.batch import study_file
 from pipeline.batch.study_file import STUDIES, load_study
 from pipeline.case.model import load_case
+from pipeline.case.overrides import toml_text
 from pipeline.errors import InputError
 
 STUDY = '[study]\nname = "s"\ncase = "three-rows.toml"\nmeasure = ["modes"]\n'
@@ -153,3 +156,19 @@ def test_the_old_name_of_the_base_s_measures_is_refused_with_the_new_one(study):
     head = '[study]\ncase = "three-rows.toml"\nmeasure = ["modes"]\nonce = ["parts"]\n'
     (line,) = lines_of(study("", head))
     assert 'study.once = ["parts"]: this key is now named study.base_measure' in line
+
+
+def test_paired_sweeps_are_bounded_as_grids_are(study, monkeypatch):
+    monkeypatch.setattr(study_file, "MAX_CASES", 3)
+    path = study('[sweep]\nzip = true\n"array.pitch_mm" = [4, 5, 6, 7]\n"array.rows" = [1, 2, 3, 4]\n')
+    assert any("4 cases" in line and "at most 3" in line for line in lines_of(path))
+
+
+def test_the_name_of_the_committed_references_is_taken(study):
+    (line,) = lines_of(study("", STUDY.replace('"s"', '"reference"')))
+    assert "study.name" in line and "choose another name" in line
+
+
+@pytest.mark.parametrize("text", ["\U0001f600", "a\tb", "\x7f", 'say "x"\\'])
+def test_a_text_is_written_as_toml_reads_it(text):
+    assert tomllib.loads(f"key = {toml_text(text)}") == {"key": text}

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+import antinode
 from geometry.materials import MATERIALS
 from pipeline import paths
 from pipeline.case.model import load_case
@@ -84,14 +85,14 @@ def test_two_cases_differ_where_they_differ(tmp_path: Path, capsys: pytest.Captu
     assert main(["compare", SMALL, SMALL, "--quiet"]) == 0
     assert "nothing differs" in capsys.readouterr().out
     assert main(["compare", SMALL, str(tmp_path / "none.json"), "--quiet"]) == 2
-    assert capsys.readouterr().err.endswith("JSON result: No such file or directory\n")
+    assert capsys.readouterr().err.endswith("JSON result: none.json is missing\n")
 
 
 def test_a_case_is_compared_with_a_result_by_the_design_that_both_tell(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """What a result alone knows is no difference of two designs, and neither is rounding."""
-    other, result, record = (tmp_path / name for name in ("other.toml", "result.json", "record.json"))
+    other, result, record = (tmp_path / name for name in ("other.toml", "result.json", "design.json"))
     other.write_text((ROOT / "examples" / "small.toml").read_text().replace("height_mm = 6.3", "height_mm = 7.0"))
     assert main(["predesign", str(other), "--quiet", "--json", str(result)]) == 0
     record.write_text(json.dumps({"design": json.loads(result.read_text())["with_defaults"]["design"], "schema": 2}))
@@ -327,3 +328,23 @@ def test_states_and_gaps_are_compared_one_by_one(tmp_path: Path, capsys: pytest.
         {"quantity": "states.shaped.drawn_mW_at_1um", "a": 40.0, "b": 10.0, "difference": -0.75},
         {"quantity": "gaps.6-7.lower_hz", "a": 80.0, "b": 20.0, "difference": -0.75},
     ]
+
+
+def test_a_record_that_was_edited_is_not_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,)) / "pitch_mm=4,rows=1"
+    assert main(["compare", str(folder), str(folder), "--quiet"]) == 0
+    capsys.readouterr()
+    record = folder / "record.json"
+    record.write_text(record.read_text().replace('"rows": 1', '"rows": 2', 1))
+    for place in (folder, record):
+        assert main(["compare", str(place), str(place)]) == 2
+        assert "not what was written" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, r'{"schema": 1, "modes": [], "\ud800": 1}'])
+def test_hostile_results_are_refused_in_one_line(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "x.json").write_text(text)
+    assert main(["compare", str(tmp_path / "x.json"), str(tmp_path / "x.json")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+    with pytest.raises(antinode.InputError, match="cannot be read"):
+        antinode.open(tmp_path / "x.json")

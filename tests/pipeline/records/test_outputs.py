@@ -68,6 +68,8 @@ def nothing_computed(monkeypatch: pytest.MonkeyPatch) -> None:
         ("export stl c.toml -o - --json -", "one of them"),
         ("export stl c.toml -o x.stl --json ./x.stl", "one of them"),
         ("modes c.toml --json no/x.json", "no folder no"),
+        ("modes c.toml --json x --csv ./x", "--json writes this file, too"),
+        ("modes c.toml --csv x.svg --plot x.svg", "--csv writes this file, too"),
         ("doctor table t.bin --json t.bin", "never overwritten"),
         ("response c.toml --measured out/response.csv --out out", "never overwritten"),
     ],
@@ -200,3 +202,16 @@ def test_a_long_unknown_key_is_cut(case: Path, capsys: pytest.CaptureFixture[str
 def test_what_no_terminal_can_show_is_escaped() -> None:
     assert one_line("a\nb\tc\x1b\udce4ü–") == "a\\nb\\tc\\x1b\\udce4ü–"
     assert len(one_line("x" * 10**6)) < 2100 and one_line("x" * 10**6 + "end").endswith("xend")
+
+
+def test_files_are_written_though_nobody_reads_standard_output(case: Path) -> None:
+    words = f"{sys.executable} -m antinode predesign c.toml --json x.json --csv x.csv --plot x.svg | true"
+    done = subprocess.run(["bash", "-c", f"set -o pipefail; {words}"], env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0
+    assert all(Path(name).stat().st_size for name in ("x.json", "x.csv", "x.svg"))
+
+
+def test_closed_standard_streams_are_no_fault(case: Path) -> None:
+    words = f"{sys.executable} -m antinode predesign c.toml --json x.json >&- 2>&-"
+    done = subprocess.run(["bash", "-c", words], env=os.environ | {"PYTHONPATH": str(ROOT)})
+    assert done.returncode == 0 and json.loads(Path("x.json").read_text())["zone"]

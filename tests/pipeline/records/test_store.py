@@ -267,3 +267,31 @@ def test_one_run_at_a_time(tmp_path: Path):
         pass
     with study_lock(tmp_path):
         pass
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, r'{"\ud800": 1}', r'["\uDEAD"]', "NaN"])
+def test_json_that_no_file_of_ours_holds_is_a_bad_record(text, tmp_path):
+    (tmp_path / "x.json").write_text(text)
+    with pytest.raises(store.BadRecord, match="unreadable"):
+        store.read_json(tmp_path / "x.json")
+
+
+def test_a_pair_of_surrogates_is_a_letter(tmp_path):
+    (tmp_path / "x.json").write_text(r'["\ud83d\ude00"]')
+    assert store.read_json(tmp_path / "x.json") == ["\U0001f600"]
+
+
+def test_a_sealed_object_is_believed_bit_by_bit(tmp_path):
+    path = tmp_path / "x.json"
+    store.write_sealed(path, {"cases": [1, 2]})
+    whole = path.read_bytes()
+    assert store.read_sealed(path)["cases"] == [1, 2]
+    for bit in range(8 * len(whole)):
+        damaged = bytearray(whole)
+        damaged[bit // 8] ^= 1 << bit % 8
+        path.write_bytes(damaged)
+        try:
+            kept = store.read_sealed(path)
+        except store.BadRecord:
+            continue
+        assert kept["cases"] == [1, 2]  # spacing alone

@@ -264,7 +264,7 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     store.seal(folder / "pitch_mm=4,rows=1", unchecked.to_dict())
     listed = store.read_json(folder / "cases.json")
     listed["cases"].insert(0, {"case_id": "base", "sweep": {}})
-    store.write_json(folder / "cases.json", listed)
+    store.write_sealed(folder / "cases.json", listed)
     study = read_study(folder)
     visible = study.with_cross_checks(study.cases[1])
     assert visible.record.tet_bands == whole.tet_bands and visible.record.tet_modes == whole.tet_modes
@@ -287,7 +287,7 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
         (tmp_path / f"c{number}").mkdir()
         store.seal(tmp_path / f"c{number}", case.record.to_dict())
         listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
-    store.write_json(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+    store.write_sealed(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
     study = read_study(tmp_path)
     picked = report_page.chosen(study, 12)
     levels = sorted(case.record.confinement_db for case in study.cases)
@@ -310,7 +310,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
             own = record.model_copy(update={"case_id": name, "sweep": {"n": number}, "modes": forty})
             store.seal(folder / name, own.to_dict())
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
-        store.write_json(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+        store.write_sealed(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
         sizes.append(report_page.build(folder, max_figures=1).stat().st_size)
     each = (sizes[1] - sizes[0]) / 40
     fixed = pictures.EMBEDDED_BYTES + 1.2e6  # pictures; viewer, shapes and diagrams
@@ -391,11 +391,27 @@ def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: 
     assert "pitch_mm=4,rows=1: arrays.npz is unreadable (its content is not what was written)" in page.text
 
 
-@pytest.mark.parametrize("stored", ["[]", '{"cases": [{"name": "a"}]}', '{"about": 3, "cases": 4}'])
-def test_a_list_of_cases_of_another_version_is_one_clear_line(tmp_path: Path, stored: str):
-    (tmp_path / "cases.json").write_text(stored)
+@pytest.mark.parametrize("stored", [{"cases": [{"name": "a"}]}, {"about": 3, "cases": 4}])
+def test_a_list_of_cases_of_another_version_is_one_clear_line(tmp_path: Path, stored: dict):
+    store.write_sealed(tmp_path / "cases.json", stored)
     with pytest.raises(store.BadRecord, match=r"cases.json: written by another version .*run the study again"):
         report_page.build(tmp_path)
+
+
+@pytest.mark.parametrize("stored", ["[]", '{"about": {}, "cases": [{"case_id": "a"}]}'])
+def test_a_list_of_cases_without_its_proof_is_not_believed(tmp_path: Path, stored: str):
+    (tmp_path / "cases.json").write_text(stored)
+    with pytest.raises(store.BadRecord, match=r"cases.json: not what a run of this version wrote; run the study again"):
+        report_page.build(tmp_path)
+
+
+def test_an_edited_list_of_cases_is_not_believed(folder: Path, tmp_path: Path):
+    copy = Path(shutil.copytree(folder, tmp_path / "rows"))
+    listed = (copy / "cases.json").read_text()
+    (copy / "cases.json").write_text(listed.replace('"array.rows": 1', '"array.rows": 2'))
+    assert listed != (copy / "cases.json").read_text()
+    with pytest.raises(store.BadRecord, match="run the study again"):
+        read_study(copy)
 
 
 def test_other_studies_of_the_same_folder_are_told_beside(folder: Path, tmp_path: Path):
