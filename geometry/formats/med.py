@@ -216,7 +216,7 @@ def _read(opened: Any, file: Path) -> RawMesh:
         nodes = _columns(group["NOD"], size, len(PLACES[name]) if name in PLACES else None, file).astype(np.int64)
         blocks.append(_block(name, nodes - 1))
         families.append(_family(group, size, file))
-    cells, nodes_named = _names(opened, names[0], "ELEME"), _names(opened, names[0], "NOEUD")
+    cells, nodes_named = _names(opened, names[0], "ELEME", file), _names(opened, names[0], "NOEUD", file)
     node_groups = _grouped([_family(step["NOE"], count, file)], nodes_named)
     return RawMesh(points, blocks, _grouped(families, cells), {name: at[0] for name, at in node_groups.items()})
 
@@ -230,9 +230,15 @@ def _columns(data: Any, count: int, width: int | None, file: Path) -> Any:
         )
     if count and width is not None and size != count * width:
         raise MeshFileError(f"{file}: {data.name}: {size // count} values of each of {count}, must be {width}")
-    if data.nbytes > MAX_STRETCH * max(data.id.get_storage_size(), 1):
-        raise MeshFileError(f"{file}: {data.name}: says to hold {size} values, but stores almost none of them")
+    _check_size(data, file)
     return np.asarray(data[...]).reshape(-1, max(count, 1)).T[:count].copy()
+
+
+def _check_size(data: Any, file: Path) -> None:
+    """MeshFileError for a dataset that claims to hold far more than it stores."""
+    claimed = int(np.prod(data.shape)) * data.dtype.itemsize
+    if claimed > MAX_STRETCH * max(data.id.get_storage_size(), 1):
+        raise MeshFileError(f"{file}: {data.name}: says to hold {claimed} bytes, but stores almost none of them")
 
 
 def _block(name: str, med: IntArray) -> tuple[str, IntArray]:
@@ -249,12 +255,13 @@ def _family(group: Any, count: int, file: Path) -> IntArray:
     return np.asarray(_columns(group["FAM"], count, 1, file)[:, 0], dtype=np.int64)
 
 
-def _names(opened: Any, mesh: str, title: str) -> dict[int, list[str]]:
+def _names(opened: Any, mesh: str, title: str, file: Path) -> dict[int, list[str]]:
     """Group names behind each family number."""
     names_of: dict[int, list[str]] = {}
     branch = opened.get(f"FAS/{mesh}/{title}")
     for family in branch.values() if branch is not None else ():
         if "GRO" in family:
+            _check_size(family["GRO/NOM"], file)
             letters = np.asarray(family["GRO/NOM"][...], dtype=np.int8)
             names_of[int(family.attrs["NUM"])] = [
                 row.tobytes().decode("utf-8", "replace").strip(" \0") for row in letters.reshape(len(letters), -1)

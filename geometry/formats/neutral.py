@@ -61,12 +61,16 @@ def family(cell_type: str) -> str:
 
 @dataclass(frozen=True)
 class RawMesh:
-    """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}."""
+    """Points (n, 3), blocks (cell type, nodes (m, k)), groups of cells {name: {block: cells}} and of nodes {name: nodes}.
+
+    left_out: what the file says that would change modes and is not read.
+    """
 
     points: FloatArray
     blocks: list[tuple[str, IntArray]]
     cell_groups: dict[str, dict[int, IntArray]] = field(default_factory=dict)
     node_groups: dict[str, IntArray] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
 
 def local_nodes(kind: str, order: int) -> IntArray:

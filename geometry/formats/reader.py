@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import replace
-from io import StringIO
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +11,9 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray, corner_ring
 from geometry.errors import MeshError, MeshFileError
+from geometry.formats.inp import read_inp
 from geometry.formats.med import read_med
+from geometry.formats.msh import read_msh
 from geometry.formats.neutral import (
     CORNER_COUNT,
     PLACES,
@@ -43,16 +43,92 @@ MIRRORED = {
 }
 SPANNING = {"tet": (0, 1, 2, 3), "hex": (0, 1, 3, 4), "wedge": (0, 1, 2, 3), "pyramid": (0, 1, 3, 4)}
 FARTHEST = 1e6  # of a coordinate in the file's unit: a kilometre in millimetres
+COINCIDENT = 1e-6  # of the mesh's length: nodes of two bodies this close were meant to be one
 OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
 
 
-def load(file: str, unit: str = "m") -> AnyMesh:
-    """The mesh of a file in our order, m: regions and faces named as its groups. MeshFileError for what cannot serve.
+@dataclass(frozen=True)
+class MeshFile:
+    """A mesh in our order, and what its file says besides.
 
-    Elements of several kinds make a MixedMesh.
+    mesh: regions and faces named as the file's groups; elements of several kinds make a MixedMesh.
+    parts: bodies that share no node.
+    coincident: nodes that lie where a node of another body lies, within COINCIDENT of the mesh's length.
+    unused: nodes that belong to no element.
+    left_out: what would change the modes and is not read, as the file names it.
+    """
+
+    mesh: AnyMesh
+    parts: int
+    coincident: int
+    unused: int
+    left_out: tuple[str, ...]
+
+
+def load(file: str, unit: str = "m") -> AnyMesh:
+    """The mesh of a file in our order, m. MeshFileError for what cannot serve."""
+    return read_mesh(file, unit).mesh
+
+
+def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
+    """Read a mesh file.
+
+    Parameters
+    ----------
+    file : str
+        Path of a .med, .msh or .inp file.
+    unit : str
+        Unit of its lengths, "m" or "mm".
+    merge : float
+        Nodes closer than this, in the file's unit, become one; 0 leaves all as they are.
+
+    Raises
+    ------
+    MeshFileError
+        For a file that is not read, and for a mesh that cannot serve.
     """
     raw = _read(Path(file))
     _check_raw(raw, file)
+    raw = _merged(raw, merge) if merge > 0.0 else raw
+    unused = len(raw.points) - len(np.unique(np.concatenate([np.empty(0, int), *(b.ravel() for _, b in raw.blocks)])))
+    mesh = _mesh(raw, file, unit)
+    parts, coincident = _bodies(mesh)
+    return MeshFile(mesh, parts, coincident, unused, raw.left_out)
+
+
+def _merged(raw: RawMesh, tolerance: float) -> RawMesh:
+    """Nodes within a tolerance of each other become the first of them."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs = cKDTree(raw.points).query_pairs(tolerance, output_type="ndarray")
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(raw.points),) * 2)
+    _, label = connected_components(graph, directed=False)
+    first = np.unique(label, return_index=True)[1][label]
+    groups = {name: np.unique(first[nodes]) for name, nodes in raw.node_groups.items()}
+    return replace(raw, blocks=[(kind, first[block]) for kind, block in raw.blocks], node_groups=groups)
+
+
+def _bodies(mesh: AnyMesh) -> tuple[int, int]:
+    """How many bodies share no node, and how many nodes lie where one of another body does."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    pairs = np.vstack(
+        [np.stack(np.broadcast_arrays(block.cells[:, :1], block.cells), -1).reshape(-1, 2) for block in mesh.blocks]
+    )
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(mesh.nodes),) * 2)
+    parts, label = connected_components(graph, directed=False)
+    if parts == 1:
+        return 1, 0
+    tolerance = COINCIDENT * float(np.ptp(mesh.nodes, axis=0).max())
+    near = cKDTree(mesh.nodes).query_pairs(tolerance, output_type="ndarray")
+    return int(parts), len(np.unique(near[label[near[:, 0]] != label[near[:, 1]]]))
+
+
+def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
     kinds = {cell_type: _dimension(cell_type, file) for cell_type, block in raw.blocks if len(block)}
     raw = completed(raw, _middles, file)
     types = _volume_types(raw, kinds, file)
@@ -147,7 +223,7 @@ def _read(file: Path) -> RawMesh:
         raise MeshFileError(f"{file}: {_surface(file)}; must be a mesh of volume elements ({', '.join(SUFFIXES)})")
     if suffix not in SUFFIXES:
         raise MeshFileError(f"{file}: must be a mesh file of type {', '.join(SUFFIXES)}")
-    return read_med(file) if suffix == ".med" else _read_meshio(file)
+    return {".med": read_med, ".msh": read_msh, ".inp": read_inp}[suffix](file)
 
 
 def _surface(file: Path) -> str:
@@ -165,126 +241,50 @@ def _surface(file: Path) -> str:
     )
 
 
-def meshio_with_pyramids() -> Any:
-    """meshio, told what its version 5.3 leaves out: Abaqus' pyramids; wedges and pyramids with middles are solids."""
-    import meshio
-    from meshio._mesh import topological_dimension
-    from meshio.abaqus._abaqus import abaqus_to_meshio_type
-
-    abaqus_to_meshio_type |= {"C3D5": "pyramid", "C3D13": "pyramid13"}
-    topological_dimension |= {"wedge15": 3, "pyramid13": 3}
-    return meshio
-
-
-def _read_meshio(file: Path) -> RawMesh:
-    """What meshio reads: gmsh's physical groups and Abaqus sets become groups."""
-    meshio = meshio_with_pyramids()
-    chatter = StringIO()
-    try:
-        with redirect_stdout(chatter), redirect_stderr(chatter):
-            read = meshio.read(file)
-    except (Exception, SystemExit) as fault:  # meshio leaves with SystemExit, and its parsers raise whatever they meet
-        reason = " ".join(str(fault).split()) or type(fault).__name__
-        raise MeshFileError(f"{file}: not a readable mesh ({reason[:120]})") from fault
-    try:
-        if file.suffix.lower() == ".inp":
-            read.cell_sets |= _sets_of_elements(file, read.cells)
-        return _from_meshio(read)
-    except MeshFileError:
-        raise
-    except Exception as fault:  # meshio hands on what the file says, whatever that is
-        raise MeshFileError(f"{file}: not a readable mesh ({type(fault).__name__}: {str(fault)[:120]})") from fault
-
-
-def _sets_of_elements(file: Path, blocks: Sequence[Any]) -> dict[str, list[IntArray]]:
-    """The sets that *ELEMENT lines name, on their own blocks: meshio 5.3 puts the last block of a name on the first one.
-
-    Raises MeshFileError where *ELSET lines extend or gather such sets, which it mixes up as well.
-    """
-    lines = [line.strip() for line in file.read_text(errors="replace").splitlines()]
-    heads = [line.split(",")[0].strip().upper() for line in lines]
-    named = [_named_set(line) for line, head in zip(lines, heads, strict=True) if head == "*ELEMENT"]
-    names = {name for name in named if name}
-    if len(blocks) < 2 or not names:
-        return {}
-    gathered = {_named_set(line) for line, head in zip(lines, heads, strict=True) if head == "*ELSET"} | {
-        word.strip() for line in lines if line[:1].isalpha() for word in line.split(",")
-    }
-    if "*INCLUDE" in heads or len(named) != len(blocks) or names & gathered:
-        raise MeshFileError(
-            f"{file}: sets named by *ELEMENT lines and by others or in several files: name each set once"
-        )
-    empty = np.empty(0, dtype=np.int64)
-    return {
-        name: [np.arange(len(block.data)) if own == name else empty for own, block in zip(named, blocks, strict=True)]
-        for name in names
-    }
-
-
-def _named_set(line: str) -> str | None:
-    """The name behind ELSET= in a line of an Abaqus file."""
-    pairs = (part.partition("=") for part in line.split(",")[1:])
-    return next((value.strip() for key, _, value in pairs if key.strip().upper() == "ELSET"), None)
-
-
-def _from_meshio(read: Any) -> RawMesh:
-    if not len(read.points):
-        return RawMesh(np.zeros((0, 3)), [])
-    given = np.asarray(read.points, dtype=float).reshape(len(read.points), -1)
-    points = np.zeros((len(given), 3))
-    points[:, : given.shape[1]] = given
-    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in read.cells]
-    groups: dict[str, dict[int, IntArray]] = {}
-    for name, parts in read.cell_sets.items():
-        if not name.startswith("gmsh:"):
-            groups[name] = {i: np.asarray(p, dtype=np.int64) for i, p in enumerate(parts) if p is not None and len(p)}
-    for i, numbers in enumerate(read.cell_data.get("gmsh:physical", [])):
-        for name, (number, _) in read.field_data.items():
-            inside = np.flatnonzero(np.asarray(numbers) == number)
-            if len(inside):
-                groups.setdefault(name, {})[i] = inside
-    nodes = {name: np.asarray(members, dtype=np.int64) for name, members in read.point_sets.items()}
-    return RawMesh(points, blocks, groups, nodes)
-
-
 def _ordered(points: FloatArray, cells: IntArray, kind: str, order: int, file: str) -> IntArray:
-    """Local nodes in our order: inside-out elements turned, every middle node found by where it lies."""
+    """Local nodes in our order: inside-out elements turned, middle nodes placed."""
     corner_count = CORNER_COUNT[family(VOLUME[kind, order])]
     corners = cells[:, :corner_count].copy()
     a, b, c, d = (points[corners[:, i]] for i in SPANNING[kind])
     inside_out = np.einsum("ei,ei->e", np.cross(b - a, c - a), d - a) < 0.0
-    corners[inside_out] = corners[inside_out][:, MIRRORED[kind]]
-    places = PLACES[VOLUME[kind, order]]
-    vtk = corners
+    vtk = cells
     if order == 2:
-        vtk = np.hstack([corners, _middles(points, corners, cells[:, corner_count:], places[corner_count:], file)])
+        places = PLACES[VOLUME[kind, order]][corner_count:]
+        vtk = np.hstack([corners, _middles(points, corners, cells[:, corner_count:], places, file)])
+    vtk = vtk.copy()
+    vtk[inside_out] = vtk[inside_out][:, _mirrored(kind, order)]
     ours = np.empty_like(vtk)
     ours[:, local_nodes(kind, order)] = vtk
     return ours
 
 
-def _middles(points: FloatArray, corners: IntArray, middles: IntArray, places: Places, file: str) -> IntArray:
-    """Middle nodes in the order of `places`, whatever convention the file follows.
+def _mirrored(kind: str, order: int) -> list[int]:
+    """The local node at each place of an element that is turned inside out."""
+    places = [frozenset(place) for place in PLACES[VOLUME[kind, order]]]
+    return [places.index(frozenset(MIRRORED[kind][corner] for corner in place)) for place in places]
 
-    Raises MeshFileError where a node is not near the middle of the corners it should belong to.
+
+def _middles(points: FloatArray, corners: IntArray, middles: IntArray, places: Places, file: str) -> IntArray:
+    """Middle nodes in the order of `places`.
+
+    The format defines their order, which curved elements need; where a straight-edged mesh contradicts it, its writer followed
+    another convention, and each node goes to the middle that it lies at. Raises MeshFileError where neither fits.
     """
+    middle = np.stack([points[corners[:, list(place)]].mean(axis=1) for place in places], axis=1)
+    edges = [np.linalg.norm(points[corners[:, place[0]]] - points[corners[:, place[-1]]], axis=1) for place in places]
     size = np.ptp(points[corners], axis=1).max(axis=1)
-    nodes = np.empty_like(middles)
-    for column, place in enumerate(places):
-        middle = points[corners[:, list(place)]].mean(axis=1)
-        distance = np.linalg.norm(points[middles] - middle[:, None, :], axis=2)
-        best = distance.argmin(axis=1)
-        edge = np.linalg.norm(points[corners[:, place[0]]] - points[corners[:, place[-1]]], axis=1)
-        wrong = np.flatnonzero(distance.min(axis=1) > OFF_MIDDLE * np.minimum(edge, size))
-        if len(wrong):
-            raise MeshFileError(
-                f"{file}: element {wrong[0]}: no node near the middle of its corners {place}: order not understood"
-            )
-        nodes[:, column] = middles[np.arange(len(middles)), best]
-    twice = np.flatnonzero((np.diff(np.sort(nodes, axis=1), axis=1) == 0).any(axis=1))
-    if len(twice):
-        raise MeshFileError(f"{file}: element {twice[0]}: two middles share a node: order not understood")
-    return nodes
+    allowed = OFF_MIDDLE * np.minimum(np.stack(edges, axis=1), size[:, None])
+    if not (np.linalg.norm(points[middles] - middle, axis=2) > allowed).any():
+        return middles
+    distance = np.linalg.norm(points[middles][:, :, None] - middle[:, None], axis=3)  # element, node, place
+    nearest = distance.argmin(axis=1)
+    fits = (distance.min(axis=1) <= allowed).all() and (np.sort(nearest, axis=1) == np.arange(len(places))).all()
+    if fits:
+        return np.take_along_axis(middles, nearest, axis=1)
+    far = np.flatnonzero((np.linalg.norm(points[middles] - middle, axis=2) > size[:, None]).any(axis=1))
+    if len(far):
+        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: order not understood")
+    return middles  # curved: check_mesh looks at the map itself
 
 
 def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:

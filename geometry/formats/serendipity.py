@@ -45,7 +45,14 @@ def completed(raw: RawMesh, middles: Middles, file: str) -> RawMesh:
             full.append(len(points) + np.arange(len(block))[:, None])
             points = np.vstack([points, (points[edges].sum(axis=1) - points[corners].sum(axis=1)) / 4.0])
         blocks[index] = (FULL[kind], np.hstack(full))
-    return replace(raw, points=points, blocks=blocks)
+    groups = {name: _with_middles(members, keys, nodes, len(raw.points)) for name, members in raw.node_groups.items()}
+    return replace(raw, points=points, blocks=blocks, node_groups=groups)
+
+
+def _with_middles(members: IntArray, keys: IntArray, nodes: IntArray, given: int) -> IntArray:
+    """A group of nodes with the added middles of the faces whose corners it holds."""
+    inside = np.isin(keys, members).all(axis=1) & (nodes >= given) if len(keys) else np.zeros(0, dtype=bool)
+    return np.union1d(members, nodes[inside])
 
 
 def _squares(kind: str) -> Places:

@@ -58,8 +58,9 @@ def modes(arguments: Namespace) -> int:
     if arguments.mesh_file:
         from pipeline.exchange import user_mesh
 
-        clamps, supports = arguments.clamp, arguments.support
-        solved = user_mesh.solve(case, arguments.mesh_file, arguments.unit or "m", clamps, query, log, supports)
+        held = (arguments.clamp, arguments.support)
+        file = user_mesh.UserMesh(arguments.mesh_file, arguments.unit or "m", *held, arguments.merge)
+        solved = user_mesh.solve(case, file, query, log)
     else:
         solved = solve_modes(case, query, log)
     head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
@@ -90,6 +91,8 @@ def _refuse_options_without_effect(arguments: Namespace) -> None:
     if not arguments.mesh_file:
         if arguments.unit:
             lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
+        if arguments.merge is not None:
+            lines.append(f"--merge = {arguments.merge:g}: needs --mesh-file FILE, whose nodes it joins")
         lines += [
             f"{option} = {name}: needs --mesh-file FILE, one of whose groups it names"
             for option, names in (("--clamp", arguments.clamp), ("--support", arguments.support))

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.formats.neutral import VOLUME
-from geometry.formats.reader import load
+from geometry.formats.reader import MeshFile, read_mesh
 from geometry.layout import region_materials
 from geometry.materials import Material
 from geometry.mesh import AnyMesh
@@ -32,25 +32,41 @@ FAR = 10.0  # beyond the lengths of the case: another body than the case's, or a
 USUAL_M = (1e-4, 5.0)  # lengths of bodies, where the case has none
 
 
-def solve(
-    case: Case, file: str, unit: str, clamps: Sequence[str], query: Request, log: Log, supports: Sequence[str] = ()
-) -> PartModes:
-    """Compute the modes of a file's mesh with the case's material: groups `clamps` are clamped, `supports` are supported
-    along some axes, such as "rim:z". Raises InputError for a mesh that cannot serve.
+@dataclass(frozen=True)
+class UserMesh:
+    """A mesh file and how its body is held.
+
+    unit: of its lengths, "m" or "mm".
+    clamps: groups at rest. supports: groups held along some axes, such as "rim:z".
+    merge: nodes closer than this, in the file's unit, become one; 0 leaves them apart, None refuses bodies that should be one.
     """
+
+    file: str
+    unit: str = "m"
+    clamps: Sequence[str] = ()
+    supports: Sequence[str] = ()
+    merge: float | None = None
+
+
+def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
+    """Compute the modes of a file's mesh with the case's material. Raises InputError for a mesh that cannot serve."""
+    file, clamps = own.file, own.clamps
     if query.symmetry:
         without = "a mesh from a file has no symmetry classes; leave --symmetry out"
         raise InputError(f"--symmetry {query.symmetry}: {without}")
     with log.step("read the mesh"):
-        mesh = load(file, unit)
-    fixed = [_support(text) for text in supports]
+        read = read_mesh(file, own.unit, max(own.merge or 0.0, 0.0))
+    mesh = read.mesh
+    fixed = [_support(text) for text in own.supports]
     for name in clamps:
         _known(name, mesh, file, "--clamp")
     for name, _ in fixed:
         _known(name, mesh, file, "--support")
     materials = _materials(case, mesh)
+    _check_bodies(read, own)
     _log_summary(mesh, materials, file, log)
-    _warn_of_unit(case, mesh, file, unit, log)
+    _warn_of_file(read, case, file, log)
+    _warn_of_unit(case, mesh, file, own.unit, log)
     warn_of_locking(case.design, mesh, log)
     model = SolidModel(_with_touch(mesh), materials, (*clamps, *fixed), False)
     request = _request(case, query)
@@ -65,6 +81,32 @@ def solve(
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
     about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
     return PartModes("mesh", model, rows, vectors, *about, wanted=wanted, more_in_mesh=0)
+
+
+def _check_bodies(read: MeshFile, own: UserMesh) -> None:
+    """InputError for bodies that touch without sharing nodes: they would move apart."""
+    if read.coincident and own.merge is None:
+        raise InputError(
+            f"{own.file}: {read.parts} bodies share no node, but {read.coincident} nodes lie where another body's do: "
+            "join them with --merge 1e-6 (a distance in the file's unit), or keep them apart with --merge 0"
+        )
+
+
+def _warn_of_file(read: MeshFile, case: Case, file: str, log: Log) -> None:
+    """A warning for what the file holds and the answer does not."""
+    if read.left_out:
+        log.warning("LEFT_OUT", f"{file}: not read, and the modes are without it: {', '.join(read.left_out)}")
+    if read.unused:
+        log.warning("UNUSED_NODES", f"{file}: {read.unused} nodes belong to no element and are left out")
+    if read.parts > 1:
+        log.warning("SEPARATE_BODIES", f"{file}: {read.parts} bodies share no node: each moves by itself")
+    pillar = case.design.pillar
+    if (
+        pillar
+        and pillar.material != case.design.material
+        and "pillar" not in {name.casefold() for name in read.mesh.regions}
+    ):
+        log.warning("NO_PILLAR", f"{file}: no group PILLAR: nothing has the material of pillar.material")
 
 
 def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:

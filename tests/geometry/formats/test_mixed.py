@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
+from meshio._mesh import topological_dimension
 
 from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
 from geometry.formats.neutral import CORNER_COUNT, PLACES, RawMesh
-from geometry.formats.reader import load, meshio_with_pyramids
+from geometry.formats.reader import load
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, MixedMesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble, elasticity
@@ -64,7 +66,7 @@ def written(raw: RawMesh, place: Path) -> str:
     if place.suffix == ".med":
         write_med(raw, place, "BODY")
     else:
-        meshio = meshio_with_pyramids()
+        topological_dimension.update(wedge15=3, pyramid13=3)  # which meshio 5.3 leaves out
         meshio.write(place, meshio.Mesh(raw.points, raw.blocks), file_format="gmsh22")
     return str(place)
 
@@ -167,9 +169,8 @@ def test_an_abaqus_file_names_its_elements_block_by_block(tmp_path: Path) -> Non
     assert isinstance(mesh, MixedMesh) and mesh.kind == "pyramid+wedge"
     assert check_mesh(mesh).volume_m3 == pytest.approx((1.0 + 1.0 / 3.0) * 1e-9, rel=1e-12)
     assert mesh.regions["pillar"].tolist() == [0, 2] and mesh.regions["plate"].tolist() == [1]
-    (tmp_path / "twice.inp").write_text(INP + "*ELSET, ELSET=PILLAR\n1\n")
-    with pytest.raises(MeshFileError, match="name each set once"):
-        load(str(tmp_path / "twice.inp"))
+    (tmp_path / "twice.inp").write_text(INP + "*ELSET, ELSET=PILLAR\n1\n")  # added to what *ELEMENT put there
+    assert load(str(tmp_path / "twice.inp"), "mm").regions["pillar"].tolist() == [0, 1, 2]
 
 
 def test_two_regions_of_a_mixed_mesh_have_their_own_density(tmp_path: Path) -> None:
