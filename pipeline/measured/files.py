@@ -1,7 +1,9 @@
 """Measured sweeps and maps as CSV: units in the column names, the first error given with its line and column.
 
 Lines that begin with # are comments, blank ones are skipped; the first other line names the columns. Commas, semicolons or
-tabs part them. A value's column may begin with what it is (velocity_, displacement_, sensor_) and end in its unit.
+tabs part them; beside semicolons and tabs a decimal comma is read. A value's column may begin with what it is (velocity_,
+displacement_, acceleration_, sensor_) and end in its unit, which may stand in brackets, too, or in a line of its own below the
+names. Lines "name: value" above the names, as vibrometers' text exports have them, are skipped.
 """
 
 from __future__ import annotations
@@ -9,6 +11,7 @@ from __future__ import annotations
 import csv
 import re
 from dataclasses import dataclass
+from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
 from typing import Literal, cast
@@ -31,7 +34,12 @@ SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that thi
 MIN_COUNT = 8  # rows of a sweep: what a circle fit needs
 PLACES = {"x": {"x_mm": MM, "x_m": 1.0}, "y": {"y_mm": MM, "y_m": 1.0}}
 TONES = {"frequency": {"frequency_hz": 1.0, "frequency_khz": KHZ, "frequency_mhz": 1e6}}
-VALUE = re.compile(r"(?:(velocity|displacement|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
+VALUE = re.compile(r"(?:(velocity|displacement|acceleration|sensor)_)?(amplitude|phase|real|imag)(?:_(\w+))?")
+SYNONYMS = {"magnitude": "amplitude", "imaginary": "imag", "freq": "frequency", "re": "real", "im": "imag", "°": "deg"}
+UNIT_IN_BRACKETS = re.compile(r"(.*?)\s*[(\[]\s*(.*?)\s*[)\]]")
+PREAMBLE = re.compile(r"[^,;\t]*:(?:[ \t].*)?")
+OF_UNIT = {"m/s": "velocity", "mm/s": "velocity", "um/s": "velocity", "m": "displacement", "mm": "displacement"}
+OF_UNIT |= {"um": "displacement", "nm": "displacement", "m/s²": "acceleration", "m/s^2": "acceleration", "v": "sensor"}
 PAIRS = (("real", "imag"), ("amplitude", "phase"))
 PAIRS_ALLOWED = "real with imag, or amplitude with phase_deg or phase_rad"
 LARGEST = 1e30  # of any number: what is measured of a plate, in whatever unit, lies far below; squares stay finite
@@ -69,6 +77,8 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     table = _Table(Path(path))
     tone = table.numbers("frequency", TONES["frequency"])
     quantity, values = _values(table)
+    if quantity == "acceleration":
+        quantity, values = "displacement", values / -((2.0 * np.pi * np.maximum(tone, 1e-300)) ** 2)
     for row, hertz in enumerate(tone):
         if hertz <= 0.0:
             raise table.error("must be above 0", row, "frequency")
@@ -81,7 +91,7 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
         raise table.error(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
     if len(tone) < MIN_COUNT:
         raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
-    return MeasuredSweep(str(path), table.synthetic, quantity, Sweep(tone[order], values[order]))
+    return MeasuredSweep(str(path), table.synthetic, cast("Quantity", quantity), Sweep(tone[order], values[order]))
 
 
 def read_field(path: str | Path, design: Design) -> MeasuredField:
@@ -92,6 +102,10 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     table = _Table(Path(path))
     points = np.column_stack([table.numbers(axis, PLACES[axis]) for axis in "xy"])
     quantity, values = _values(table)
+    if (
+        quantity == "acceleration"
+    ):  # of one frequency: a displacement but for a factor, which no comparison of maps uses
+        quantity, values = "displacement", -values
     for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
         beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
         if len(beyond):
@@ -103,10 +117,10 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     if len(again):
         row = int(again[0])
         raise table.error(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
-    return MeasuredField(str(path), table.synthetic, quantity, points, values)
+    return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
 
 
-def _values(table: _Table) -> tuple[Quantity, Complex]:
+def _values(table: _Table) -> tuple[str, Complex]:
     """What the values are, and the values as complex numbers."""
     for first, second in PAIRS:
         if first in table.roles and second in table.roles:
@@ -116,7 +130,7 @@ def _values(table: _Table) -> tuple[Quantity, Complex]:
         lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
         raise table.error(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
     kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
-    if kinds[0] != kinds[1]:
+    if kinds[0] != kinds[1] and not (second == "phase" and kinds[1] is None):
         raise table.error(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
     one, two = table.numbers(first), table.numbers(second)
     if first == "real":
@@ -129,7 +143,7 @@ def _values(table: _Table) -> tuple[Quantity, Complex]:
         raise table.error(
             f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
         )
-    return cast("Quantity", kinds[0] or "velocity"), values
+    return kinds[0] or "velocity", values
 
 
 def _parsed(name: str) -> tuple[str | None, str]:
@@ -168,9 +182,14 @@ class _Table:
         numbered = [(n, line) for n, line in numbered if not line.lstrip().startswith("#")]
         if not numbered:
             raise self.error("no columns: the first line that is no comment must name them")
+        while len(numbered) > 1 and PREAMBLE.fullmatch(numbered[0][1].strip()):
+            del numbered[0]
         self.head_line, head = numbered[0]
-        self.delimiter = next((mark for mark in (",", ";", "\t") if mark in head), ",")
-        self.names = self._cells(head)
+        self.delimiter = next((mark for mark in ("\t", ";", ",") if mark in head), ",")
+        self.names = [_plain(name) for name in self._cells(head)]
+        if len(numbered) > 1 and all(_is_unit(cell) for cell in self._cells(numbered[1][1])):
+            units = self._cells(numbered.pop(1)[1])
+            self.names = [_plain(f"{name} {unit}") for name, unit in zip_longest(self.names, units, fillvalue="")]
         self.roles = self._roles()
         self.lines = [n for n, _ in numbered[1:]]
         self.rows = [self._cells(line) for _, line in numbered[1:]]
@@ -217,7 +236,8 @@ class _Table:
 
     def _number(self, row: int, role: str) -> float:
         try:
-            value = float(self.rows[row][self.roles[role]])
+            text = self.rows[row][self.roles[role]]
+            value = float(text if self.delimiter == "," else text.replace(",", "."))
         except ValueError:
             value = float("nan")
         if not isfinite(value):
@@ -235,6 +255,26 @@ class _Table:
             if role:
                 roles[role] = index
         return roles
+
+
+def _is_unit(cell: str) -> bool:
+    return cell[:1] in ("[", "(") and cell[-1:] in ("]", ")")
+
+
+def _plain(name: str) -> str:
+    """A column's name, its quantity first and its unit last: Frequency (kHz) is frequency_kHz."""
+    found = UNIT_IN_BRACKETS.fullmatch(name)
+    if not found:
+        return SYNONYMS.get(name.lower(), name)
+    word, unit = (part.strip() for part in found.groups())
+    role = SYNONYMS.get(word.lower(), word.lower())
+    unit = SYNONYMS.get(unit, unit)
+    if role == "amplitude" and unit.lower() == "db":
+        return "amplitude_dB"
+    kind = OF_UNIT.get(unit.lower().replace("µ", "u").replace("μ", "u"))
+    if kind and role in ("amplitude", "real", "imag"):
+        return f"{kind}_{role}_{re.sub(r'[^A-Za-z0-9]', '', unit)}"
+    return f"{role}_{unit}" if unit else role
 
 
 def _role(name: str) -> str:

@@ -1,6 +1,7 @@
 """Measured frequency responses of a universal file (datasets 58, nodes in 15 or 2411): a sweep of one, a map of all.
 
-A file with several responses serves as a sweep by that of the node which moves most.
+Only motion along z, the plate's normal, is read: directions +3, and -3 with its sign turned; 0 says nothing and counts as +3.
+A file with several responses serves as a sweep by that of the node which moves most along z.
 """
 
 from __future__ import annotations
@@ -18,7 +19,10 @@ from solvers.control.identification import Sweep
 
 SUFFIXES = (".uff", ".unv", ".bunv")
 FREQUENCY_RESPONSE = 4
-QUANTITIES: dict[int, Quantity] = {0: "velocity", 8: "displacement", 11: "velocity"}
+QUANTITIES: dict[int, Quantity] = {0: "velocity", 8: "displacement", 11: "velocity", 12: "displacement"}
+ACCELERATION = 12  # becomes a displacement: over -omega^2
+NORMAL = {0: 1.0, 3: 1.0, -3: -1.0}  # directions along the plate's normal, and their signs
+DIRECTIONS = {1: "x", 2: "y", 4: "rotation about x", 5: "rotation about y", 6: "rotation about z"}
 
 
 def is_universal(path: str | Path) -> bool:
@@ -79,6 +83,12 @@ def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
         raise InputError(
             f"{path}: holds no frequency response: must have a dataset 58 of function type {FREQUENCY_RESPONSE}"
         )
+    normal = [each for each in responses if _direction(each) in NORMAL]
+    if not normal:
+        there = ", ".join(sorted({DIRECTIONS.get(abs(_direction(each)), "unknown") for each in responses}))
+        raise InputError(
+            f"{path}: responses along {there} alone: must have some along z, the plate's normal (record 6)"
+        )
     scale = next((1.0 / each["length"] for each in listed if each.get("type") == 164), 1.0)
     places: dict[int, FloatArray] = {}
     for each in listed:
@@ -86,24 +96,30 @@ def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
             numbers = each.get("node_nums", each.get("grid_global"))
             points = scale * np.column_stack([each["x"], each["y"]])
             places |= {int(number): point for number, point in zip(np.atleast_1d(numbers), points, strict=True)}
-    return responses, places
+    return normal, places
+
+
+def _direction(response: dict[str, Any]) -> int:
+    return int(response.get("rsp_dir") or 0)
 
 
 def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, Complex]:
-    """Frequencies above 0 and complex values."""
+    """Frequencies above 0 and complex values along z; an acceleration's displacement."""
     frequency, values = np.asarray(response["x"], dtype=float), np.asarray(response["data"], dtype=complex)
     above = frequency > 0.0
     if above.sum() < MIN_COUNT:
         raise InputError(f"{path}: {above.sum()} frequencies above 0: must be at least {MIN_COUNT}")
     if not np.isfinite(values).all():
         raise InputError(f"{path}: node {response['rsp_node']}: every value must be a finite number")
-    return frequency[above], values[above]
+    frequency, values = frequency[above], NORMAL[_direction(response)] * values[above]
+    if int(response["ordinate_spec_data_type"]) == ACCELERATION:
+        values = values / -((2.0 * np.pi * frequency) ** 2)
+    return frequency, values
 
 
 def _quantity(response: dict[str, Any], path: Path) -> Quantity:
     code = int(response["ordinate_spec_data_type"])
     if code not in QUANTITIES:
-        raise InputError(
-            f"{path}: ordinate of type {code}: must be 8 (displacement), 11 (velocity) or 0 (taken for a velocity)"
-        )
+        known = "8 (displacement), 11 (velocity), 12 (acceleration) or 0 (read as a velocity)"
+        raise InputError(f"{path}: ordinate of type {code}: must be {known}")
     return QUANTITIES[code]

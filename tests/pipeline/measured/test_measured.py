@@ -35,6 +35,11 @@ WRITTEN = {
     "radians": "frequency_MHz;amplitude_mm_per_s;phase_rad\n"
     + rows(np.divide(TONES, 1e6), np.abs(VALUES), np.angle(VALUES), delimiter=";"),
     "decibels": "frequency_Hz\tamplitude_dB\tphase_deg\n" + rows(TONES, DECIBELS, DEGREES, delimiter="\t"),
+    "brackets": "Frequency (Hz),Real,Imaginary\n" + rows(TONES, VALUES.real, VALUES.imag),
+    "decimal commas": "frequency_Hz;real;imag\n"
+    + rows(TONES, VALUES.real, VALUES.imag, delimiter=";").replace(".", ","),
+    "units below": "Source File Name:\tsweep.svd\n\nFrequency\tMagnitude\tPhase\n[ kHz ]\t[ m/s ]\t[ deg ]\n"
+    + rows(np.divide(TONES, 1e3), np.abs(VALUES), DEGREES, delimiter="\t"),
     "comments": "# a note\n\n# another\nfrequency_Hz, coherence, imag, real\n# in between\n"
     + rows(TONES, np.ones(9), VALUES.imag, VALUES.real),
     "reversed": "\ufefffrequency_Hz,real,imag\n" + rows(TONES[::-1], VALUES.real[::-1], VALUES.imag[::-1]),
@@ -53,6 +58,23 @@ def test_one_sweep_written_in_many_ways(tmp_path: Path, text: str) -> None:
 def test_the_column_says_what_was_measured(tmp_path: Path, quantity: str) -> None:
     head = f"frequency_Hz,{quantity}_amplitude_V,{quantity}_phase_deg\n"
     assert swept(tmp_path, head + rows(TONES, np.abs(VALUES), DEGREES)).quantity == quantity
+
+
+@pytest.mark.parametrize(
+    ("unit", "quantity"), [("m/s", "velocity"), ("µm", "displacement"), ("V", "sensor"), ("nm", "displacement")]
+)
+def test_a_unit_in_brackets_says_what_was_measured(tmp_path: Path, unit: str, quantity: str) -> None:
+    head = f"Frequency [Hz],Magnitude [{unit}],Phase [°]\n"
+    assert swept(tmp_path, head + rows(TONES, np.abs(VALUES), DEGREES)).quantity == quantity
+
+
+def test_an_acceleration_is_read_as_the_displacement_it_is_of(tmp_path: Path) -> None:
+    accelerations = -((2.0 * np.pi * np.array(TONES)) ** 2) * VALUES
+    result = swept(
+        tmp_path, "Frequency (Hz),Real [m/s²],Imaginary [m/s²]\n" + rows(TONES, accelerations.real, accelerations.imag)
+    )
+    assert result.quantity == "displacement"
+    assert np.allclose(result.sweep.response, VALUES, rtol=1e-12)
 
 
 def test_only_the_first_comment_marks_a_synthetic_file(tmp_path: Path) -> None:

@@ -1,0 +1,68 @@
+"""Universal files: directions, accelerations and units as the format has them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.case.model import load_case
+from pipeline.errors import InputError
+from pipeline.measured.universal import read_field, read_sweep
+
+SMALL = Path(__file__).resolve().parents[3] / "examples" / "small.toml"
+TONES = 30e3 + 10.0 * np.arange(12)
+PLACES = np.array([(x, y) for x in (-0.01, 0.0, 0.01) for y in (-0.005, 0.005)])
+SHAPE = np.array([1.0, -2.0, 3.0, -4.0, 5.0, -6.0])
+PEAK = 1.0 / (TONES[6] ** 2 - TONES**2 + 1j * TONES * TONES[6] / 300.0) * 1e6
+
+
+def written(path: Path, directions: list[list[int]], kind: int = 11, signs: np.ndarray | None = None) -> str:
+    """Nodes, and a response of each in each of its directions; along x and y ten times the motion along z."""
+    lines = ["    -1", "    15"]
+    lines += [f"{n:10d}{0:10d}{0:10d}{0:10d}{x:13.5E}{y:13.5E}{0.0:13.5E}" for n, (x, y) in enumerate(PLACES, 1)]
+    lines += ["    -1"]
+    for node, along in enumerate(directions):
+        for direction in along:
+            scale = SHAPE[node] * (10.0 if abs(direction) in (1, 2) else 1.0) * (-1.0 if direction == -3 else 1.0)
+            values = scale * PEAK * (-((2 * np.pi * TONES) ** 2) if kind == 12 else 1.0)
+            lines += ["    -1", "    58", *["NONE"] * 5]
+            lines += [f"{4:5d}{0:10d}{0:5d}{0:10d} {'NONE':10s}{node + 1:10d}{direction:4d} {'NONE':10s}{0:10d}{0:4d}"]
+            lines += [f"{6:10d}{len(TONES):10d}{0:10d}{0.0:13.5E}{0.0:13.5E}{0.0:13.5E}"]
+            lines += [f"{code:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {'NONE':20s}" for code in (18, kind, 13, 0)]
+            lines += [f"{f:13.5E}{v.real:20.11E}{v.imag:20.11E}" for f, v in zip(TONES, values, strict=True)]
+            lines += ["    -1"]
+    path.write_text("\n".join(lines) + "\n")
+    return str(path)
+
+
+def shape_of(path: str) -> np.ndarray:
+    values = read_field(path, load_case(SMALL).design).values
+    return (values / values[0]).real
+
+
+@pytest.mark.parametrize(
+    "directions",
+    [[[3]] * 6, [[-3], [3]] * 3, [[0]] * 6, [[1, 2, 3]] * 6, [[3, -1]] * 3 + [[-3, 2]] * 3],
+    ids=["along", "turned", "unsaid", "3-D head", "mixed"],
+)
+def test_a_map_is_the_motion_along_the_normal(directions: list[list[int]], tmp_path: Path) -> None:
+    assert shape_of(written(tmp_path / "map.uff", directions)) == pytest.approx(SHAPE, rel=1e-6)
+
+
+def test_a_sweep_is_of_the_node_that_moves_most_along_the_normal(tmp_path: Path) -> None:
+    sweep = read_sweep(written(tmp_path / "sweep.uff", [[1, 2, 3]] * 6)).sweep
+    assert np.allclose(sweep.response, SHAPE[5] * PEAK, rtol=1e-5)
+
+
+def test_an_accelerance_is_a_displacement_over_minus_omega_squared(tmp_path: Path) -> None:
+    measured = read_sweep(written(tmp_path / "sweep.uff", [[3]] * 6, kind=12))
+    assert measured.quantity == "displacement" and np.allclose(measured.sweep.response, SHAPE[5] * PEAK, rtol=1e-5)
+
+
+def test_motion_in_the_plane_alone_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path / "map.uff", [[1], [2]] * 3)
+    for read in (read_sweep, lambda place: read_field(place, load_case(SMALL).design)):
+        with pytest.raises(InputError, match="responses along x, y alone: must have some along z"):
+            read(path)
