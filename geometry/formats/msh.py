@@ -230,8 +230,8 @@ def _nodes_2(cursor: _Cursor, read: _File) -> None:
     words = cursor.text(b"Nodes")
     if len(words) != 4 * count:
         raise MeshFileError(f"{cursor.name}: $Nodes: {count} nodes were announced, {len(words)} numbers are there")
-    table = np.array(words, dtype=float).reshape(count, 4)
-    read.tags, read.points = table[:, 0].astype(np.int64), table[:, 1:]
+    table = np.array(words).reshape(count, 4)
+    read.tags, read.points = table[:, 0].astype(np.int64), table[:, 1:].astype(float)
     return None
 
 

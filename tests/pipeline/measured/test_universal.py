@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.measured.universal import read_field, read_sweep
+from tests.geometry.formats.test_mutants import limited, mutant
 
 SMALL = Path(__file__).resolve().parents[3] / "examples" / "small.toml"
 TONES = 30e3 + 10.0 * np.arange(12)
@@ -59,6 +61,39 @@ def test_a_sweep_is_of_the_node_that_moves_most_along_the_normal(tmp_path: Path)
 def test_an_accelerance_is_a_displacement_over_minus_omega_squared(tmp_path: Path) -> None:
     measured = read_sweep(written(tmp_path / "sweep.uff", [[3]] * 6, kind=12))
     assert measured.quantity == "displacement" and np.allclose(measured.sweep.response, SHAPE[5] * PEAK, rtol=1e-5)
+
+
+def mutants_end_well(seeds: range, folder: Path) -> tuple[int, int]:
+    """How many mutants are refused, and how many read; anything else is raised."""
+    whole = Path(written(folder / "map.uff", [[3]] * 6)).read_bytes()
+    design, path, refused, read = load_case(SMALL).design, folder / "other.uff", 0, 0
+    for seed in seeds:
+        path.write_bytes(mutant(whole, random.Random(seed)))
+        try:
+            with limited():
+                field = read_field(path, design)
+        except InputError as error:
+            assert len(error.lines) == 1 and "\n" not in error.lines[0]
+            refused += 1
+            continue
+        read += 1
+        assert (
+            len(field.values) == len(field.points_m)
+            and np.isfinite(field.values).all()
+            and np.isfinite(field.points_m).all()
+        )
+    return refused, read
+
+
+def test_mutants_are_refused_in_one_line_or_read_whole(tmp_path: Path) -> None:
+    refused, read = mutants_end_well(range(120), tmp_path)
+    assert refused > 5 and read > 5
+
+
+@pytest.mark.slow
+def test_five_thousand_mutants_end_well(tmp_path: Path) -> None:
+    refused, read = mutants_end_well(range(5000), tmp_path)
+    assert refused + read == 5000
 
 
 def test_motion_in_the_plane_alone_is_refused(tmp_path: Path) -> None:
