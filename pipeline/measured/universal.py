@@ -89,13 +89,17 @@ def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
         raise InputError(
             f"{path}: responses along {there} alone: must have some along z, the plate's normal (record 6)"
         )
-    scale = next((1.0 / each["length"] for each in listed if each.get("type") == 164), 1.0)
+    length = next((float(each["length"]) for each in listed if each.get("type") == 164), 1.0)
+    if not 0.0 < length < np.inf:
+        raise InputError(f"{path}: dataset 164: a length factor of {length:g}: must be above 0")
     places: dict[int, FloatArray] = {}
     for each in listed:
         if each.get("type") in (15, 2411):
-            numbers = each.get("node_nums", each.get("grid_global"))
-            points = scale * np.column_stack([each["x"], each["y"]])
-            places |= {int(number): point for number, point in zip(np.atleast_1d(numbers), points, strict=True)}
+            numbers = np.atleast_1d(each.get("node_nums", each.get("grid_global")))
+            columns = [np.atleast_1d(each[axis]) for axis in "xy"]
+            if {len(column) for column in columns} != {len(numbers)} or not np.isfinite([numbers, *columns]).all():
+                raise InputError(f"{path}: dataset {each['type']}: every node must have a number and finite x, y and z")
+            places |= {int(number): np.array(place) / length for number, *place in zip(numbers, *columns, strict=True)}
     return normal, places
 
 
