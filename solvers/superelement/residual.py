@@ -45,8 +45,8 @@ class ResidualModes:
     def coupled(self, eigenvalue: FloatArray, flexibility: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Eigenvalues m (n,) of diag(l) - h(m) E, E (n, n) the flexibility, and vectors (n, n) of length 1.
 
-        A chord through h at the eigenvalues of the two waves that an entry couples makes the problem linear in m; from KNOWN L on
-        h goes on along its tangent there. The pencil's mass is positive, because the modes left out cannot move more of the
+        A chord through h at the eigenvalues of the two waves that an entry couples makes the problem linear in m; from KNOWN L
+        on h goes on along its tangent there. The pencil's mass is positive, because the modes left out cannot move more of the
         cell's mass than there is: L E <= 1, and chords of h below KNOWN L take at most half of it.
         """
         known = self._uncoupled(eigenvalue, flexibility.diagonal().real)
