@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import astuple, replace
 from math import ceil, floor
 
@@ -13,6 +14,7 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
+from pipeline.planning.coarse_cell import coarse_cell
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
@@ -28,6 +30,8 @@ MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
 LATTICE_DOF = 400  # degrees of freedom a wavevector that a cell may be refined to (lattice_cell.MAX_DOF)
 DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what one wavevector takes
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
+# times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
+CUTOFF = 0.64
 GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
 JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
 PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
@@ -388,19 +392,35 @@ def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int)
 
 
 def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Demand of the bands at a number of wavevectors."""
+    """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
     solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
-    reducing, functions = _reduced_cell(case, choice, choice.reduction)
-    return _lattice(reducing, functions, DENSE_OPERATIONS * solves, case, choice)
+    return _of_cell(case, choice, DENSE_OPERATIONS * solves)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
-    reducing, functions = _reduced_cell(case, choice, choice.reduction)
-    return _lattice(reducing, functions, 2.0 * DENSE_OPERATIONS * frequencies, case, choice)
+    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS * frequencies)
+
+
+def _of_cell(case: Case, choice: ModelChoice, operations: float) -> Demand:
+    """Demand of dense pencils of the reduced cell, `operations` times the cube of their size."""
+    demands = [
+        _lattice(*_reduced_cell(case, each, each.reduction), operations, case, choice)
+        for each in (choice, *_finer_meshes(case.design, choice))
+        if each.reduction
+    ]
+    return replace(demands[0], finer_bytes=tuple(each.memory_bytes for each in demands[1:]))
+
+
+def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
+    """The reduced cell on each mesh level after its own."""
+    level = choice.mesh_level
+    while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
+        mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
+        yield replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
@@ -409,9 +429,18 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
+    if design.pillar:
+        functions = _fixed_modes(case, reduction)
     functions = max(functions, LATTICE_DOF / 2.0)
     reducing = _reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
+
+
+def _fixed_modes(case: Case, reduction: ReductionSettings) -> float:
+    """Fixed-interface modes that a cell with a pillar keeps: those of a coarse cell up to the cut-off to expect."""
+    coarse = coarse_cell(case.design, case.bands.count)
+    cutoff_hz = CUTOFF * case.solve.accuracy**-0.25 * coarse.bands_end_hz(reduction.top_hz)
+    return float(coarse.fixed_modes(min(reduction.top_hz, cutoff_hz)))
 
 
 def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
@@ -457,7 +486,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
 
 def _cell_changes(case: Case, choice: ModelChoice) -> tuple[str, ...]:
     """Changes that make a unit cell cheaper."""
-    changes = [_coarser(case), "take a stiffer or smaller pillar", "a smaller pitch", "or fewer bands.points"]
+    changes = [_coarser(case), "take a stiffer or smaller pillar", "take a smaller pitch", "lower bands.count"]
     return tuple(['take solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
 
 

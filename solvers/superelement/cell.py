@@ -328,7 +328,7 @@ class CellBuilder:
         return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
 
     def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
-        """Constraint shapes (3n, m) whose combinations at a rigid-body motion of the boundary are that motion, without rounding.
+        """Constraint shapes (3n, m) that follow a rigid-body motion of the boundary exactly.
 
         A solve leaves an error of the stiffest entry over the softest connection: 3e-6 of the motion of a lead tip on rubber.
         """
