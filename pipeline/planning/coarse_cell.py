@@ -1,4 +1,4 @@
-"""A coarse mesh of the unit cell: how high its bands reach, and how many fixed-interface modes it has below a frequency.
+"""A coarse mesh of the unit cell: how high the bands reach that a case asks for.
 
 One element of order 3 through the plate, the pillar a box as wide as its foot. A coarse mesh's frequencies lie above those of
 finer ones, so that no band asked for lies above what is found here.
@@ -8,34 +8,33 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import pi, sqrt
+from math import ceil, pi, sqrt
 
 import numpy as np
 
 from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
 from geometry.hex.panels import square_of
-from geometry.layout import Design, Pillar, region_materials
+from geometry.layout import Design, region_materials
 from solvers.fem.assembly import System, assemble
-from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import PlainPencil, count_below
-from solvers.superelement.interface import SIDES
 from solvers.waves.bloch import BlochCell
 
 ORDER = 3
 STEP = 1.2  # factor within which the highest band is found
 MANY = 4  # elements of a plate thin compared with its pitch, along the longer pitch
 SLENDER = 4.0  # widths of a foot that an element along the pillar is long at least
+FEW = 25  # bands that one element of a stub holds
 HALF_WAVES = 3.0  # bands for each half-wave along a pillar: two bending modes, one of torsion or longitudinal
 
 
 def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings:
     """Elements of the coarse cell for its lowest bands, each of a slender pillar at most a half-wave long."""
-    along = _length_m(design.pillar, count) if design.pillar else None
-    return HexSettings(ORDER, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=through)
-
-
-def _length_m(pillar: Pillar, count: int) -> float:
-    return min(pillar.height_m, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.height_m / count))
+    size_m, pillar, parts = 2.0 * design.thickness_m, design.pillar, ceil(sqrt(count / FEW))
+    if pillar is None:
+        return HexSettings(ORDER, size_m, 0, through=through)
+    size_m = min(size_m, pillar.base_m / parts) if parts > 1 else size_m
+    along = min(pillar.height_m / parts, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.height_m / count))
+    return HexSettings(ORDER, size_m, 0, pillar_size_m=along, through=through)
 
 
 @lru_cache(maxsize=64)
@@ -83,7 +82,3 @@ class CoarseCell:
             else:
                 low = middle
         return high
-
-    def fixed_modes(self, top_hz: float) -> int:
-        """Number of fixed-interface modes below a frequency, by inertia."""
-        return count_below(constrain(self._system, free_mask(self._system.mesh, SIDES)), top_hz)

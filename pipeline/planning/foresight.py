@@ -1,15 +1,16 @@
-"""The demand of each step of a plan, from the design and its models alone: nothing is meshed, assembled or reduced."""
+"""The demand of each step of a plan, from the design and its models; nothing is reduced, and no more meshed than a coarse cell
+and panels about round feet."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import astuple, replace
-from math import ceil, floor
+from math import ceil, floor, inf
 
 from geometry.hex.box_counts import BoxCounts, box_counts
 from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
-from geometry.hex.panels import square_of
+from geometry.hex.panels import panel_mesh, square_of
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -38,7 +39,8 @@ PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
 NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share an element with one
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
-CURVED = 2.0  # times the elements of a square prism's panel: a disc's patches; a hexagon has as many as a square
+# times the elements of a square prism's panel: a disc's patches, where they are too many to be meshed for their number
+CURVED, MESHED = 2.0, 50_000
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
@@ -345,14 +347,17 @@ def _pillar_panel(
 
 
 def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) -> MeshCounts:
-    """Counts of a panel with its pillar; about a curved foot those of a square one, and more."""
+    """Counts of a panel with its pillar; about a curved foot those of a square one, times what its own mesh has of them."""
     pillar, settings = design.pillar, reduction.hexahedra
     alike = square_of(pillar) if pillar else None
     mesh = of_boxes(panel_scene(panel, design.thickness_m, alike, settings), settings.order)
     if pillar is None or pillar.form.plan != "disc":
         return mesh
-    fill = Fill(*(CURVED ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
-    return MeshCounts(CURVED * mesh.elements, mesh.corners, CURVED * mesh.nodes, CURVED * mesh.pairs, fill)
+    own = CURVED
+    if CURVED * mesh.elements < MESHED:
+        own = len(panel_mesh(panel, design.thickness_m, pillar, settings).mesh.nodes) / mesh.nodes
+    fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
+    return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
 
 
 def fixed_modes(
@@ -428,19 +433,19 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
-    mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
-    if design.pillar:
-        functions = _fixed_modes(case, reduction)
+    needed = replace(reduction, top_hz=min(reduction.top_hz, _cutoff_hz(case, reduction)))
+    mesh, functions, copies = _pillar_panel(design, needed, choice, pitch, halved)
     functions = max(functions, LATTICE_DOF / 2.0)
     reducing = _reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
 
 
-def _fixed_modes(case: Case, reduction: ReductionSettings) -> float:
-    """Fixed-interface modes that a cell with a pillar keeps: those of a coarse cell up to the cut-off to expect."""
-    coarse = coarse_cell(case.design, case.bands.count)
-    cutoff_hz = CUTOFF * case.solve.accuracy**-0.25 * coarse.bands_end_hz(reduction.top_hz)
-    return float(coarse.fixed_modes(min(reduction.top_hz, cutoff_hz)))
+def _cutoff_hz(case: Case, reduction: ReductionSettings) -> float:
+    """Cut-off of the fixed-interface modes to expect, Hz, from the highest band of a coarse cell; infinity without one."""
+    if case.design.pillar is None:
+        return inf
+    end_hz = coarse_cell(case.design, case.bands.count).bands_end_hz(reduction.top_hz)
+    return CUTOFF * case.solve.accuracy**-0.25 * end_hz
 
 
 def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
