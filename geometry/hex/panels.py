@@ -150,7 +150,7 @@ def _block(half: float, rim: tuple[float, float], ends: tuple[float, float]) -> 
 
 def _lines(half: float, rim: tuple[float, float], blocks: list[tuple[float, float]], grading: Grading) -> PlanLines:
     """The lines that all quadrants share, graded towards the rim from both sides."""
-    turns = int(np.ceil(np.pi / 4.0 * half / grading.size_m))  # around an eighth of a disc
+    turns = max(grading.least, int(np.ceil(np.pi / 4.0 * half / grading.size_m)))  # around an eighth of a disc
     core = (1.0 - CORE) * half if rim[0] == rim[1] else half
     fill = max(edge - wide * half for block in blocks for edge, wide in zip(block, rim, strict=True))
     inner, outer = _unit(core, (False, True), grading), _unit(fill, (True, False), grading)

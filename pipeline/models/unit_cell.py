@@ -10,7 +10,6 @@ from math import ceil
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings
 from geometry.hex.panels import square_of
 from geometry.layout import Design
 from pipeline.case.model import Case
@@ -18,6 +17,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record, tet_cell
 from pipeline.planning import foresight, mesh_rules
+from pipeline.planning.coarse_cell import ORDER, coarse_settings
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
 from pipeline.planning.resources import Demand
@@ -44,7 +44,6 @@ ROUNDS = 8
 MARGIN = 0.3  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
 THICK = 0.3  # of the pitch: no thinner plate was found to need a fourth degree through its thickness
 MAX_THROUGH = 6
-COARSE = 3  # order of the coarse cell's elements
 CLEAR = 3.0  # times the highest frequency: modes left out from there on are told by their residual flexibility to a sixteenth
 THROUGH = 0.35  # of the accuracy: the next degree through the thickness is another element through the plate
 BY_MODES = 0.5  # of what truncation may bring: modes are cheaper than degrees
@@ -174,8 +173,8 @@ class _Pilot:
     It is reduced for more than is asked for, and less is taken from its matrices.
     """
 
-    def __init__(self, design: Design) -> None:
-        self.design = design
+    def __init__(self, design: Design, count: int) -> None:
+        self.design, self.count = design, count
         self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
         self._whole: Lattice | None = None
         self._top_hz = 0.0
@@ -196,9 +195,8 @@ class _Pilot:
     def _reduced(self, reduction: ReductionSettings) -> Lattice:
         design, material = self.design, self.design.material
         box = square_of(design.pillar) if design.pillar else None
-        through = ceil(reduction.interface.through / COARSE)  # a node more through the plate than the degree
-        along = box.height_m if box else None
-        coarse = HexSettings(COARSE, 2.0 * design.thickness_m, 0, pillar_size_m=along, through=through)
+        through = ceil(reduction.interface.through / ORDER)  # a node more through the plate than the degree
+        coarse = coarse_settings(design, self.count, through)
         reductions = Reductions(design.thickness_m, material, box, replace(reduction, hexahedra=coarse), CellCache())
         return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
@@ -260,7 +258,7 @@ def _good_enough(
     accuracy; with the widest bar, the estimate, and what of it lies beyond the degree through the thickness.
     """
     count, accuracy = case.bands.count, case.solve.accuracy
-    pilot = _Pilot(case.design)
+    pilot = _Pilot(case.design, count)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
         log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")

@@ -1,18 +1,21 @@
-"""The demand of each step of a plan, from the design and its models alone: nothing is meshed, assembled or reduced."""
+"""The demand of each step of a plan, from the design and its models; nothing is reduced, and no more meshed than a coarse cell
+and panels about round feet."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import astuple, replace
-from math import ceil, floor
+from math import ceil, floor, inf
 
 from geometry.hex.box_counts import BoxCounts, box_counts
 from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
-from geometry.hex.panels import square_of
+from geometry.hex.panels import panel_mesh, square_of
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
+from pipeline.planning.coarse_cell import coarse_cell
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
@@ -28,13 +31,16 @@ MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
 LATTICE_DOF = 400  # degrees of freedom a wavevector that a cell may be refined to (lattice_cell.MAX_DOF)
 DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what one wavevector takes
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
+# times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
+CUTOFF = 0.64
 GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
 JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
 PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
 NODES, PAIRS = 1.45, 28.0  # a quadratic tetrahedron's nodes; nodes that share an element with one
 TET_FILL = 4.0  # entries of the factor over n^(4/3)
-CURVED = 2.0  # times the elements of a square prism's panel: a disc's patches; a hexagon has as many as a square
+# times the elements of a square prism's panel: a disc's patches, where they are too many to be meshed for their number
+CURVED, MESHED = 2.0, 50_000
 SKIN = 0.4  # of a panel's nodes that lie on its surface
 EMBEDDED = 2.2  # entries of the real embedding over those of the cell
 SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # an entry, while the cell is split by phases, and afterwards
@@ -341,14 +347,17 @@ def _pillar_panel(
 
 
 def _of_hexahedra(design: Design, panel: Panel, reduction: ReductionSettings) -> MeshCounts:
-    """Counts of a panel with its pillar; about a curved foot those of a square one, and more."""
+    """Counts of a panel with its pillar; about a curved foot those of a square one, times what its own mesh has of them."""
     pillar, settings = design.pillar, reduction.hexahedra
     alike = square_of(pillar) if pillar else None
     mesh = of_boxes(panel_scene(panel, design.thickness_m, alike, settings), settings.order)
     if pillar is None or pillar.form.plan != "disc":
         return mesh
-    fill = Fill(*(CURVED ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
-    return MeshCounts(CURVED * mesh.elements, mesh.corners, CURVED * mesh.nodes, CURVED * mesh.pairs, fill)
+    own = CURVED
+    if CURVED * mesh.elements < MESHED:
+        own = len(panel_mesh(panel, design.thickness_m, pillar, settings).mesh.nodes) / mesh.nodes
+    fill = Fill(*(own ** (4.0 / 3.0) * part for part in astuple(mesh.fill)))
+    return MeshCounts(own * mesh.elements, mesh.corners, own * mesh.nodes, own * mesh.pairs, fill)
 
 
 def fixed_modes(
@@ -388,19 +397,35 @@ def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int)
 
 
 def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
-    """Demand of the bands at a number of wavevectors."""
+    """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
     solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
-    reducing, functions = _reduced_cell(case, choice, choice.reduction)
-    return _lattice(reducing, functions, DENSE_OPERATIONS * solves, case, choice)
+    return _of_cell(case, choice, DENSE_OPERATIONS * solves)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
-    reducing, functions = _reduced_cell(case, choice, choice.reduction)
-    return _lattice(reducing, functions, 2.0 * DENSE_OPERATIONS * frequencies, case, choice)
+    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS * frequencies)
+
+
+def _of_cell(case: Case, choice: ModelChoice, operations: float) -> Demand:
+    """Demand of dense pencils of the reduced cell, `operations` times the cube of their size."""
+    demands = [
+        _lattice(*_reduced_cell(case, each, each.reduction), operations, case, choice)
+        for each in (choice, *_finer_meshes(case.design, choice))
+        if each.reduction
+    ]
+    return replace(demands[0], finer_bytes=tuple(each.memory_bytes for each in demands[1:]))
+
+
+def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
+    """The reduced cell on each mesh level after its own."""
+    level = choice.mesh_level
+    while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
+        mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
+        yield replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
@@ -408,10 +433,19 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
-    mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
+    needed = replace(reduction, top_hz=min(reduction.top_hz, _cutoff_hz(case, reduction)))
+    mesh, functions, copies = _pillar_panel(design, needed, choice, pitch, halved)
     functions = max(functions, LATTICE_DOF / 2.0)
     reducing = _reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
+
+
+def _cutoff_hz(case: Case, reduction: ReductionSettings) -> float:
+    """Cut-off of the fixed-interface modes to expect, Hz, from the highest band of a coarse cell; infinity without one."""
+    if case.design.pillar is None:
+        return inf
+    end_hz = coarse_cell(case.design, case.bands.count).bands_end_hz(reduction.top_hz)
+    return CUTOFF * case.solve.accuracy**-0.25 * end_hz
 
 
 def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
@@ -457,7 +491,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
 
 def _cell_changes(case: Case, choice: ModelChoice) -> tuple[str, ...]:
     """Changes that make a unit cell cheaper."""
-    changes = [_coarser(case), "take a stiffer or smaller pillar", "a smaller pitch", "or fewer bands.points"]
+    changes = [_coarser(case), "take a stiffer or smaller pillar", "take a smaller pitch", "lower bands.count"]
     return tuple(['take solve.model = "superelement"', *changes] if choice.model == SOLID else changes)
 
 

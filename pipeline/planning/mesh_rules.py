@@ -11,7 +11,7 @@ from itertools import pairwise
 from math import ceil, inf, sqrt
 
 from geometry.hex.boxes import HexSettings
-from geometry.layout import Design, Pillar
+from geometry.layout import Design
 from pipeline.planning import calibration
 from pipeline.planning.calibration import MeshLevel
 from solvers.analytic.beams import roots
@@ -190,14 +190,6 @@ def shear_cutoff_hz(design: Design) -> float:
 
 def _shear_speed(design: Design) -> float:
     return sqrt(design.material.shear_pa / design.material.density_kg_m3)
-
-
-def bands_end_hz(pillar: Pillar, count: int) -> float:
-    """Frequency, Hz, up to which a lattice of such pillars has at least `count` bands: one for every bending mode of a pillar,
-    half of them about either axis.
-    """
-    number = ceil(count / 2)
-    return max(float(pillar_frequencies_hz(pillar, "timoshenko", number, about_x=axis)[-1]) for axis in (False, True))
 
 
 def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:

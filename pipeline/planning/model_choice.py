@@ -11,14 +11,15 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.calibration import HEX, TET, TET_ORDER
+from pipeline.planning.coarse_cell import coarse_cell
 from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
+from solvers.errors import SolverError
 from solvers.superelement.interface import ReductionSettings
 
 BEYOND = (
     4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
 )
-BY_BEAMS = 60  # bands: of more the pillar's thirtieth bending mode tells nothing
 SUPERELEMENT, SOLID = "superelement", "solid"
 
 
@@ -175,13 +176,19 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
 
 
 def _modes_end_hz(case: Case, high_hz: float) -> float:
-    """No fixed-interface mode above it is worth its place; infinity where no beam tells which bands are asked for, and for
-    staggered rows, whose cell tells nothing of what it leaves out.
+    """No fixed-interface mode above it is worth its place; infinity where no pillar has modes below the plate's.
+
+    The cell of two staggered rows has no estimate of what it leaves out: it keeps as many as a plate's panels do.
     """
-    pillar = case.design.pillar
-    if pillar is None or pillar.file or case.design.stagger or case.bands.count > BY_BEAMS:
+    design = case.design
+    if design.pillar is None:
         return inf
-    return max(BEYOND * mesh_rules.bands_end_hz(pillar, case.bands.count), mesh_rules.REACH * high_hz)
+    plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
+    try:
+        end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)
+    except SolverError:  # beyond what a coarse mesh can count
+        return inf
+    return max((mesh_rules.REACH if design.stagger else BEYOND) * end_hz, mesh_rules.REACH * high_hz)
 
 
 def _choice(

@@ -30,7 +30,8 @@ class Demand:
 
     modes: how many the window may hold (None where nothing is counted); functions: degrees of freedom of a reduced cell, at a
     wavevector or in one of the panels of an assembled plate; `change` in the order in which it helps. beside_bytes: what
-    symmetry classes solved beside the first one take, which wait for their turn where memory holds one alone.
+    symmetry classes solved beside the first one take, which wait for their turn where memory holds one alone. finer_bytes: peak
+    memory on each finer mesh that may have to follow, B; one that memory does not hold is left out.
     """
 
     cost: Cost
@@ -40,6 +41,7 @@ class Demand:
     change: tuple[str, ...] = ()
     cad: bool = False
     beside_bytes: float = 0.0
+    finer_bytes: tuple[float, ...] = ()
 
     @property
     def least_bytes(self) -> float:
@@ -71,6 +73,9 @@ class Demand:
         """One line for people."""
         low, high = (factor * self.memory_bytes for factor in MEMORY_RANGE)
         parts = [f"memory {_size(self.memory_bytes)} ({_size(low)} to {_size(high)}), most while {self.cost.peak.name}"]
+        if self.finer_bytes:
+            finer = ", ".join(_size(each) for each in self.finer_bytes)
+            parts.append(f"on finer meshes, where the accuracy asks for them, {finer}")
         if self.panels:
             parts.append(f"{_count(self.panels)} panels")
         parts.append(f"{_count(self.cost.dofs)} degrees of freedom at once")
@@ -87,6 +92,7 @@ class Demand:
         return {
             "memory_bytes": round(self.memory_bytes),
             "memory_range_bytes": [round(factor * self.memory_bytes) for factor in MEMORY_RANGE],
+            "finer_memory_bytes": [round(each) for each in self.finer_bytes],
             "most_while": self.cost.peak.name,
             "dofs": self.cost.dofs,
             "modes": None if self.modes is None else round(self.modes),

@@ -9,6 +9,8 @@ from functools import cached_property
 from math import ceil
 from typing import Protocol
 
+import numpy as np
+
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import panel_mesh, transfer
@@ -99,7 +101,18 @@ class Reductions:
 
     def settings(self, panel: Panel) -> HexSettings:
         """The hexahedra of a panel."""
-        return self.reduction.hexahedra if panel.foot else self._bare(panel)
+        return self._with_nodes_for_sides(panel) if panel.foot else self._bare(panel)
+
+    def _with_nodes_for_sides(self, panel: Panel) -> HexSettings:
+        """Elements of a panel with a foot, more of them where a side has fewer nodes than a polynomial of the degree along it.
+
+        Two elements at least lie along a side, whichever the foot: degrees up to twice their order need no look at the mesh.
+        """
+        settings, along = self.reduction.hexahedra, self.reduction.interface.along
+        if along > 2 * settings.order * settings.least:
+            while settings.least < along and _side_nodes(self._mesh(panel, settings).mesh, panel) <= along:
+                settings = replace(settings, least=settings.least + 1)
+        return settings
 
     def pillar_of(self, panel: Panel) -> Pillar | None:
         """The pillar that stands on a panel with a foot."""
@@ -160,6 +173,15 @@ class Reductions:
         place = signature(replace(panel, pillar=None))
         text = repr((place, panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _side_nodes(mesh: Mesh, panel: Panel) -> int:
+    """Nodes along the side that has fewest of them, those beyond a mirror included."""
+    counts = []
+    for axis, side in ((1, "x+"), (0, "y+")):
+        along = len(np.unique(np.round(mesh.nodes[mesh.nodes_of(side), axis], 9)))
+        counts.append(2 * along - 1 if axis in panel.halved else along)
+    return min(counts)
 
 
 class PlateModel:

@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 
 from geometry.elements import ComplexArray, FloatArray
 
-STEPS = 6  # of a fixed point whose derivative is what is left out, some percent
+STEPS = 6  # of Newton: the error is squared each time
 CHORD = 1e-6  # relative distance of eigenvalues below which a tangent replaces the chord
 KNOWN = 0.5  # of the lowest eigenvalue left out: up to here h is known within a factor of two
 
@@ -38,28 +38,40 @@ class ResidualModes:
     def slope(self, eigenvalue: FloatArray | float) -> FloatArray:
         """dh/dl at eigenvalues l (k,)."""
         values = np.asarray(eigenvalue, dtype=float)
-        below = values < KNOWN * self.edge
+        below = values <= KNOWN * self.edge
         growth = self.growth(np.where(below, values, 0.0))
         return np.where(below, values * (1.0 + growth) + (values * growth) ** 2 / (2.0 * self.edge), 0.0)
 
     def coupled(self, eigenvalue: FloatArray, flexibility: ComplexArray) -> tuple[FloatArray, ComplexArray]:
         """Eigenvalues m (n,) of diag(l) - h(m) E, E (n, n) the flexibility, and vectors (n, n) of length 1.
 
-        A chord through h at the eigenvalues of the two waves that an entry couples makes the problem linear in m.
+        A chord through h at the eigenvalues of the two waves that an entry couples makes the problem linear in m; from KNOWN L
+        on h goes on along its tangent there. The pencil's mass is positive, because the modes left out cannot move more of the
+        cell's mass than there is: L E <= 1, and chords of h below KNOWN L take at most half of it.
         """
-        guess = eigenvalue
-        for _ in range(STEPS):
-            guess = eigenvalue - self.softening(guess) * flexibility.diagonal().real
-        softened, apart = self.softening(guess), guess[:, None] - guess
-        alike = np.abs(apart) <= CHORD * np.maximum(*np.abs(np.broadcast_arrays(guess[:, None], guess)))
+        known = self._uncoupled(eigenvalue, flexibility.diagonal().real)
+        softened, apart = self.softening(known), known[:, None] - known
+        alike = np.abs(apart) <= CHORD * np.maximum(*np.abs(np.broadcast_arrays(known[:, None], known)))
         slope = np.where(
             alike,
-            (self.slope(guess)[:, None] + self.slope(guess)) / 2.0,
+            (self.slope(known)[:, None] + self.slope(known)) / 2.0,
             (softened[:, None] - softened) / np.where(alike, 1.0, apart),
         )
-        start = (softened[:, None] + softened - slope * (guess[:, None] + guess)) / 2.0
-        values, turn = eigh(np.diag(eigenvalue) - start * flexibility, np.eye(len(guess)) + slope * flexibility)
+        start = (softened[:, None] + softened - slope * (known[:, None] + known)) / 2.0
+        values, turn = eigh(np.diag(eigenvalue) - start * flexibility, np.eye(len(known)) + slope * flexibility)
         return values, np.asarray(turn / np.linalg.norm(turn, axis=0))
+
+    def _uncoupled(self, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
+        """Roots m (n,) of m + h(m) d = l, at most KNOWN L.
+
+        Newton's steps on a rising convex function approach its root from above and never pass it.
+        """
+        edge = KNOWN * self.edge
+        root = np.minimum(eigenvalue, edge)
+        for _ in range(STEPS):
+            step = (root + self.softening(root) * own - eigenvalue) / (1.0 + self.slope(root) * own)
+            root = np.minimum(root - step, edge)
+        return np.asarray(root)
 
     def bounds(self, eigenvalue: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Between which eigenvalues waves of l (k,) and flexibilities d (k,) come to lie, (k,) each."""

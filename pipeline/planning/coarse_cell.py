@@ -1,0 +1,84 @@
+"""A coarse mesh of the unit cell: how high the bands reach that a case asks for.
+
+One element of order 3 through the plate, the pillar a box as wide as its foot. A coarse mesh's frequencies lie above those of
+finer ones, so that no band asked for lies above what is found here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cached_property, lru_cache
+from math import ceil, pi, sqrt
+
+import numpy as np
+
+from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
+from geometry.hex.panels import square_of
+from geometry.layout import Design, region_materials
+from solvers.fem.assembly import System, assemble
+from solvers.fem.eigen import PlainPencil, count_below
+from solvers.waves.bloch import BlochCell
+
+ORDER = 3
+STEP = 1.2  # factor within which the highest band is found
+MANY = 4  # elements of a plate thin compared with its pitch, along the longer pitch
+SLENDER = 4.0  # widths of a foot that an element along the pillar is long at least
+FEW = 25  # bands that one element of a stub holds
+HALF_WAVES = 3.0  # bands for each half-wave along a pillar: two bending modes, one of torsion or longitudinal
+
+
+def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings:
+    """Elements of the coarse cell for its lowest bands, each of a slender pillar at most a half-wave long."""
+    size_m, pillar, parts = 2.0 * design.thickness_m, design.pillar, ceil(sqrt(count / FEW))
+    if pillar is None:
+        return HexSettings(ORDER, size_m, 0, through=through)
+    size_m = min(size_m, pillar.base_m / parts) if parts > 1 else size_m
+    along = min(pillar.height_m / parts, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.height_m / count))
+    return HexSettings(ORDER, size_m, 0, pillar_size_m=along, through=through)
+
+
+@lru_cache(maxsize=64)
+def coarse_cell(design: Design, count: int) -> CoarseCell:
+    """The coarse cell of a design for its lowest bands."""
+    return CoarseCell(design, count)
+
+
+class CoarseCell:
+    """A coarse mesh of a design's unit cell, solved for its `count` lowest bands."""
+
+    def __init__(self, design: Design, count: int) -> None:
+        box = square_of(design.pillar) if design.pillar else None
+        self.design, self.count = replace(design, pillar=box), count
+        self._ends_hz: dict[float, float] = {}
+
+    @cached_property
+    def _system(self) -> System:
+        settings = coarse_settings(self.design, self.count)
+        settings = replace(settings, size_m=max(settings.size_m, max(self.design.cell_m) / MANY))
+        mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
+        return assemble(mesh, region_materials(self.design.material, self.design.pillar))
+
+    @cached_property
+    def _waves(self) -> PlainPencil:
+        """K and M at the zone's corner, where all phases are real and every band counts once."""
+        return BlochCell(self._system, *self.design.cell_m).pencil(pi / np.array(self.design.cell_m))[0]
+
+    def bands_end_hz(self, below_hz: float) -> float:
+        """Frequency, Hz, below which the bands asked for end at the zone's corner, within STEP; at most below_hz.
+
+        By bisection of inertia counts, from a guess by a count that goes as the frequency squared.
+        """
+        if below_hz not in self._ends_hz:
+            self._ends_hz[below_hz] = self._bisected_hz(below_hz)
+        return self._ends_hz[below_hz]
+
+    def _bisected_hz(self, below_hz: float) -> float:
+        low, high, found = 0.0, below_hz, count_below(self._waves, below_hz)
+        while found >= self.count and high > STEP * low:
+            middle = sqrt(low * high) if low else high * sqrt(self.count / found) / STEP
+            number = count_below(self._waves, middle)
+            if number >= self.count:
+                high, found = middle, number
+            else:
+                low = middle
+        return high
