@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre, polynomial
@@ -29,7 +30,7 @@ Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # points (q, 2): 
 
 @dataclass(frozen=True)
 class Piece:
-    """A square (0 <= s, t <= 1) or a triangle (s + t <= 1) within a facet's reference coordinates: origin + s first + t second."""
+    """A square (0 <= s, t <= 1) or a triangle (s + t <= 1) in a facet's reference coordinates: origin + s first + t second."""
 
     origin: FloatArray
     first: FloatArray
@@ -128,8 +129,8 @@ class CutFacet:
         """Gauss rules between the lines, over the intervals of s between the places where one meets an edge."""
         (at, weight), (height, share) = _gauss(2 * self.order + 1), _gauss(self.order + 1)
         ends = self._breaks(piece, lines)
-        s = np.concatenate([low + (high - low) * at for low, high in zip(ends[:-1], ends[1:], strict=True)])
-        ds = np.concatenate([(high - low) * weight for low, high in zip(ends[:-1], ends[1:], strict=True)])
+        s = np.concatenate([low + (high - low) * at for low, high in pairwise(ends)])
+        ds = np.concatenate([(high - low) * weight for low, high in pairwise(ends)])
         bounds = np.sort(np.vstack([np.zeros_like(s), self._heights(piece, s, lines), piece.top(s)]), axis=0)
         low, thick = bounds[:-1, :, None], np.diff(bounds, axis=0)[:, :, None]
         t, weights = low + thick * height, ds[:, None] * thick * share
@@ -147,7 +148,7 @@ class CutFacet:
         return np.unique(np.concatenate(found))
 
     def _heights(self, piece: Piece, s: FloatArray, lines: FloatArray) -> FloatArray:
-        """t of each line at each s, kept within the piece, (lines, q): roots of the polynomials y(s, .) of the facet's order."""
+        """t of each line at each s, kept within the piece, (lines, q): roots of y(s, .), a polynomial of the facet's order."""
         top, at = piece.top(s), np.linspace(0.0, 1.0, self.order + 1)
         grid = np.repeat(s, len(at)), np.outer(top, at).ravel()
         y = self.y(piece, *grid).reshape(len(s), -1)

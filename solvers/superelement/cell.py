@@ -125,8 +125,9 @@ class Cell:
     """A reduced cell: K_r and M_r over [boundary degrees of freedom, fixed-interface modes], in the units of `scale`.
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
-    (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where
-    these are no tensor grid); pillar_mass: the share of M_r that moves in the pillar.
+    (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
+    bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where these are no tensor
+    grid); pillar_mass: the share of M_r that moves in the pillar.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -476,7 +477,11 @@ class CellBuilder:
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
-        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
+        inner = [
+            *self.outer,
+            *self.planes.values(),
+        ]  # sides to which another panel, or the panel's own image, is joined
+        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in inner]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
         used, local = np.unique(facets, return_inverse=True)
         points, matrix = self._at_nodes(used, parts, places)

@@ -122,7 +122,7 @@ class AssembledPlate:
         """Outer skin of the cells of the class."""
         points, facets, values, start = [], [], [], 0
         for placed_cell in self.placed_cells:
-            expansion: Expansion = placed_cell.cell.skin
+            expansion = self._seen(placed_cell)
             assert expansion.facets is not None
             points.append(expansion.points + np.array([*placed_cell.middle, 0.0]))
             facets.append(expansion.facets + start)
@@ -132,6 +132,17 @@ class AssembledPlate:
         if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
+
+    def _seen(self, placed_cell: PlacedCell) -> Expansion:
+        """A cell's skin; of one that stands on a mirror the half x >= 0 or y >= 0, whose image is the other one."""
+        skin = placed_cell.cell.skin
+        assert skin.facets is not None
+        mirrors = [axis for axis in range(len(self.symmetry)) if abs(placed_cell.middle[axis]) < 10.0**-DIGITS]
+        if not mirrors:
+            return skin
+        facets = skin.facets[(skin.points[skin.facets].mean(axis=1)[:, mirrors] > 0.0).all(axis=1)]
+        used, local = np.unique(facets, return_inverse=True)
+        return Expansion(skin.points[used], skin.matrix[used], facets=local.reshape(facets.shape))
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -174,7 +185,7 @@ class Grid:
         self._touch_rules: dict[tuple[float, ...], SurfaceRule] = {}
 
     def touch_rule(self, cell: Cell, middle_m: float) -> SurfaceRule:
-        """Quadrature over the touch face of a cell whose middle lies at this y; one for all places that the same lines cross."""
+        """Quadrature over the touch face of a cell with its middle at y = middle_m, one for all that the same lines cross."""
         half = cell.size_m[1] / 2.0
         lines = [line - middle_m for line in self.tiling.lines_m if abs(line - middle_m) < half]
         key = (id(cell), *(round(line, DIGITS) for line in lines))
