@@ -21,7 +21,7 @@ def coarse(points: FloatArray, facets: IntArray, most: int) -> tuple[IntArray, I
     middle, sharp = points.mean(axis=0), None
     step = SAME * extent
     while True:
-        cluster = _clusters(points, step, middle)
+        cluster = clusters(points, step, middle)
         if cluster.max(initial=-1) < most:
             break
         if sharp is None:
@@ -41,7 +41,7 @@ def with_sides(points: FloatArray, facets: IntArray, thickness_m: float) -> IntA
     stays open.
     """
     step = SAME * float(np.ptp(points, axis=0).max())
-    same = _clusters(points, step, points.mean(axis=0))
+    same = clusters(points, step, points.mean(axis=0))
     first = _first(same)
     place = points[first]
     edges, _ = _rim(same[facets])
@@ -63,7 +63,7 @@ def with_sides(points: FloatArray, facets: IntArray, thickness_m: float) -> IntA
     return np.concatenate([facets, added])
 
 
-def _clusters(points: FloatArray, step: float, middle: FloatArray) -> IntArray:
+def clusters(points: FloatArray, step: float, middle: FloatArray) -> IntArray:
     """Number of the grid box that each point lies in; the middle of the body is the middle of a box."""
     boxes = np.floor((points - middle) / step + 0.5).astype(np.int64)
     boxes -= boxes.min(axis=0)

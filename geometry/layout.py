@@ -287,6 +287,13 @@ class Design:
         return self.outer_border_m + rows_m + self.extension_m
 
     @property
+    def touch_lines_m(self) -> tuple[float, ...]:
+        """y where parts of the touch face meet, ascending, m: the borders of the zones, and the ends of the last rows."""
+        half, beyond = self.width_m / 2.0, self.half_span_m - self.extension_m
+        borders = np.add.outer(self.zone_centres_m, [-half, half]).ravel().tolist()
+        return tuple(sorted({*borders, -beyond, beyond}))
+
+    @property
     def bare_touch_m(self) -> float:
         """y up to which the touch face carries no pillar, m: where the first row begins, or the plate ends."""
         if not (self.row_pillars and self.row_pillars[0].faces == 2):

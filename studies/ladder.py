@@ -253,10 +253,10 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
         model: Any = PlateModel(d, _reductions(d, reduction, mesh_level))
     elif mesh_level["model"] == "tet":
         mesh = of_order(scenes.tet_plate(d, 1e-3 * mesh_level["size_mm"], True), mesh_level["order"])
-        model = SolidModel(check(mesh), materials(), (), True)
+        model = SolidModel(check(mesh), materials(), (), True, d.touch_lines_m)
     else:
         mesh = hex_mesh(plate_boxes(d, settings(mesh_level)), mesh_level["order"])
-        model = SolidModel(check(mesh), materials(), (), True)
+        model = SolidModel(check(mesh), materials(), (), True, d.touch_lines_m)
     pencil = model.pencil(symmetry)
     modes = modes_in_band(pencil, *WINDOW_HZ)
     measures = measure(model.touch(symmetry, modes.vectors), d, symmetry)

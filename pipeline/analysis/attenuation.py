@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field
 
+from geometry.elements import BoolArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -27,6 +28,7 @@ from pipeline.records.record import (
 from pipeline.units import KHZ
 from solvers.analytic.predesign import predesign
 from solvers.measures.levels import CONFINED_DB
+from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import KeptRow, Row, RowWaves
@@ -38,6 +40,7 @@ STEEPEST_DB = (
     100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
 )
 ROUNDING_DB = 1e-6
+CARRIED = 0.01  # relative change of a wavenumber that boundary functions of one degree less may bring
 
 
 class Attenuation(AttenuationRecord):
@@ -76,10 +79,10 @@ def solve(
         corners = path.wavevectors[[segment.last for segment in path.segments]]
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high)
     cell = model.lattice.cell  # the one that the bands use: reduced once for both
-    row, bare = Row(cell, kx), _kept(KeptRow(bare_cell(case, cell.interface, log), kx))
+    row, coarser, bare = Row(cell, kx), _coarser(model, kx), _kept(KeptRow(bare_cell(case, cell.interface, log), kx))
     rows = case.design.rows
     with log.step(f"{points} frequencies"):
-        samples = tuple(_point(row, bare, rows, float(f)) for f in np.linspace(low, high, points))
+        samples = tuple(_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _log_summary(samples, kx, log)
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
     return Attenuation(
@@ -112,9 +115,35 @@ def _checked_kx(case: Case, kx: float) -> float:
     return kx
 
 
-def _point(row: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPoint:
+def _coarser(model: LatticeModel, kx: float) -> Row:
+    """The same row with boundary functions of one degree less along its sides."""
+    cell = model.lattice.cell
+    face = Interface(max(cell.interface.along - 1, 1), cell.interface.through)
+    return Row(model.lattice.up_to(face, cell.dropped_hz).cell, kx)
+
+
+def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
+    """Which waves the boundary functions carry, (n,): those that pass, and those that decay alike with fewer functions.
+
+    Steep waves that come from the functions themselves move with their degree. A wave of the coarser row stands for one only.
+    """
+    ours, theirs = waves.wavenumber_per_m, fewer.wavenumber_per_m
+    off, turn = ours[:, None] - theirs, 2.0 * pi / waves.pitch_m  # wavenumbers a reciprocal one apart are the same
+    off = off - turn * np.round(off.real / turn)
+    apart = np.abs(off) / np.maximum(np.abs(ours), np.finfo(float).tiny)[:, None]
+    out, free = waves.db_per_row <= ROUNDING_DB, np.ones(len(theirs), dtype=bool)
+    for one, other in zip(*np.unravel_index(np.argsort(apart, axis=None, kind="stable"), apart.shape), strict=True):
+        if apart[one, other] > CARRIED:
+            break
+        if free[other] and not out[one]:
+            out[one], free[other] = True, False
+    return np.asarray(out)
+
+
+def _point(row: Row, coarser: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPoint:
     row_waves = row.waves(frequency_hz)
-    kept = np.flatnonzero(row_waves.db_per_row <= STEEPEST_DB)
+    known = carried(row_waves, coarser.waves(frequency_hz))
+    kept = np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known)
     waves = tuple(_described(row, row_waves, kept))
     flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
     transmission = transmitted_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None

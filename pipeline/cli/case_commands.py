@@ -6,6 +6,7 @@ from argparse import Namespace
 from typing import Any
 
 from pipeline.case.model import Case, load_case
+from pipeline.case.plausible import doubts
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -22,8 +23,10 @@ SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any nu
 def _read(arguments: Namespace, *overrides: str) -> tuple[Case, TerminalLog, Band | None]:
     """Case, log and band of a command line."""
     case = of_case(arguments, load_case(arguments.case, [*arguments.set, *overrides]))
-    band = getattr(arguments, "band", None)
-    return case, TerminalLog(arguments.quiet), parse_band(band, "--band") if band else None
+    log, band = TerminalLog(arguments.quiet), getattr(arguments, "band", None)
+    for doubt in doubts(case.design):
+        log.warning("MATERIAL", doubt)
+    return case, log, parse_band(band, "--band") if band else None
 
 
 def predesign(arguments: Namespace) -> int:

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.decimate import with_sides
+from geometry.closed import closed_surface
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
@@ -155,15 +155,14 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
     """The moving surface as a study stores it."""
     facets, points = skin_faces(arrays, "surface"), np.asarray(arrays["surface_points"], dtype=float)
     assert facets is not None
-    if design is not None:
-        facets = with_sides(points, facets, design.thickness_m)
+    kept, triangles = closed_surface(points, facets, design.thickness_m if design else None)
     tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
     shapes = [
-        (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape, dtype=float))
+        (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape[kept], dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
     tall = MM if design is None else design.pillar.top_m if design.pillar else design.thickness_m
-    return Scene(title, points / MM, facets, shapes, DRAWN * tall / MM)
+    return Scene(title, points[kept] / MM, triangles, shapes, DRAWN * tall / MM)
 
 
 def of_case(arguments: Namespace) -> Scene:

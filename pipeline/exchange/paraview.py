@@ -23,10 +23,10 @@ def write(case: Case, path: Path, log: Log) -> Path:
 
 
 def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Points (p, 3) in m and facets of the whole plate's surface, frequencies (k,) in Hz and displacements (k, p, 3) of its
-    modes. Raises InputError where the band holds none.
+    """Points (p, 3) in m and triangles (m, 3) of the whole plate's closed surface, frequencies (k,) in Hz and displacements
+    (k, p, 3) of its modes. Raises InputError where the band holds none.
     """
-    from geometry.decimate import with_sides
+    from geometry.closed import closed_surface
     from pipeline.analysis.modes import solve_modes
     from pipeline.planning.request import Request
 
@@ -38,5 +38,5 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
         skins[symmetry] = solved.model.skin(symmetry, solved.vectors[symmetry]).unfolded(symmetry)
     first = next(iter(skins.values()))
     shapes = np.stack([skins[row.symmetry].displacement[row.column] for row in solved.rows])
-    facets = with_sides(first.points, first.facets, case.design.thickness_m)
-    return first.points, facets, np.array([row.frequency_hz for row in solved.rows]), shapes
+    kept, triangles = closed_surface(first.points, first.facets, case.design.thickness_m)
+    return first.points[kept], triangles, np.array([row.frequency_hz for row in solved.rows]), shapes[:, kept]

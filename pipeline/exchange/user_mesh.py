@@ -68,7 +68,7 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     _warn_of_file(read, case, file, log)
     _warn_of_unit(case, mesh, file, own.unit, log)
     warn_of_locking(case.design, mesh, log)
-    model = SolidModel(_with_touch(mesh), materials, (*clamps, *fixed), False)
+    model = SolidModel(_with_touch(mesh), materials, (*clamps, *fixed), False, case.design.touch_lines_m)
     request = _request(case, query)
     pencil = model.pencil(None)
     with log.step("solve"):

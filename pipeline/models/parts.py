@@ -80,7 +80,8 @@ def _solid(
 ) -> SolidModel:
     meshes.append(mesh_record(what, mesh))
     warn_of_locking(case.design, mesh, log)
-    return SolidModel(mesh, region_materials(case.design.material, case.design.pillar), clamped, mirrored)
+    materials = region_materials(case.design.material, case.design.pillar)
+    return SolidModel(mesh, materials, clamped, mirrored, case.design.touch_lines_m)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:

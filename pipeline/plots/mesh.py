@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from geometry.decimate import with_sides
 from pipeline.plots import rendering, style
 from pipeline.plots.plate import KINDS, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
@@ -41,28 +42,12 @@ def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigur
 def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
     """What is rendered, by name: the whole plate, and each mesh's skin coloured by the quality of its faces."""
     design, faces = case.record.design, skin_faces(arrays, "surface")
-    plain = Surface(*with_edges(arrays["surface_points"], faces, design)) if design and faces is not None else None
+    points = arrays.get("surface_points")
+    plain = None
+    if design and faces is not None:
+        plain = Surface(points, with_sides(points, faces, design.thickness_m))
     skins = {"plate hex": "mesh", "plate tet": "tet", "cell hex": "cell", "cell tet": "cell_tet"}
     return {"geometry": plain, **{name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}}
-
-
-def with_edges(points: FloatArray, faces: IntArray, design: DesignRecord) -> tuple[FloatArray, IntArray]:
-    """The skin with the plate's outer edge faces, which a skin put together from plate cells does not have."""
-    walls = []
-    for axis, half in ((0, design.length_m / 2), (1, design.half_span_m)):
-        for side in (-half, half):
-            there = np.abs(points[:, axis] - side) < 1e-6 * half
-            if there[faces].all(axis=1).any():
-                return points, faces  # closed already
-            low = there & (np.abs(points[:, 2]) < 1e-6 * half)
-            rims = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2)
-            walls.append(rims[low[rims].all(axis=2)])
-    rim = np.concatenate(walls)
-    up = points[rim] + np.array([0.0, 0.0, design.thickness_m])
-    quads = np.concatenate([points[rim], up[:, ::-1]], axis=1)
-    added = len(points) + np.arange(4 * len(rim)).reshape(-1, 4)
-    added = added if faces.shape[1] == 4 else np.concatenate([added[:, [0, 1, 2]], added[:, [0, 2, 3]]])
-    return np.concatenate([points, quads.reshape(-1, 3)]), np.concatenate([faces, added])
 
 
 def _mesh_surface(arrays: dict[str, Any], prefix: str, design: DesignRecord | None) -> Surface | None:
@@ -71,7 +56,7 @@ def _mesh_surface(arrays: dict[str, Any], prefix: str, design: DesignRecord | No
         return None
     points = arrays[f"{prefix}_points"]
     if design and prefix in PLATE_PREFIXES:
-        points, faces = _corner(*with_edges(points, faces, design), design)
+        points, faces = _corner(points, with_sides(points, faces, design.thickness_m), design)
     return Surface(points, faces, face_quality(points, faces), edges=True, direction=(1.0, 1.6, 1.3))
 
 

@@ -21,12 +21,21 @@ CLASSES = ("SS", "SA", "AS", "AA")
 
 
 class SolidModel:
-    """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0."""
+    """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0.
+
+    lines_m: y where parts of its touch face meet.
+    """
 
     def __init__(
-        self, mesh: AnyMesh, materials: dict[str, Material], clamped: tuple[Support, ...], mirrored: bool
+        self,
+        mesh: AnyMesh,
+        materials: dict[str, Material],
+        clamped: tuple[Support, ...],
+        mirrored: bool,
+        lines_m: tuple[float, ...] = (),
     ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
+        self.lines_m = lines_m
         self.name = f"solid {mesh.kind}{mesh.order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
 
@@ -59,7 +68,7 @@ class SolidModel:
 
     @cached_property
     def _touch_rule(self) -> FaceQuadrature:
-        return face_quadrature(self.mesh, "touch")
+        return face_quadrature(self.mesh, "touch", self.lines_m)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face of the meshed part."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.polynomial import legendre
 
 from geometry.elements import TRIANGLES, BoolArray, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
 from geometry.mesh import AnyMesh, Mesh
+from solvers.fem import cut_facets
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
@@ -48,21 +51,47 @@ class Skin:
         return skin
 
 
-def face_quadrature(mesh: AnyMesh, face: str) -> FaceQuadrature:
-    """Quadrature over a named face, exact for squared displacements on flat faces.
+def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
+    """Quadrature over a named face, exact for squared displacements on flat faces; no facet's rule straddles a line y = const
+    of `lines_m`, so that sums over the points on one side of it are integrals over that side.
 
     Raises MeshError for a face that the mesh does not have.
     """
-    parts = [_facet_quadrature(mesh.nodes, facets, mesh.order) for facets in mesh.facets_of(face)]
+    return joined([facet_quadrature(mesh.nodes, facets, mesh.order, lines_m) for facets in mesh.facets_of(face)])
+
+
+def joined(parts: list[FaceQuadrature]) -> FaceQuadrature:
+    """One rule over several sets of facets on the same nodes."""
     if len(parts) == 1:
         return parts[0]
     points, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "weights"))
     return FaceQuadrature(points, weights, sp.csr_array(sp.vstack([part.interpolation for part in parts])))
 
 
-def _facet_quadrature(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
-    """Quadrature over facets of one shape."""
-    value, slopes, weights = _triangle(order) if faces.shape[1] in TRIANGLES else _square(order)
+def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Sequence[float] = ()) -> FaceQuadrature:
+    """The same over facets (f, k) of one shape on nodes (n, 3) in m."""
+    if not len(lines_m):
+        return _uncut(nodes, faces, order)
+    straight = cut_facets.is_straight(nodes[faces], _facet_nodes(faces.shape[1], order))
+    cut = cut_facets.may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
+    rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
+    return joined([_uncut(nodes, faces[~cut], order), *rules])
+
+
+def _uncut(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
+    """The same rule on every facet."""
+    if faces.shape[1] in TRIANGLES:
+        at, weights = _dunavant()
+        value, slopes = triangle_shape(order, at)
+    else:
+        value, slopes, weights = _square(order)
+    return _mapped(nodes, faces, value, slopes, weights)
+
+
+def _mapped(
+    nodes: FloatArray, faces: IntArray, value: FloatArray, slopes: FloatArray, weights: FloatArray
+) -> FaceQuadrature:
+    """A rule by its shape functions (q, k), their slopes (2, q, k) and reference weights (q,), on facets (f, k)."""
     corners = nodes[faces]
     points = np.einsum("qk,fkj->fqj", value, corners)
     tangents = np.einsum("mqk,fkj->mfqj", slopes, corners)
@@ -74,30 +103,73 @@ def _facet_quadrature(nodes: FloatArray, faces: IntArray, order: int) -> FaceQua
     return FaceQuadrature(points.reshape(-1, 3), area.ravel(), matrix)
 
 
-def _square(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _cut_rules(
+    nodes: FloatArray, faces: IntArray, order: int, lines_m: FloatArray, straight: BoolArray
+) -> list[FaceQuadrature]:
+    """A rule of its own for every facet that lines may cut."""
+    is_triangle, rules = faces.shape[1] in TRIANGLES, []
+    shape = partial(triangle_shape if is_triangle else square_shape, order)
+    whole = cut_facets.TRIANGLE if is_triangle else cut_facets.SQUARE
+    for facet, flat in zip(faces, straight.tolist(), strict=True):
+        at, weights = cut_facets.CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
+        rules.append(_mapped(nodes, facet[None], *shape(at), weights))
+    return rules
+
+
+def _facet_nodes(count: int, order: int) -> FloatArray:
+    """Reference places of a facet's nodes, (count, 2)."""
+    return _triangle_nodes(order) if count in TRIANGLES else _square_nodes(order)
+
+
+def square_shape(order: int, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (q, k) and slopes (2, q, k) of a square facet's functions at points (q, 2) of [-1, 1]^2, u fastest."""
     nodes = gauss_lobatto(order)
+    (u, du), (v, dv) = (lagrange(nodes, at[:, axis]) for axis in (0, 1))
+
+    def product(second: FloatArray, first: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("qb,qa->qba", second, first).reshape(len(at), -1))
+
+    return product(v, u), np.stack([product(v, du), product(dv, u)])
+
+
+def _square_nodes(order: int) -> FloatArray:
+    line = gauss_lobatto(order)
+    return np.column_stack([np.tile(line, len(line)), np.repeat(line, len(line))])
+
+
+def _square(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     at, weight = legendre.leggauss(order + 1)
-    value, slope = lagrange(nodes, at)
-    slopes = np.stack([np.kron(value, slope), np.kron(slope, value)])
-    return np.asarray(np.kron(value, value)), slopes, np.asarray(np.kron(weight, weight))
+    grid = np.column_stack([np.tile(at, len(at)), np.repeat(at, len(at))])
+    return *square_shape(order, grid), np.asarray(np.kron(weight, weight))
 
 
-def _triangle(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    bary, weights = [], []
+def _dunavant() -> tuple[FloatArray, FloatArray]:
+    """Points (6, 2) and weights (6,) on the unit triangle."""
+    points, weights = [], []
     for a, weight in _TRIANGLE:
         for place in range(3):
             point = [a, a, a]
             point[place] = 1.0 - 2.0 * a
-            bary.append(point)
+            points.append(point[1:])
             weights.append(weight / 2.0)
-    at, slope = np.array(bary), np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
+    return np.array(points), np.array(weights)
+
+
+def triangle_shape(order: int, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (q, k) and slopes (2, q, k) of a triangular facet's functions at points (q, 2) of the unit triangle."""
+    bary, slope = np.column_stack([1.0 - at.sum(axis=1), at]), np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
     if order == 1:
-        return at, np.repeat(slope[:, None, :], len(at), axis=1), np.array(weights)
+        return bary, np.repeat(slope[:, None, :], len(bary), axis=1)
     first, second = np.array([0, 1, 2]), np.array([1, 2, 0])
-    value = np.hstack([at * (2 * at - 1), 4 * at[:, first] * at[:, second]])
-    corner = (4 * at - 1) * slope[:, None, :]
-    edge = 4 * (at[:, first] * slope[:, None, second] + at[:, second] * slope[:, None, first])
-    return value, np.concatenate([corner, edge], axis=2), np.array(weights)
+    value = np.hstack([bary * (2 * bary - 1), 4 * bary[:, first] * bary[:, second]])
+    corner = (4 * bary - 1) * slope[:, None, :]
+    edge = 4 * (bary[:, first] * slope[:, None, second] + bary[:, second] * slope[:, None, first])
+    return value, np.concatenate([corner, edge], axis=2)
+
+
+def _triangle_nodes(order: int) -> FloatArray:
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    return corners if order == 1 else np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2.0])
 
 
 def triangles(facets: IntArray) -> IntArray:

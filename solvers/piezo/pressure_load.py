@@ -39,13 +39,12 @@ def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
     """Work of the pressure on each degree of freedom, (dof,), N."""
     load, size = np.zeros(plate.dof), 0.0
     for placed_cell in plate.placed_cells:
-        expansion = placed_cell.cell.touch
-        assert expansion.weights is not None
-        points = expansion.points[:, :2] + np.array(placed_cell.middle)
+        rule = plate.touch_rule(placed_cell)
+        points = rule.points[:, :2] + np.array(placed_cell.middle)
         active = np.abs(points[:, 1]) < design.width_m / 2.0
-        force = placed_cell.copies * expansion.weights[active] * wanted_shape(design, points[active])
+        force = placed_cell.copies * np.where(active, rule.weights * wanted_shape(design, points), 0.0)
         size += float(np.abs(force).sum())
         live = placed_cell.coefficient != 0.0
-        work = placed_cell.coefficient * (force @ expansion.matrix[active, 0])
+        work = placed_cell.coefficient * rule.work(force)
         np.add.at(load, placed_cell.dofs[live], work[live])
     return load / size

@@ -6,7 +6,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -24,7 +24,7 @@ from solvers.fem.coarser import SHADE, Shares
 from solvers.fem.constraints import constrain, free_mask, rigid_body_modes
 from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
-from solvers.fem.surface import face_quadrature, skin_faces
+from solvers.fem.surface import facet_quadrature, skin_faces
 from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 from solvers.superelement.residual import ResidualModes
@@ -50,6 +50,38 @@ class Expansion:
     weights: FloatArray | None = None
     facets: IntArray | None = None
     order: int | None = None
+
+    def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
+        """Quadrature over the surface, parted at the lines y = const: its own where it is one already, whose lines part it."""
+        normal = self.matrix[:, -1]
+        if self.weights is not None:
+            return SurfaceRule(self.points, self.weights, normal)
+        assert self.facets is not None and self.order is not None
+        rule = facet_quadrature(self.points, self.facets, self.order, lines_m)
+        return SurfaceRule(rule.points, rule.weights, normal, rule.interpolation)
+
+
+@dataclass(frozen=True)
+class SurfaceRule:
+    """Quadrature over a face of the cell: points (q, 3) in m from its middle, weights (q,) in m2.
+
+    normal (n, dof): u_z at nodes; interpolation (q, n) from these to the points, None where they are the points.
+    """
+
+    points: FloatArray
+    weights: FloatArray
+    normal: FloatArray
+    interpolation: sp.csr_array | None = None
+
+    def values(self, vectors: FloatArray) -> FloatArray:
+        """u_z at the points, (q, k), from degrees of freedom (dof, k)."""
+        moved = self.normal @ vectors
+        return np.asarray(moved if self.interpolation is None else self.interpolation @ moved)
+
+    def work(self, force: FloatArray) -> FloatArray:
+        """Work of forces (q,) along z at the points on each degree of freedom, (dof,)."""
+        nodal = force if self.interpolation is None else self.interpolation.T @ force
+        return np.asarray(nodal @ self.normal)
 
 
 @dataclass(frozen=True)
@@ -93,9 +125,9 @@ class Cell:
     """A reduced cell: K_r and M_r over [boundary degrees of freedom, fixed-interface modes], in the units of `scale`.
 
     size_m: edges along x, y and the plate's thickness; fixed_hz: fixed-interface frequencies kept, with their symmetry
-    (modes, 2) under the cell's mirrors (0 without); touch: u_z at quadrature points of the touch face; skin: corners of
-    the outer skin; bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where
-    these are no tensor grid); pillar_mass: the share of M_r that moves in the pillar.
+    (modes, 2) under the cell's mirrors (0 without); touch: u_z on the touch face; skin: corners of the outer skin;
+    bare: all nodes on the plate's faces that carry nothing, where something may be bonded (None where these are no tensor
+    grid); pillar_mass: the share of M_r that moves in the pillar.
 
     No fixed-interface mode below dropped_hz was left out. `dropped` (boundary, boundary) is the residual flexibility of those
     left out (`ResidualModes`): (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
@@ -443,21 +475,28 @@ class CellBuilder:
         return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
     def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
-        rule = face_quadrature(self.system.mesh, "touch")
-        rows = [(rule.interpolation @ part.shapes[2::3])[:, None, :] for part in parts]
-        points, matrix = self._mirrored(rule.points, rows, parts, places)
-        return Expansion(points, matrix, weights=np.tile(rule.weights, self.copies))
+        mesh = self.system.mesh
+        (facets,) = mesh.facets_of("touch")
+        used, local = np.unique(facets, return_inverse=True)
+        rows = [part.shapes[2::3][used][:, None, :] for part in parts]
+        points, matrix = self._mirrored(mesh.nodes[used], rows, parts, places)
+        return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)), order=mesh.order)
+
+    def _copied(self, facets: IntArray, nodes: int) -> IntArray:
+        """Facets (m, corners) on every mirror image of so many nodes."""
+        return np.concatenate([facets + copy * nodes for copy in range(self.copies)])
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
-        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in SIDES]
+        inner = [
+            *self.outer,
+            *self.planes.values(),
+        ]  # sides to which another panel, or the panel's own image, is joined
+        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in inner]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
         used, local = np.unique(facets, return_inverse=True)
         points, matrix = self._at_nodes(used, parts, places)
-        local = local.reshape(facets.shape)
-        return Expansion(
-            points, matrix, facets=np.concatenate([local + copy * len(used) for copy in range(self.copies)])
-        )
+        return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)))
 
     def _bare(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion | None:
         mesh, nodes = self.system.mesh, self._bare_nodes()

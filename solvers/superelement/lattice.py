@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
@@ -24,6 +25,7 @@ from solvers.threads import one_thread
 
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
 OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
+EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 SPARE = 4  # waves above those asked for, which what is left out couples them with
 
 
@@ -105,7 +107,7 @@ class Lattice:
         """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
         wavevector = np.asarray(wavevector, dtype=float)
         residual = self.cell.residual
-        alone, free = self._solve(wavevector, count + SPARE)
+        alone, free = self._whole_groups(*self._solve(wavevector, count + SPARE + 2), count)
         flexibility = self._flexibility(wavevector, free)
         values, turn = residual.coupled(alone, flexibility)
         values = np.where(np.abs(values) < self.rounding, 0.0, values)
@@ -114,6 +116,15 @@ class Lattice:
         dofs = self._phases(wavevector)[:, None] * (free @ turn[:, :count])[self.column]
         frequencies = self.cell.scale.frequency(values[:count])
         return Waves(wavevector, values[:count], frequencies, dofs, by_modes[:count])
+
+    def _whole_groups(self, values: FloatArray, free: ComplexArray, count: int) -> tuple[FloatArray, ComplexArray]:
+        """The waves without the last degenerate group, of which more may lie above: a part of it, in a direction that rounding
+        chose, would part the degenerate waves below that it is coupled to. At least `count` stay.
+        """
+        if len(values) == self.dof or len(values) <= count:
+            return values, free
+        whole = max(degenerate(values, self.rounding)[-1].start, count)
+        return values[:whole], free[:, :whole]
 
     def _flexibility(self, wavevector: FloatArray, free: ComplexArray) -> ComplexArray:
         """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the modes left out."""
@@ -210,6 +221,13 @@ class Lattice:
                 bare=None,
             )
         )
+
+
+def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
+    """Groups of ascending eigenvalues (n,) that count as one, those of one wave included."""
+    apart = np.diff(eigenvalue) > np.maximum(EQUAL * np.abs(eigenvalue[1:]), rounding)
+    bounds = [0, *(np.flatnonzero(apart) + 1), len(eigenvalue)]
+    return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
 
 
 def _followed(face: Interface) -> tuple[IntArray, FloatArray]:

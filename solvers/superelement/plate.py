@@ -20,9 +20,9 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.cell import Cell, Expansion, SurfaceRule
 from solvers.superelement.interface import SIDES, VERTICES, Interface
-from solvers.superelement.tiling import Signature, Tiling, signature
+from solvers.superelement.tiling import DIGITS, Signature, Tiling, signature
 
 WHOLE = ""  # no mirror: every panel is assembled
 DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
@@ -103,15 +103,18 @@ class AssembledPlate:
         """A cell's degrees of freedom (cell dof, k) from the plate's (dof, k)."""
         return np.asarray(placed_cell.coefficient[:, None] * vectors[np.maximum(placed_cell.dofs, 0)])
 
+    def touch_rule(self, placed_cell: PlacedCell) -> SurfaceRule:
+        """Quadrature over a cell's touch face, parted where parts of the plate's touch face meet."""
+        return self.grid.touch_rule(placed_cell.cell, placed_cell.middle[1])
+
     def touch(self, vectors: FloatArray) -> TouchField:
         """u_z over the touch faces of the cells of the class, weighted as the whole plate."""
         points, weights, values = [], [], []
         for placed_cell in self.placed_cells:
-            expansion = placed_cell.cell.touch
-            assert expansion.weights is not None
-            points.append(expansion.points[:, :2] + np.array(placed_cell.middle))
-            weights.append(expansion.weights * placed_cell.copies)
-            values.append(expansion.matrix[:, 0] @ self.cell_vectors(placed_cell, vectors))
+            rule = self.touch_rule(placed_cell)
+            points.append(rule.points[:, :2] + np.array(placed_cell.middle))
+            weights.append(rule.weights * placed_cell.copies)
+            values.append(rule.values(self.cell_vectors(placed_cell, vectors)))
         mass = self.placed_cells[0].cell.scale.mass_kg
         return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values), mass)
 
@@ -119,7 +122,7 @@ class AssembledPlate:
         """Outer skin of the cells of the class."""
         points, facets, values, start = [], [], [], 0
         for placed_cell in self.placed_cells:
-            expansion: Expansion = placed_cell.cell.skin
+            expansion = self._seen(placed_cell)
             assert expansion.facets is not None
             points.append(expansion.points + np.array([*placed_cell.middle, 0.0]))
             facets.append(expansion.facets + start)
@@ -129,6 +132,17 @@ class AssembledPlate:
         if len({part.shape[1] for part in facets}) > 1:  # tetrahedra beside bare panels of hexahedra
             facets = [triangles(part) for part in facets]
         return Skin(np.concatenate(points), np.concatenate(facets), np.concatenate(values, axis=1))
+
+    def _seen(self, placed_cell: PlacedCell) -> Expansion:
+        """A cell's skin; of one that stands on a mirror the half x >= 0 or y >= 0, whose image is the other one."""
+        skin = placed_cell.cell.skin
+        assert skin.facets is not None
+        mirrors = [axis for axis in range(len(self.symmetry)) if abs(placed_cell.middle[axis]) < 10.0**-DIGITS]
+        if not mirrors:
+            return skin
+        facets = skin.facets[(skin.points[skin.facets].mean(axis=1)[:, mirrors] > 0.0).all(axis=1)]
+        used, local = np.unique(facets, return_inverse=True)
+        return Expansion(skin.points[used], skin.matrix[used], facets=local.reshape(facets.shape))
 
 
 def _entries(matrix: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
@@ -168,6 +182,16 @@ class Grid:
         modes = np.array([[self._modes(i, j) for j in range(self.ny)] for i in range(self.nx)])
         self.mode_start = self.start_modes + np.concatenate([[0], np.cumsum(modes.ravel())])
         self.count = int(self.mode_start[-1])
+        self._touch_rules: dict[tuple[float, ...], SurfaceRule] = {}
+
+    def touch_rule(self, cell: Cell, middle_m: float) -> SurfaceRule:
+        """Quadrature over the touch face of a cell with its middle at y = middle_m, one for all that the same lines cross."""
+        half = cell.size_m[1] / 2.0
+        lines = [line - middle_m for line in self.tiling.lines_m if abs(line - middle_m) < half]
+        key = (id(cell), *(round(line, DIGITS) for line in lines))
+        if key not in self._touch_rules:
+            self._touch_rules[key] = cell.touch.rule(lines)
+        return self._touch_rules[key]
 
     def cell(self, i: int, j: int) -> Cell:
         """The reduction of panel (i, j); that of its mirror image for panels on the negative sides of a mirrored plate."""

@@ -22,7 +22,8 @@ class Tiling:
     """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
 
     mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
-    rows of pillars differ. periodic: the tiling repeats along x and y, and no side of it is free.
+    rows of pillars differ. periodic: the tiling repeats along x and y, and no side of it is free. lines_m: y where parts of the
+    touch face meet.
     """
 
     x: FloatArray
@@ -31,6 +32,7 @@ class Tiling:
     mirrored: bool = True
     pillars: Mapping[int, Pillar] = field(default_factory=dict)
     periodic: bool = False
+    lines_m: tuple[float, ...] = ()
 
     def panel(self, i: int, j: int) -> Panel:
         """Panel in column i, row j, halved along every axis about which it is its own mirror image.
@@ -81,13 +83,13 @@ def tile(design: Design, max_edge_m: float) -> Tiling:
     """Cut a plate: one piece per pillar, bare panels no longer than `max_edge_m` elsewhere."""
     x, y = grid(design, max_edge_m)
     if not design.rows:
-        return Tiling(x, y, {}, design.is_mirrored)
+        return Tiling(x, y, {}, design.is_mirrored, lines_m=design.touch_lines_m)
     feet_rows = design.row_places()
     places = (np.searchsorted(y, feet_rows) - 1).tolist()
     pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
     numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
     centres = [(row, design.column_centres(number)) for row, number in numbered]
-    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars)
+    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars, lines_m=design.touch_lines_m)
 
 
 def tightest_panels(design: Design) -> list[Panel]:

@@ -17,17 +17,18 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import Lattice, Waves, degenerate
 
-EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
 LOST = 0.1  # below it a wave is another one
 DEEPEST = 4  # halvings of a step
 EXTRA = 4  # waves followed above those asked for, so that a branch may come down
+PARTNERS = 2  # waves solved above these, so that none is followed without its degenerate partner
+TIED = 0.01  # of modal overlap: waves as alike as that are equally alike, and go on in their order
 
 
 class Solved:
-    """The waves of a lattice, each wavevector solved once: `count` asked for and some above."""
+    """The waves of a lattice, each wavevector solved once: `count` asked for, some above and their degenerate partners."""
 
     def __init__(self, lattice: Lattice, count: int) -> None:
         self.lattice, self.count = lattice, min(count, lattice.dof)
@@ -37,8 +38,19 @@ class Solved:
         """Waves at a wavevector (2,) in rad/m."""
         key = (float(wavevector[0]), float(wavevector[1]))
         if key not in self._known:
-            self._known[key] = self.lattice.waves(np.array(key), self.count + EXTRA)
+            self._known[key] = self.lattice.waves(np.array(key), self.count + EXTRA + PARTNERS)
         return self._known[key]
+
+    def turned(self, wavevector: FloatArray, direction: FloatArray, neighbour: Waves) -> Waves:
+        """The waves to follow at a wavevector, degenerate ones turned with all of their partners."""
+        waves, kept = turned(self.lattice, self(wavevector), direction, neighbour), self.count + EXTRA
+        return replace(
+            waves,
+            eigenvalue=waves.eigenvalue[:kept],
+            frequency_hz=waves.frequency_hz[:kept],
+            dofs=waves.dofs[:, :kept],
+            by_modes=waves.by_modes[:kept],
+        )
 
 
 @dataclass(frozen=True)
@@ -58,15 +70,15 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
     kept: list[Waves] = []
     numbers: list[IntArray] = []
     for here, there in pairwise(wavevectors):
-        start = turned(lattice, solved(here), there - here, solved(there))
+        start = solved.turned(here, there - here, solved(there))
         if not kept:
             kept, numbers = [start], [np.arange(1, len(start.eigenvalue) + 1, dtype=np.int64)]
-        leaving = numbers[-1][_partner(modal_overlap(lattice, kept[-1], start)).argsort()]
+        leaving = numbers[-1][_through(modal_overlap(lattice, kept[-1], start)).argsort()]
         partner, likely = _step(solved, start, there, DEEPEST)
         new = 1 + max(int(number.max()) for number in numbers)
         arriving = np.empty_like(leaving)
         arriving[partner] = np.where(likely >= LOST, leaving, new + np.arange(len(leaving)))
-        kept.append(turned(lattice, solved(there), there - here, start))
+        kept.append(solved.turned(there, there - here, start))
         numbers.append(arriving)
     return Branches(tuple(kept), _dense(numbers))
 
@@ -79,9 +91,7 @@ def modal_overlap(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
 
 def groups(lattice: Lattice, eigenvalue: FloatArray) -> list[slice]:
     """Degenerate groups of ascending eigenvalues, those of one wave included."""
-    apart = np.diff(eigenvalue) > np.maximum(EQUAL * np.abs(eigenvalue[1:]), lattice.rounding)
-    bounds = [0, *(np.flatnonzero(apart) + 1), len(eigenvalue)]
-    return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
+    return degenerate(eigenvalue, lattice.rounding)
 
 
 def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -130,16 +140,24 @@ def _partner(like: FloatArray) -> IntArray:
     return np.asarray(column, dtype=np.int64)
 
 
+def _through(like: FloatArray) -> IntArray:
+    """The same at one wavevector, from the waves of the step before to those of the next.
+
+    Where the path turns, degenerate waves may be equally alike: they go on in their order.
+    """
+    return _partner(like + TIED * np.eye(len(like)))
+
+
 def _step(solved: Solved, start: Waves, end: FloatArray, halvings: int) -> tuple[IntArray, FloatArray]:
     """For each wave at the start its partner at the end and how like they are, looking closer where that is not clear."""
     lattice, step = solved.lattice, end - start.wavevector
-    there = turned(lattice, solved(end), step, start)
+    there = solved.turned(end, step, start)
     like = modal_overlap(lattice, start, there)
     partner = _partner(like)
     matched = like[np.arange(len(partner)), partner]
     if halvings == 0 or matched[: solved.count].min() >= CLEAR:
         return partner, matched
-    middle = turned(lattice, solved(start.wavevector + step / 2.0), step, start)
+    middle = solved.turned(start.wavevector + step / 2.0, step, start)
     first, near = _step(solved, start, middle.wavevector, halvings - 1)
     second, far = _step(solved, middle, end, halvings - 1)
     return second[first], np.minimum(near, far[first])

@@ -144,11 +144,10 @@ class Column:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there, y from the nearest zone."""
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:
-            touch = place.row.cell.touch
-            assert touch.weights is not None
+            touch = place.row.cell.touch.rule([line - place.middle for line in self.design.touch_lines_m])
             local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
-            motion, normal = place.row.transform @ local, touch.matrix[:, 0]
-            values.append(normal @ motion.real + 1j * (normal @ motion.imag))
+            motion = place.row.transform @ local
+            values.append(touch.values(motion.real) + 1j * touch.values(motion.imag))
             y = touch.points[:, 1] + place.middle
             places.append(y)
             weights.append(touch.weights)

@@ -19,6 +19,7 @@ from solvers.superelement.interface import Interface
 NAMES = ("flexural", "shear", "longitudinal", "pillar")
 HALF = 0.5
 FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, what a finger notices
+TIED = 1e-6  # relative: what symmetry makes equal; equal parts of both count as shear
 FOLDS = 2  # reciprocal vectors tried along each axis: -2 to 2
 
 
@@ -63,7 +64,7 @@ def pillar_share(cell: Cell, dofs: ComplexArray) -> FloatArray:
 
 
 def _label(flexural: float, longitudinal: float, pillar: float, with_pillars: bool) -> Label:
-    in_plane = "longitudinal" if longitudinal > HALF else "shear"
+    in_plane = "longitudinal" if longitudinal > HALF + TIED else "shear"
     plate = "flexural" if flexural > FELT else in_plane
     return Label("pillar" if with_pillars and pillar > HALF else plate, plate, flexural, longitudinal, pillar)
 
@@ -95,10 +96,14 @@ def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, Fl
 
 
 def _longitudinal(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> FloatArray:
-    """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,)."""
+    """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,).
+
+    Where several are equally like, as at corners of the Brillouin zone, their squares are added up.
+    """
     along, across = (overlap.reshape(len(overlap), -1) for overlap in _resemblance(cell, motion, wavevector))
-    best = np.maximum(along, across).argmax(axis=1)[:, None]
-    along, across = (np.take_along_axis(overlap, best, axis=1)[:, 0] for overlap in (along, across))
+    like = np.maximum(along, across)
+    best = like >= (1.0 - TIED) * like.max(axis=1, keepdims=True)
+    along, across = (np.where(best, overlap, 0.0).sum(axis=1) for overlap in (along, across))
     return np.asarray(along / np.maximum(along + across, np.finfo(float).tiny))
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geometry.decimate import with_sides
 from pipeline.plots import bands, fields, mesh, plate, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
 from pipeline.records.record import BandPoint, Record, ShapesRecord
@@ -244,11 +245,11 @@ def test_a_skin_without_edge_faces_gets_them_once(corners: int):
     shape = synthetic.design(1, 0.004, 0.005)
     points, faces = synthetic.skin(shape)
     faces = faces if corners == 4 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    assert mesh.with_edges(points, faces, shape)[1] is faces  # closed already
+    assert with_sides(points, faces, shape.thickness_m) is faces  # closed already
     flat = [np.abs(points[:, axis]) > half * (1 - 1e-9) for axis, half in ((0, 0.1155 / 2), (1, shape.half_span_m))]
     open_faces = faces[~(flat[0][faces].all(axis=1) | flat[1][faces].all(axis=1))]
-    closed_points, closed_faces = mesh.with_edges(points, open_faces, shape)
-    added = closed_points[closed_faces[len(open_faces) :]]
+    closed_faces = with_sides(points, open_faces, shape.thickness_m)
+    added = points[closed_faces[len(open_faces) :]]
     sides = np.linalg.norm(np.cross(added[:, 1] - added[:, 0], added[:, -1] - added[:, 0]), axis=1)
     sides *= 1.0 if corners == 4 else 0.5
     assert sides.sum() == pytest.approx(4 * (0.1155 / 2 + shape.half_span_m) * 0.002)

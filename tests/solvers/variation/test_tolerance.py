@@ -112,13 +112,15 @@ class Whole:
         for i, j, cell, turn, dofs in self.panels:
             middle = np.array(self.tiling.panel(i, j).middle)
             side = np.where(np.array([2 * i < self.grid.nx - 1, 2 * j < self.grid.ny - 1]), -1.0, 1.0)
-            points = cell.touch.points[:, :2] * side + middle
+            touch = cell.touch.rule()
+            assert touch.interpolation is not None
+            points = touch.points[:, :2] * side + middle
             active = np.abs(points[:, 1]) < DESIGN.width_m / 2.0
-            rows = cell.touch.matrix[:, 0] @ turn
-            force = np.where(active, cell.touch.weights * wanted_shape(DESIGN, points), 0.0)
+            rows = touch.interpolation @ touch.normal @ turn
+            force = np.where(active, touch.weights * wanted_shape(DESIGN, points), 0.0)
             np.add.at(load, dofs, force @ rows)
             size += np.abs(force).sum()
-            faces.append((dofs, rows, cell.touch.weights, active))
+            faces.append((dofs, rows, touch.weights, active))
         matrix = self.k * (1.0 + 1j / QUALITY) - self.scale.eigenvalue(frequency_hz) * self.m
         unit = self.scale.young_pa * self.scale.length_m
         u = np.zeros(self.grid.count, dtype=complex)

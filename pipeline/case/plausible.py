@@ -1,0 +1,34 @@
+"""Materials unlike any solid: allowed, but most often a slip of units, such as g/cm3 for kg/m3."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from geometry.layout import Design
+from geometry.materials import Material
+
+FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
+"""Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
+HEAVIEST_KG_M3 = 25e3
+"""Osmium, the heaviest, has 22 590."""
+
+
+def doubts(design: Design) -> list[str]:
+    """One line for each material of a design that is unlike any solid."""
+    tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
+    materials = dict.fromkeys([design.material, *(pillar.material for pillar in design.kinds), *tips])
+    return [line for material in materials for line in _doubt(material)]
+
+
+def _doubt(material: Material) -> list[str]:
+    speed = sqrt(material.young_pa / material.density_kg_m3)
+    given = f"{material.name}: young_GPa = {material.young_pa / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"
+    if speed > FASTEST_M_S:
+        why = f"sound in a rod would travel at {speed / 1e3:.3g} km/s, in diamond it does at 18 km/s"
+    elif speed < SLOWEST_M_S:
+        why = f"sound in a rod would travel at {speed:.2g} m/s, slower than in a soft gel"
+    elif material.density_kg_m3 > HEAVIEST_KG_M3:
+        why = "heavier than osmium (22 590 kg/m3)"
+    else:
+        return []
+    return [f"{given}: {why}; check the units (GPa, kg/m3)"]
