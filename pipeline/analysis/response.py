@@ -218,6 +218,6 @@ def _summary(name: str, peak: PeakRecord) -> str:
     bar = "its error is not known" if error is None else f"\u00b1 {error:.1%}, the damping given"
     hz = "its error is not known" if peak.frequency_error is None else f"\u00b1 {peak.frequency_error:.2%}"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz ({hz}): {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar}){confinement_text}; "
-        f"quality factor from the curve: {quality_factor}"
+        f"{name} at {peak.frequency_hz:.1f} Hz ({hz}): {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar})"
+        f"{confinement_text}; quality factor from the curve: {quality_factor}"
     )

@@ -37,6 +37,7 @@ from solvers.superelement.build import Reductions
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import Tiling, signature
 
+WAVE = 3.75  # elements along a half-wavelength of the wanted shape, at least
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
@@ -141,11 +142,13 @@ class Beneath:
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m: over pillars as short as their feet and the plate between them ask for."""
-    if not pillars_beneath(tiling, box_m):
-        return piezo_patch.MESH
-    finest = min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)])
-    return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, FOOT * finest))
+    """Elements of a patch on the rectangle box_m: as short as the wanted shape asks for, over pillars as their feet and the
+    plate between them do.
+    """
+    size = design.line_spacing_m / WAVE
+    if pillars_beneath(tiling, box_m):
+        size = min(size, FOOT * min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)]))
+    return replace(piezo_patch.MESH, size_m=size)
 
 
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
@@ -15,7 +16,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS
 from solvers.fem.assembly import assemble
-from solvers.fem.eigen import PlainPencil, modes_in_band
+from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.surface import face_quadrature
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -28,6 +29,7 @@ from tests.helpers.bodies import bricks
 from tests.helpers.bonded_solid import SAME_M, bonded_solid
 
 PZ26, BAND = PIEZO_MATERIALS["pz26"], (0.75, 4.5)  # of the first mode that a patch in the middle drives
+NEAREST = 12  # modes of a quarter, more than a band holds
 SHRINK, EXPONENT = (
     0.3,
     0.55,
@@ -80,14 +82,32 @@ def conforming(scene: Scene, layers: int) -> tuple[FloatArray, FloatArray]:
     unit = scale.young_pa * scale.length_m
     sides = joined.place_nm[:, :2] != 0
     free = np.flatnonzero(np.column_stack([sides, np.ones(len(sides), dtype=bool)]))  # between two mirrors
-    scaled = joined.stiffness / unit, joined.mass / scale.mass_kg
-    pencil = PlainPencil(*(sp.csc_array(each[free][:, free]) for each in scaled), scale, 1)
-    modes = modes_in_band(pencil, *scene.band_hz)
-    moved = np.zeros((3 * len(sides), modes.vectors.shape[1]))
-    moved[free] = modes.vectors
+    coupling, dielectric = (each / unit for each in joined.bending)
+    count = dielectric.shape[0]
+    stiffness = sp.block_array(
+        [[joined.stiffness[free][:, free] / unit, coupling[free]], [coupling[free].T, -dielectric]], format="csc"
+    )
+    mass = sp.block_diag([joined.mass[free][:, free] / scale.mass_kg, sp.csc_array((count, count))], format="csc")
+    values, vectors = nearest(
+        sp.csc_array(stiffness), sp.csc_array(mass), scale.eigenvalue(float(np.mean(scene.band_hz)))
+    )
+    tones = scale.frequency(values)
+    inside = (tones > scene.band_hz[0]) & (tones < scene.band_hz[1])
+    moved = np.zeros((3 * len(sides), int(inside.sum())))
+    moved[free] = vectors[: len(free), inside]
     touch = face_quadrature(plate, "touch")
     heave = touch.interpolation @ (joined.plate.T @ moved)[2::3]
-    return modes.frequency_hz, height(modes.frequency_hz, joined.load / unit @ moved, heave, touch.weights)
+    return tones[inside], height(tones[inside], joined.load / unit @ moved, heave, touch.weights)
+
+
+def nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple[FloatArray, FloatArray]:
+    """The modes nearest to a scaled eigenvalue, ascending: K is indefinite in the potential, M has nothing there."""
+    factor = Factoriser()(sp.csc_array(stiffness - shift * mass))
+    inverse = spla.LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
+    start = factor.solve(mass @ np.ones(stiffness.shape[0]))
+    values, vectors = spla.eigsh(stiffness, NEAREST, mass, sigma=shift, OPinv=inverse, v0=start)
+    upwards = np.argsort(values)
+    return values[upwards], vectors[:, upwards]
 
 
 def height(frequency_hz: FloatArray, gain: FloatArray, heave: FloatArray, weights: FloatArray) -> FloatArray:
