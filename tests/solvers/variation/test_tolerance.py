@@ -28,6 +28,7 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.0e-3, ALUMINIUM)
 DESIGN = Design(17e-3, 10e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 4e-3, 1, 3e-3)
 BAND_HZ, QUALITY = (20e3, 50e3), 100.0
+ALIKE_DB = 0.01  # two levels nearer than that are one
 DEVIATIONS = Deviations(0.06e-3, 0.02e-3, 0.02e-3)
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.25, 4e-3), 6e-3)
 
@@ -192,7 +193,7 @@ def test_in_a_band_as_narrow_as_one_mode_a_level_is_that_of_the_whole_plate() ->
         ours = faces(narrow, change, np.array([sample.tracked_hz]))[:, 0]
         levels.append(20.0 * np.log10(zone / passive))
         errors.append(20.0 * np.log10(ours[0] / ours[1]) - levels[-1])
-    assert np.abs(errors).max() < 0.1 * np.std(levels, ddof=1)
+    assert np.abs(errors).max() < ALIKE_DB < np.ptp(levels)
 
 
 def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndarray:
