@@ -36,9 +36,11 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     larger by l / (L - l), L that below which none was left out.
     """
     basis, index = _nearest(forced, frequency_hz)
-    if basis is None or basis.bond is None or basis.group.by_modes is None:
+    if basis is None or basis.bond is None:
         return None
     group, phi, value = basis.group, basis.columns[:, index], float(basis.eigenvalue[index])
+    if group.by_modes is None:
+        return None
     volts = forced.volts(forced.plate.scale.eigenvalue(frequency_hz))
     growth = max(float(cell.residual.growth(value)) - 1.0 for plate in group.plates for cell in plate.cells)
     lost = basis.bond.gain[index] @ np.abs(volts) + growth * abs(phi @ group.by_modes @ volts)
