@@ -37,7 +37,8 @@ AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
 NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
 DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
 AROUND_PEAK = 65  # points over them, and more at the peak
-MOVED = 0.1  # of the peaks' spread: more, and the space is too small
+MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
+ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
 
 
 @dataclass(frozen=True)
@@ -282,12 +283,18 @@ def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tup
         log.warning("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
     if len(peaks) < len(tolerance_study.samples):
         log.warning("LOST", said[-1])
-    change = tolerance_study.space_check["peak_hz"]
-    if (
-        change is not None
-        and nominal
-        and change > max(MOVED * (spread(peaks).deviation or 0.0), 0.1 * nominal * forced.loss)
-    ):
+    levels = _known(tolerance_study.samples, "confinement_db")
+    change, louder = (tolerance_study.space_check[name] for name in ("peak_hz", "confinement_db"))
+    if change is not None and nominal and change > max(MOVED * _deviation(peaks), 0.1 * nominal * forced.loss):
         log.warning(
             "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
         )
+    if louder is not None and louder > max(MOVED * _deviation(levels), ALIKE_DB):
+        log.warning(
+            "SPACE_TOO_SMALL",
+            f"a narrower space of modes changes a sample's confinement by {louder:.2g} dB: widen the band",
+        )
+
+
+def _deviation(values: FloatArray) -> float:
+    return (spread(values).deviation or 0.0) if len(values) else 0.0

@@ -1,8 +1,10 @@
 """One piezo patch as a bonded solid: stiffness, mass, actuation and charge, condensed to its bonded face.
 
-K_E u - theta V = f,  Q = theta' u + C V, with theta = int B' e' (grad V) dV for a field V/t across the thickness
-(ieee176, allik1970). The patch's own resonances lie far above, so its inner nodes follow statically (guyan1965). What they
-weigh while a volt swells them adds omega^2 M_i K_ii^-1 theta_i to the load.
+K_E u + N p - theta V = f,  N'u - E p = 0,  Q = theta' u + C V, with theta = int B' e' (grad V) dV for a field V/t across the
+thickness and p the potential beside it, 0 on both electrodes: N = int B' e' grad, E = int grad' eps grad (ieee176, allik1970).
+Bending makes the field uneven and so stiffens a patch about its own middle. The patch's own resonances lie far above, so
+its inner nodes follow statically (guyan1965). What they weigh while a volt swells them adds omega^2 M_i K_ii^-1 theta_i to
+the load.
 """
 
 from __future__ import annotations
@@ -25,7 +27,11 @@ from solvers.fem.factor.memory import check_room
 from solvers.fem.surface import face_quadrature
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
-COPIES, SQUARES = 3, 6  # of the nodes' motions inside per bonded one, and of matrices of the bonded face, held at once
+COPIES, SQUARES = (
+    4,
+    6,
+)  # of the nodes' motions and potential inside per bonded one, and of matrices of the bonded face, held at once
+SAME = 1e-9  # of the thickness: one place
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -75,10 +81,10 @@ def _alike(
     box = np.array([0.0, x_m, 0.0, y_m])
     mesh = _mesh(box, thickness_m, settings, above)
     _check_room(mesh, box)
-    stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
+    stiffness, mass, theta, capacitance = with_potential(mesh, material, thickness_m)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     b = (3 * bond[:, None] + np.arange(3)).ravel()
-    i = np.setdiff1d(np.arange(3 * len(mesh.nodes)), b)
+    i = np.setdiff1d(np.arange(stiffness.shape[0]), b)
     (k_b, k_i), (m_b, m_i) = ((matrix[b], matrix[i]) for matrix in (stiffness, mass))
     k_ii, m_ii, k_bi, m_bi = k_i[:, i], m_i[:, i], k_b[:, i], m_b[:, i]
     inner = Factoriser()(sp.csc_array(k_ii))
@@ -130,6 +136,49 @@ def _projection(mesh: Mesh, face: str, nodes: IntArray) -> tuple[FloatArray, Flo
     value = rule.interpolation[:, nodes].toarray()
     heavy = value.T * rule.weights
     return rule.points[:, :2], np.asarray(np.linalg.solve(heavy @ value, heavy))
+
+
+def with_potential(
+    mesh: Mesh, material: PiezoMaterial, thickness_m: float
+) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
+    """K_E and M, theta, C with the potential at nodes between the electrodes, (p,), after the motion of all nodes.
+
+    K is indefinite and M has nothing there. The potential is scaled, so that its own part is as large as K_E.
+    """
+    stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
+    height = mesh.nodes[:, 2]
+    inside = np.flatnonzero((height > height.min() + SAME * thickness_m) & (height < height.max() - SAME * thickness_m))
+    size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
+    coupling, dielectric = _potential(mesh, material)
+    coupling, dielectric = size * coupling[:, inside], size**2 * dielectric[inside][:, inside]
+    whole = sp.csr_array(sp.block_array([[stiffness, coupling], [coupling.T, -dielectric]], format="csr"))
+    heavy = sp.csr_array(sp.block_diag([mass, sp.csr_array((len(inside),) * 2)], format="csr"))
+    return whole, heavy, np.concatenate([theta, np.zeros(len(inside))]), capacitance
+
+
+def _potential(mesh: Mesh, material: PiezoMaterial) -> tuple[sp.csr_array, sp.csr_array]:
+    """N (3n, n) in C/m and E (n, n) in F of the potential at all nodes."""
+    assert mesh.spans is not None
+    kinds, which = np.unique(np.round(mesh.spans, 12), axis=0, return_inverse=True)
+    rule, count = mesh.element.quadrature, len(mesh.nodes)
+    _, gradient = mesh.element.shape(rule.points)
+    alike = []
+    for half in kinds / 2.0:
+        weight, slope = rule.weights * half.prod(), gradient / half
+        strain = _strain(slope)
+        one = np.einsum("q,qim,ji,qaj->ma", weight, strain, material.stress_c_m2, slope, optimize=True)
+        permittivity = material.permittivity_clamped_f_m
+        alike.append((one, np.einsum("q,qai,ij,qbj->ab", weight, slope, permittivity, slope, optimize=True)))
+    moved = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(len(mesh.cells), -1)
+    out = []
+    for part, (rows, size) in enumerate(((moved, 3 * count), (mesh.cells, count))):
+        place = (
+            np.repeat(rows, mesh.cells.shape[1], axis=1).ravel(),
+            np.tile(mesh.cells, rows.shape[1]).ravel(),
+        )
+        values = np.concatenate([alike[kind][part].ravel() for kind in which.ravel()])
+        out.append(sp.csr_array(sp.coo_array((values, place), (size, count))))
+    return out[0], out[1]
 
 
 def _matrices(

@@ -1,18 +1,19 @@
 """A driven plate on few motions: its modes about the band and its answers to the loads, changed by what is added to K and M.
 
-Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, which is the smaller
-the wider the band; the response follows by superposition of the projected modes.
+Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, fields by that itself;
+shapes that the changes bring (`derivative_shapes`) make both small. The response follows by superposition.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 import scipy.linalg
 
-from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touch_grams
 
@@ -22,47 +23,95 @@ SAME = 1e-10  # of the largest: directions that are combinations of the others
 class PlateSpace:
     """M-orthonormal motions of a driven plate (`bases`, all groups), and K, loads and integrals of u_z^2 over zone and passive
     face in them.
+
+    shapes: further motions (dof, k) of each of the groups, which modes about the band do not hold.
     """
 
-    def __init__(self, forced: ForcedPlate) -> None:
-        self.forced, self.bases = forced, [orthonormal(basis) for basis in forced.all_modes]
+    def __init__(self, forced: ForcedPlate, shapes: Sequence[FloatArray] | None = None) -> None:
+        more = shapes or [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]
+        raw = list(zip(forced.all_modes, more, strict=True))
+        self.forced, self.bases = forced, [orthonormal(basis, own) for basis, own in raw]
         self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in self.bases)])
         self.size = int(self.starts[-1])
         place = forced.wanted_place()
         self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
         self.stiffness = scipy.linalg.block_diag(*(basis.projected[0] for basis in self.bases))
-        self.loads = np.vstack([basis.columns.T @ basis.group.loads for basis in self.bases])
+        self.loads = np.vstack([_gains(basis) for basis in self.bases])
         pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in self.bases]
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
+        self._static = [_static(own, basis, extra) for own, (basis, extra) in zip(self.bases, raw, strict=True)]
 
-    def changed(self, stiffness: FloatArray, mass: FloatArray, kept: IntArray | None = None) -> ChangedPlate:
-        """The plate with other matrices (n, n) over these motions; `kept`: numbers of the only motions that it has."""
-        within = np.arange(self.size, dtype=np.int64) if kept is None else kept
-        cut = np.ix_(within, within)
-        values, vectors = scipy.linalg.eigh((stiffness + stiffness.T)[cut] / 2.0, (mass + mass.T)[cut] / 2.0)
-        grams = tuple(vectors.T @ gram[cut] @ vectors for gram in (self.inside, self.outside))
+    def within(self, band_hz: tuple[float, float]) -> FloatArray:
+        """The space that modes between two frequencies and the static answers alone would span, (n, m) in this one.
+
+        Answers hold what the modes left out bring at rest, as they would if those had never been solved.
+        """
+        parts = []
+        for basis, static in zip(self.bases, self._static, strict=True):
+            tone = basis.frequency_hz
+            kept = np.flatnonzero((tone > band_hz[0]) & (tone < band_hz[1]))
+            answers = static.copy()
+            answers[kept] = 0.0
+            parts.append(np.hstack([np.eye(len(static))[:, kept], _independent(answers)]))
+        return np.asarray(scipy.linalg.block_diag(*parts))
+
+    def changed(self, stiffness: FloatArray, mass: FloatArray, within: FloatArray | None = None) -> ChangedPlate:
+        """The plate with other matrices (n, n) over these motions; within (n, m): the only motions that it has."""
+        span = np.eye(self.size) if within is None else within
+        pair = (span.T @ ((each + each.T) / 2.0) @ span for each in (stiffness, mass))
+        values, vectors = scipy.linalg.eigh(*pair)
+        vectors = span @ vectors
+        grams = tuple(vectors.T @ gram @ vectors for gram in (self.inside, self.outside))
         alike, share = np.zeros(len(values)), np.zeros(len(values))
         if self.wanted is not None:
-            alike = (self.inside[self.wanted, within] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
-            share = (vectors[within == self.wanted] ** 2).sum(axis=0) / (vectors**2).sum(axis=0)
-        return ChangedPlate(self.forced, values, vectors.T @ self.loads[within], grams[0], grams[1], alike, share)
+            alike = (self.inside[self.wanted] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
+            share = vectors[self.wanted] ** 2 / (vectors**2).sum(axis=0)
+        return ChangedPlate(self.forced, values, vectors.T @ self.loads, grams[0], grams[1], alike, share)
 
 
-def orthonormal(basis: GroupModes) -> GroupModes:
-    """The basis with M-orthonormal columns: modes stay as they are, answers to the loads become what they add to them.
+def orthonormal(basis: GroupModes, more: FloatArray) -> GroupModes:
+    """The basis with M-orthonormal columns: modes stay as they are, answers to the loads and `more` (dof, k) become what they
+    add to them.
 
     Columns of no load drop out.
     """
-    pencil, columns, modes = basis.group.pencil, basis.columns, len(basis.eigenvalue)
-    residual = columns[:, modes:]
-    residual = residual - columns[:, :modes] @ (columns[:, :modes].T @ pencil.apply_mass(residual))
+    pencil, modes = basis.group.pencil, len(basis.eigenvalue)
+    own, residual = np.split(np.hstack([basis.columns, more]), [modes], axis=1)
+    residual = residual - own @ (own.T @ pencil.apply_mass(residual))
     size = np.sqrt(np.maximum(np.einsum("ik,ik->k", residual, pencil.apply_mass(residual)), 0.0))
     residual = residual[:, size > 0.0] / size[size > 0.0]
     if residual.shape[1]:
         value, vector = scipy.linalg.eigh(residual.T @ pencil.apply_mass(residual))
         kept = value > SAME * value[-1]
         residual = residual @ (vector[:, kept] / np.sqrt(value[kept]))
-    return replace(basis, columns=np.hstack([columns[:, :modes], residual]))
+    return replace(basis, columns=np.hstack([own, residual]))
+
+
+def _gains(basis: GroupModes) -> FloatArray:
+    """Gains of the loads on the columns, (columns, patches): the modes' own are extrapolated."""
+    modes = len(basis.eigenvalue)
+    return np.vstack([basis.gain, basis.columns[:, modes:].T @ basis.group.loads])
+
+
+def _static(own: GroupModes, basis: GroupModes, more: FloatArray) -> FloatArray:
+    """Answers to the loads at rest about the band's middle, and `more`, in the M-orthonormal columns, (columns, k).
+
+    R and R1 lack the modes: gain/(l - l_0) and gain/(l - l_0)^2 of each of them.
+    """
+    modes = len(basis.eigenvalue)
+    answers = np.hstack([basis.columns[:, modes:], more])
+    held = own.columns.T @ basis.group.pencil.apply_mass(answers)
+    away, loads = (basis.eigenvalue - basis.middle)[:, None], basis.gain.shape[1]
+    held[:modes, :loads] += basis.gain / away
+    held[:modes, loads : 2 * loads] += basis.gain / away**2
+    return np.asarray(held)
+
+
+def _independent(columns: FloatArray) -> FloatArray:
+    """Orthonormal columns that span the same."""
+    size = np.linalg.norm(columns, axis=0)
+    vectors, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(vectors[:, values**2 > SAME * values.max(initial=0.0) ** 2])
 
 
 @dataclass(frozen=True)

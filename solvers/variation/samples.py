@@ -1,7 +1,7 @@
 """Plates whose pillars differ one by one: seeded deviations, and the response of each plate in the nominal one's space.
 
 K = K_0 + sum over pillars of the change of its cell, alike M, both projected on the nominal plate's modes about the band,
-of every symmetry class, and its answers to the patches (`plate_space`).
+of every symmetry class, its answers to the patches and to each pillar's change (`plate_space`).
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.tiling import Signature, signature
+from solvers.variation.derivative_shapes import derivative_shapes
 from solvers.variation.parametric_cell import HEIGHT, SIDE, CellFamily, X, Y
 from solvers.variation.plate_space import ChangedPlate, PlateSpace
 
@@ -77,18 +78,18 @@ class VariedPlate:
 
     def __init__(self, forced: ForcedPlate, families: Mapping[Signature, CellFamily]) -> None:
         self.forced = forced
-        self.space = PlateSpace(forced)
+        self.space = PlateSpace(forced, derivative_shapes(forced, families, CUT))
         self.pillars, self._kinds = self._placed(families)
 
     def sample(self, change_m: FloatArray, within_hz: tuple[float, float] | None = None) -> ChangedPlate:
         """The plate with deviations (pillars, 4) in m: height, side, x, y, in the order of `pillars`.
 
-        within_hz: take only the modes between these frequencies into the space, besides the answers to the patches.
+        within_hz: take only the modes between these frequencies into the space, besides the static answers.
         """
         if change_m.shape != (len(self.pillars), 4):
             raise SolverError(f"deviations of shape {change_m.shape}: must be ({len(self.pillars)}, 4)")
         changes = [kind.changes(change_m[kind.numbers] * kind.signs) for kind in self._kinds]
-        return self._changed(changes, None if within_hz is None else self._within(within_hz))
+        return self._changed(changes, None if within_hz is None else self.space.within(within_hz))
 
     def checked(self) -> tuple[ChangedPlate, ChangedPlate]:
         """The plate whose pillars are all off by what each family was checked at: as interpolated, and from the reductions."""
@@ -99,24 +100,15 @@ class VariedPlate:
             reduced.append((own[0] + kind.missed[0], own[1] + kind.missed[1]))
         return self._changed(interpolated), self._changed(reduced)
 
-    def _changed(self, changes: list[tuple[FloatArray, FloatArray]], kept: IntArray | None = None) -> ChangedPlate:
-        """The plate with these changes of each kind's cells, in the numbered motions of the space alone."""
+    def _changed(self, changes: list[tuple[FloatArray, FloatArray]], within: FloatArray | None = None) -> ChangedPlate:
+        """The plate with these changes of each kind's cells, in a part of the space alone."""
         space = self.space
         totals = space.stiffness.copy(), np.eye(space.size)
         for kind, own in zip(self._kinds, changes, strict=True):
             flat = kind.motions.reshape(-1, space.size)
             for total, change in zip(totals, own, strict=True):
                 total += flat.T @ (change @ kind.motions).reshape(-1, space.size)
-        return space.changed(*totals, kept)
-
-    def _within(self, band_hz: tuple[float, float]) -> IntArray:
-        """Numbers of the columns that are modes in the band or no modes at all."""
-        kept = []
-        for basis in self.space.bases:
-            tone = basis.frequency_hz
-            residuals = np.ones(basis.columns.shape[1] - len(tone), dtype=bool)
-            kept.append(np.concatenate([(tone > band_hz[0]) & (tone < band_hz[1]), residuals]))
-        return np.asarray(np.flatnonzero(np.concatenate(kept)), dtype=np.int64)
+        return space.changed(*totals, within)
 
     def _placed(self, families: Mapping[Signature, CellFamily]) -> tuple[FloatArray, list[_Kind]]:
         plate = self.space.bases[0].group.plates[0]

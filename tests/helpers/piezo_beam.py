@@ -65,11 +65,12 @@ def piezo_layer(material: PiezoMaterial, low_m: float, high_m: float) -> Layer:
     return Layer(low_m, high_m, stiffness, material.density_kg_m3, stress, permittivity)
 
 
-def laminate(layers: Sequence[Layer], width_m: float, stretch: bool = True) -> Section:
+def laminate(layers: Sequence[Layer], width_m: float, stretch: bool = True, uneven: bool = False) -> Section:
     """Section of bonded layers under one voltage V across each piezo layer, the field being -V over its thickness.
 
-    stretch: whether the voltage also stretches the beam (it does; erturk2008 leaves that out of c). SolverError when no
-    layer is piezoelectric.
+    stretch: whether the voltage also stretches the beam (it does; erturk2008 leaves that out of c). uneven: whether the field
+    may be uneven across a layer (it is; erturk2008 leaves that out, too): what is odd about its middle meets D = 0 and
+    e e'/permittivity more stiffness. SolverError when no layer is piezoelectric.
     """
     whole, force, capacitance, mass = np.zeros((4, 4)), np.zeros(4), 0.0, 0.0
     for layer in layers:
@@ -79,6 +80,9 @@ def laminate(layers: Sequence[Layer], width_m: float, stretch: bool = True) -> S
         if layer.permittivity_f_m:
             force -= width_m * np.kron([1.0, -second / first], layer.charge_c_m2)
             capacitance += width_m * layer.permittivity_f_m / first
+        if layer.permittivity_f_m and uneven:
+            stiffer = np.outer(layer.charge_c_m2, layer.charge_c_m2) / layer.permittivity_f_m
+            whole += width_m * np.kron(np.diag([0.0, third - second**2 / first]), stiffer)
     if not capacitance:
         raise SolverError("no layer is piezoelectric: nothing couples the beam to a circuit")
     free = [0, 1, 3]  # stretch along and across, curvature across; 2 is the curvature w''

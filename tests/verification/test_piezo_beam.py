@@ -99,7 +99,7 @@ PAIRS = pytest.mark.parametrize(
 def section(pair: Pair) -> Section:
     bond = FREE.thickness_m
     layers = [elastic_layer(pair.metal, 0.0, bond), piezo_layer(pair.ceramic, bond, bond + THICK_M)]
-    return laminate(layers, FREE.width_m)
+    return laminate(layers, FREE.width_m, uneven=True)
 
 
 @cache
