@@ -9,7 +9,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.quantity import frequency, frequency_with_bar, interval, with_bar
+from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.records import outputs
 from pipeline.records.reading import filled, reading_table
 from pipeline.views.answer import Answer, emit, of_case
@@ -147,8 +147,8 @@ def bands(arguments: Namespace) -> int:
         lines.append(f"No complete gap {record.where_gaps_are_known}; bands.count asks for more")
     if arguments.verbose:
         lines += _partial_gaps(record.to_dict())
-    if case.design.pillar and (bending := record.bending_at_m_hz):
-        lines.append(f"bending of the pillars at M: {' and '.join(map(frequency, bending, record.bending_errors))}")
+    if case.design.pillar and (bending := record.bending_texts):
+        lines.append(f"bending of the pillars at M: {' and '.join(bending)}")
     lines.append(solved.widest_bar.text())
     return emit(arguments, "bands", Answer(record.to_dict(), lines, head, rows), log)
 

@@ -288,6 +288,11 @@ class GapRecord(Part):
         return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
 
     @property
+    def interval(self) -> str:
+        """Its edges with the digits that their bars allow."""
+        return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
+
+    @property
     def width_error(self) -> float | None:
         """Half-width of the bar of the relative width, to first order; None where an edge's is unknown."""
         if self.lower_error is None or self.upper_error is None:
@@ -362,6 +367,11 @@ class BandsRecord(Open):
         """Relative half-widths of the bars of bending_at_m_hz."""
         known = next((point.error[:2] for point in self.points if point.label == "M"), [])
         return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
+
+    @property
+    def bending_texts(self) -> list[str]:
+        """bending_at_m_hz with the digits that their bars allow."""
+        return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
 
     @property
     def labelled(self) -> dict[str, BandPoint]:
