@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.analysis import wanted_search
-from pipeline.analysis.mode_rows import ModeRow, mode_rows
+from pipeline.analysis.mode_rows import ModeRow, mode_rows, widest_bar
 from pipeline.analysis.predesign import short_wave
 from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
@@ -122,7 +122,9 @@ class PartModes:
         """The result as a command and a study keep it."""
         bar = self.bar.to_dict() if self.bar else None
         wanted = self._wanted_record()
-        return ModesRecord.of(self, model=self.model.name, modes=list(self.rows), wanted=wanted, error_bar=bar)
+        widest = widest_bar(self.rows).to_dict()
+        rows = list(self.rows)
+        return ModesRecord.of(self, model=self.model.name, modes=rows, wanted=wanted, error_bar=bar, widest_bar=widest)
 
     def _wanted_record(self) -> WantedRecord | None:
         """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""

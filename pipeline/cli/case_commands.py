@@ -72,7 +72,6 @@ def modes(arguments: Namespace) -> int:
     widest = widest_bar(solved.rows)
     widest.warn(case, log)
     lines = [about, _modes_table(head, rows, document), widest.text(), *wanted_text.lines(solved, case.design)]
-    document |= {"widest_bar": widest.to_dict()}
     emit(arguments, "modes", Answer(document, lines, head, rows), log)
     if arguments.save_all_fields:
         store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(solved), store.FIELDS)

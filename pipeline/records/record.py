@@ -258,6 +258,7 @@ class ModesRecord(Part):
     reduction_error: float | None = None
     expected_error: float | None = None
     error_bar: dict[str, float | None] | None = None  # of the wanted mode: frequency, relative, and confinement_db
+    widest_bar: dict[str, Any] | None = None
 
 
 class ShapesRecord(Part):
