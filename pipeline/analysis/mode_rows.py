@@ -46,6 +46,7 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
             error=None,
             confinement_error_db=None,
             column=first + i,
+            error_parts={},
             **{name: float(getattr(measures, name)[i]) if measures else None for name in MEASURES},
         )
         for i, frequency in enumerate(modes.frequency_hz)

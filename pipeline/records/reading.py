@@ -121,6 +121,8 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
         if bar is None or not isinstance(value, float):
             return shown(value, form)
         own = row[bar]
+        if own == 0.0 == value:
+            return "0"
         if name.endswith("_hz"):
             at_rest = not value or (own == 0.0 and abs(value) < RIGID * largest)
             return "0" if at_rest else quantity.frequency_figure(value, own, unit)

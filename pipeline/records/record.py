@@ -437,13 +437,14 @@ class AttenuationRecord(Part):
         return float(np.interp(frequency_hz, *known.T))
 
     def error_at(self, frequency_hz: float) -> float | None:
-        """Half-width of the bar of `at`, dB: the larger one of both neighbours; None where it is unknown."""
+        """Half-width of the bar of `at`, interpolated as it is, dB; None where it is unknown."""
+        known = [
+            (p.frequency_hz, nan if p.db_error is None else p.db_error) for p in self.points if p.db_per_row is not None
+        ]
         if self.at(frequency_hz) is None:
             return None
-        known = [p for p in self.points if p.db_per_row is not None]
-        above = min(next(i for i, p in enumerate(known) if p.frequency_hz >= frequency_hz), len(known) - 1)
-        bars = [p.db_error for p in known[max(above - 1, 0) : above + 1]]
-        return None if None in bars else max(bar for bar in bars if bar is not None)
+        bar = float(np.interp(frequency_hz, *np.array(known).T))
+        return None if np.isnan(bar) else bar
 
 
 class BroadbandPoint(Part):

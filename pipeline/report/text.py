@@ -314,9 +314,9 @@ def sentences(study: StoredStudy) -> list[str]:
     elif result:
         said.append(_confinement_sentence(result[0].record))
     best = best_case(study)
-    bending = best.record.bands.bending_at_m_hz if best and best.record.bands else []
-    if best and bending:
-        tones = " and ".join(dict.fromkeys(map(khz, bending, best.record.bands.bending_errors)))
+    bands = best.record.bands if best else None
+    if best and bands and bands.bending_at_m_hz:
+        tones = " and ".join(dict.fromkeys(map(khz, bands.bending_at_m_hz, bands.bending_errors)))
         whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
         said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones}.")
     for case in study.cases:

@@ -86,7 +86,9 @@ def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArra
 class Assembly(Protocol):
     """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
 
-    placed_cells: Sequence[Any]
+    @property
+    def placed_cells(self) -> Sequence[Any]:
+        """The cells in their places."""
 
     def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
         """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
