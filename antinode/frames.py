@@ -42,7 +42,7 @@ def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
 
 
 def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Collection[int] = ()) -> str:
-    """Rows as an HTML table with units in its head, frequencies in kHz, few digits; the `marked` ones in bold with a star.
+    """Rows as an HTML table with units in its head, digits by the bars; the `marked` ones in bold with a star.
 
     >>> from antinode.frames import html_table
     >>> html_table(["confinement_db"], [[11.52], [None]], [0])[-66:]
@@ -50,16 +50,13 @@ def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Coll
     """
     from html import escape
 
-    from pipeline.records.reading import named, shown
+    from pipeline.records.reading import cells as in_words
 
-    known = [named(name) for name in names]
-    head = "".join(f"<th>{escape(words)}{f' ({form.unit})' if form.unit else ''}</th>" for words, form in known)
+    words, shown = in_words(names, rows)
+    head = "".join(f"<th>{escape(each)}</th>" for each in words)
     lines = []
-    for number, row in enumerate(rows):
-        cells = [
-            escape(str("-" if value is None else shown(value, form)))
-            for value, (_, form) in zip(row, known, strict=True)
-        ]
+    for number, row in enumerate(shown):
+        cells = [escape(str("-" if value is None else value)) for value in row]
         if number in marked:
             cells = [f"<b>{cell}{' *' if place == 0 else ''}</b>" for place, cell in enumerate(cells)]
         lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")

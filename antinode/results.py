@@ -21,8 +21,14 @@ if TYPE_CHECKING:
 
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
-    from pipeline.records.record import HybridMethod, LoadedModeRecord, PeakRecord, SampleRecord, TouchStateRecord
-    from solvers.waves.gaps import Gap
+    from pipeline.records.record import (
+        GapRecord,
+        HybridMethod,
+        LoadedModeRecord,
+        PeakRecord,
+        SampleRecord,
+        TouchStateRecord,
+    )
 
 KIND = "kind"
 
@@ -136,7 +142,7 @@ class Mode:
     """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error.
 
     `mac`, `zone_share` and `strength` run from 0 to 1, `confinement_db` is in dB, `error` the half-width of the frequency's
-    error bar over the frequency.
+    error bar over the frequency, `confinement_error_db` that of the level's in dB.
 
     >>> import antinode
     >>> mode = antinode.load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=1)[0]
@@ -153,6 +159,7 @@ class Mode:
     residual: float
     error: float | None
     _owner: Modes = field(repr=False, compare=False)
+    confinement_error_db: float | None = None
 
     def to_pyvista(self) -> Any:
         """The closed outer surface of the whole body in m, with `displacement` (points, 3) of unit modal mass as point data.
@@ -180,7 +187,8 @@ class Modes(Result, Sequence[Mode]):
 
     @cached_property
     def _modes(self) -> tuple[Mode, ...]:
-        names = ("frequency_hz", "symmetry", "mac", "zone_share", "confinement_db", "strength", "residual", "error")
+        levels = ("zone_share", "confinement_db", "confinement_error_db")
+        names = ("frequency_hz", "symmetry", "mac", *levels, "strength", "residual", "error")
         return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
 
     error: FloatArray = column(
@@ -237,7 +245,8 @@ class Modes(Result, Sequence[Mode]):
         from antinode.frames import html_table
         from pipeline.records.reading import filled
 
-        names = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength")
+        levels = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength")
+        names = ("frequency_hz", "error", "symmetry", *levels)
         wanted = self.wanted.frequency_hz if self.wanted else None
         shown = filled(names, [[getattr(mode, name) for name in names] for mode in self])
         return html_table(*shown, [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])
@@ -281,11 +290,9 @@ class Bands(Result):
         return tuple(point["label"] for point in self._document["points"])
 
     @property
-    def gaps(self) -> tuple[Gap, ...]:
-        """Complete gaps along the path: band numbers from 1, edges in Hz."""
-        from solvers.waves.gaps import Gap
-
-        return tuple(Gap(**gap) for gap in self._document["gaps"])
+    def gaps(self) -> tuple[GapRecord, ...]:
+        """Complete gaps along the path: band numbers from 1, edges in Hz, relative half-widths of the edges' bars."""
+        return tuple(typed("GapRecord", gap) for gap in self._document["gaps"])
 
     error: FloatArray = column(
         "error", "points", doc="Half-width of the error bars (points, bands), relative; NaN where none was calibrated."

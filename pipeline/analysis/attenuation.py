@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from math import pi
+from collections.abc import Iterable
+from math import nan, pi
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_mo
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, cell_model_choice
 from pipeline.planning.request import driven_band_hz
+from pipeline.quantity import frequency, level, with_bar
 from pipeline.records.record import (
     AttenuationPoint,
     AttenuationRecord,
@@ -25,13 +27,13 @@ from pipeline.records.record import (
     PredictionRecord,
     WaveRecord,
 )
-from pipeline.units import KHZ
 from solvers.analytic.predesign import predesign
 from solvers.measures.levels import CONFINED_DB
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import KeptRow, Row, RowWaves
+from solvers.waves.level_errors import level_bars
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import stacked
 
@@ -85,6 +87,8 @@ def solve(
         samples = tuple(_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points))
     _log_summary(samples, kx, log)
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
+    with log.step("error bars of the decay"):
+        samples = _with_bars(row, coarser, samples, None if expected is None else expected + model.reduction_error)
     return Attenuation(
         model=model.name,
         kx_per_m=kx,
@@ -142,14 +146,30 @@ def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
 
 def _point(row: Row, coarser: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPoint:
     row_waves = row.waves(frequency_hz)
-    known = carried(row_waves, coarser.waves(frequency_hz))
-    kept = np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known)
-    waves = tuple(_described(row, row_waves, kept))
-    flexural = [wave.db_per_row for wave in waves if wave.polarisation == "flexural"]
+    waves = _waves(row, coarser, frequency_hz, row_waves)
     transmission = transmitted_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None
     return AttenuationPoint(
-        frequency_hz=frequency_hz, waves=waves, db_per_row=min(flexural, default=None), transmission=transmission
+        frequency_hz=frequency_hz, waves=waves, db_per_row=_least(waves), transmission=transmission, db_error=None
     )
+
+
+def _with_bars(
+    row: Row, coarser: Row, samples: tuple[AttenuationPoint, ...], error: float | None
+) -> tuple[AttenuationPoint, ...]:
+    """The points with the half-widths of their decays' bars, where bands of the cell may be off by `error`, relative."""
+    tones, decays = np.array([[p.frequency_hz, nan if p.db_per_row is None else p.db_per_row] for p in samples]).T
+    bars = level_bars(tones, decays, error, lambda tone: _least(_waves(row, coarser, tone, row.waves(tone))))
+    return tuple(p.model_copy(update={"db_error": bar}) for p, bar in zip(samples, bars, strict=True))
+
+
+def _least(waves: Iterable[WaveRecord]) -> float | None:
+    return min((wave.db_per_row for wave in waves if wave.polarisation == "flexural"), default=None)
+
+
+def _waves(row: Row, coarser: Row, frequency_hz: float, row_waves: RowWaves) -> tuple[WaveRecord, ...]:
+    """The waves that the boundary functions carry, up to the steepest decay."""
+    known = carried(row_waves, coarser.waves(frequency_hz))
+    return tuple(_described(row, row_waves, np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known)))
 
 
 def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
@@ -173,6 +193,7 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
     return PredictionRecord(
         frequency_hz=frequency_hz,
         db_per_row=per_row,
+        db_error=attenuation.error_at(frequency_hz),
         rows_db=None if per_row is None else attenuation.rows * per_row,
         transmission_db=-10.0 * math.log10(transmitted) if transmitted else None,
         zone_to_extension_db=extension_db,
@@ -186,16 +207,17 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     answer = prediction(solved, zone.frequency_hz, None) if zone else None
     if answer is None or answer.db_per_row is None:
         return []
-    khz = f"at {answer.frequency_hz / KHZ:.2f} kHz, where thin-plate theory puts the wanted mode"
+    khz = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the wanted mode"
     transmitted = (
         ""
         if answer.transmission_db is None
-        else f"; the case's take {answer.transmission_db:.1f} dB from a flexural wave's power"
+        else f"; the case's take {level(answer.transmission_db)} from a flexural wave's power"
     )
     if not answer.db_per_row:
         return [f"{khz}, a flexural wave passes endless rows undamped{transmitted}"]
-    total = f"{answer.rows_db:.1f} dB in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
-    return [f"{khz}: {answer.db_per_row:.2f} dB a row of endless rows, {total}{transmitted}"]
+    bar = None if answer.db_error is None else solved.rows * answer.db_error
+    total = f"{with_bar(answer.rows_db, bar, 'dB')} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
+    return [f"{khz}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"]
 
 
 def _log_summary(points: tuple[AttenuationPoint, ...], kx: float, log: Log) -> None:

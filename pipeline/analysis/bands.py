@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry.decimate import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
+from pipeline.analysis import band_errors
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -18,6 +19,7 @@ from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import LatticeModel, lattice_model
 from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import error_bar, foresight, simplifications
+from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.planning.refinement import MARGIN, on_finer_meshes
@@ -84,8 +86,9 @@ class Detail:
     def path(self) -> dict[str, Any]:
         """The fields of the whole path."""
         gaps = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
-        gap_lists = {name: [vars(gap) for gap in known] for name, known in gaps.items() if known is not None}
-        return {"reduction_error": self.reduction_error, **gap_lists}
+        return {"reduction_error": self.reduction_error} | {
+            name: known for name, known in gaps.items() if known is not None
+        }
 
 
 @dataclass(frozen=True)
@@ -141,9 +144,23 @@ class Bands:
         ]
         known = self.detail.path if self.detail else {}
         if self.zone_gaps is not None:
-            known["zone_gaps"] = [vars(gap) for gap in self.zone_gaps]
-        gaps = [GapRecord.of(gap) for gap in self.gaps]
-        return BandsRecord.of(self, points=points, gaps=gaps, **known)
+            known["zone_gaps"] = self.zone_gaps
+        edges = {name: self._with_edges(found) for name, found in known.items() if isinstance(found, list)}
+        gaps = [GapRecord(**gap) for gap in self._with_edges(self.gaps)]
+        return BandsRecord.of(self, points=points, gaps=gaps, widest_bar=self.widest_bar.to_dict(), **(known | edges))
+
+    def _with_edges(self, gaps: Sequence[Any]) -> list[dict[str, Any]]:
+        """The fields of gaps with their edges' bars; where bands were only sampled, what they do between samples counts."""
+        bars = self.by_mesh + self.truncated
+        if self.lattice is None:
+            bars = bars + band_errors.of_samples(self.path, self.frequencies_hz)
+        return band_errors.with_edges(gaps, self.path, self.frequencies_hz, bars)
+
+    @property
+    def widest_bar(self) -> WidestBar:
+        """The widest bar of all bands along the path."""
+        truncated = np.broadcast_to(self.truncated, self.frequencies_hz.shape)
+        return band_errors.widest(self.path, self.by_mesh, truncated)
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
@@ -175,7 +192,10 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
             "bands.grid = 20 looks there",
         )
-    return replace(bands, expected_error=error_bar.log_mesh_error(choice, case, log, largest(bands.by_mesh)))
+    error_bar.log_mesh_error(choice, case, log, largest(bands.by_mesh))
+    log.info(bands.widest_bar.text())
+    bands.widest_bar.warn(case, log)
+    return replace(bands, expected_error=largest(bands.by_mesh))
 
 
 def _finer(case: Case) -> int:

@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.analysis import wanted_search
-from pipeline.analysis.mode_rows import ModeRow, mode_rows
+from pipeline.analysis.mode_rows import ModeRow, mode_rows, widest_bar
 from pipeline.analysis.predesign import short_wave
 from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
@@ -122,7 +122,9 @@ class PartModes:
         """The result as a command and a study keep it."""
         bar = self.bar.to_dict() if self.bar else None
         wanted = self._wanted_record()
-        return ModesRecord.of(self, model=self.model.name, modes=list(self.rows), wanted=wanted, error_bar=bar)
+        widest = widest_bar(self.rows).to_dict()
+        rows = list(self.rows)
+        return ModesRecord.of(self, model=self.model.name, modes=rows, wanted=wanted, error_bar=bar, widest_bar=widest)
 
     def _wanted_record(self) -> WantedRecord | None:
         """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
@@ -178,12 +180,13 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         warn(estimate.total, case, log)
     by_mesh = [_mesh_error(row, errors) for row in part_modes.all_rows(query.search)]
     expected = error_bar.log_mesh_error(choice, case, log, largest(np.array(by_mesh, dtype=float)))
-    part_modes = replace(part_modes, rows=_with_errors(choice, part_modes, errors))
+    part_modes = _with_errors(choice, part_modes, errors)
+    bar = _bar(case, choice, part_modes, errors)
+    part_modes = replace(part_modes, bar=bar)
     return replace(
-        part_modes,
+        _with_level_bars(case, part_modes),
         reduction_error=estimate.worst if estimate else None,
         expected_error=expected,
-        bar=_bar(case, choice, part_modes, errors),
     )
 
 
@@ -225,16 +228,50 @@ def _truncation(choice: ModelChoice, row: ModeRow, errors: dict[str | None, Mode
     return MARGIN * float(own.total[row.column]) if own else None
 
 
-def _with_errors(
-    choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
-) -> tuple[ModeRow, ...]:
-    """The rows with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
+def _with_errors(choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> PartModes:
+    """The modes with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
 
-    def error(row: ModeRow) -> float | None:
-        mesh = _mesh_error(row, errors)
-        return None if mesh is None else mesh + (_truncation(choice, row, errors) or 0.0)
+    def with_error(row: ModeRow) -> ModeRow:
+        mesh, truncation = _mesh_error(row, errors), _truncation(choice, row, errors) or 0.0
+        if mesh is None:
+            return row.model_copy(update={"error": None})
+        parts = {"mesh": mesh, "truncation": truncation}
+        return row.model_copy(update={"error": mesh + truncation, "error_parts": parts})
 
-    return tuple(row.model_copy(update={"error": error(row)}) for row in part_modes.rows)
+    wanted = part_modes.wanted and part_modes.wanted.each(with_error)
+    return replace(part_modes, rows=tuple(map(with_error, part_modes.rows)), wanted=wanted)
+
+
+def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
+    """The modes with the half-width of each level's bar; the wanted one's is that of its search."""
+    share = calibration.mixing()
+    known = {(row.symmetry, row.column): row for row in part_modes.all_rows(True)}
+    if share is None or all(row.confinement_db is None for row in known.values()):
+        return part_modes
+    bars: dict[tuple[str | None, int], float | None] = {}
+    for symmetry in {key[0] for key in known}:
+        rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
+        touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, [row.column for row in rows]])
+        tones, errors = np.array([row.frequency_hz for row in rows]), [row.error for row in rows]
+        for index, row in enumerate(rows):
+            error, others = errors[index], len(rows) > 1
+            most = mixing_db(touch, tones, index, case.design, error, _ends(part_modes)) if error and others else None
+            bars[symmetry, row.column] = None if most is None else share * most
+    own = part_modes.wanted.row if part_modes.wanted else None
+    if own and part_modes.bar:
+        bars[own.symmetry, own.column] = part_modes.bar.confinement_db
+
+    def with_bar(row: ModeRow) -> ModeRow:
+        return row.model_copy(update={"confinement_error_db": bars[row.symmetry, row.column]})
+
+    wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
+    return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)
+
+
+def _ends(part_modes: PartModes) -> tuple[float, ...]:
+    """Ends of the interval in which all modes are known, Hz, beyond which the next one may lie."""
+    ends = part_modes.count.low_hz, part_modes.count.high_hz
+    return tuple(end for end in ends if end > 0.0)
 
 
 def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 from geometry.layout import SHORT, Design
 from pipeline.case.model import Case
 from pipeline.planning import calibration
+from pipeline.quantity import figure, frequency, percent
 from pipeline.records.reading import named, reading_table
-from pipeline.units import KHZ
 from solvers.analytic.predesign import predesign
 
 THEORIES = {  # what the document and what the calibration call them
@@ -24,16 +24,19 @@ def run(case: Case) -> tuple[dict[str, Any], str]:
     document = sizing.to_dict()
     lines = []
     for part in [each for each in THEORIES if document[each]]:
-        known = expected_errors(part, case.design)
-        errors = {name: error for name, error in known.items() if document[part].get(name) is not None}
-        if errors:
-            expected = ", ".join(f"{named(name)[0]} {error:.1%}" for name, error in errors.items())
+        calibrated = expected_errors(part, case.design)
+        frequencies = [name for name, value in document[part].items() if name.endswith("_hz") and value is not None]
+        errors = {name: calibrated.get(name) for name in frequencies}
+        if known := {name: error for name, error in errors.items() if error is not None}:
+            expected = ", ".join(f"{named(name)[0]} {percent(error)}" for name, error in known.items())
             lines.append(f"{part}, expected error beside a solid with clamped faces: {expected}")
+        if unknown := [named(name)[0] for name in frequencies if name not in known]:
+            lines.append(f"{part}, theory without an error estimate: {', '.join(unknown)}")
         document[part] = document[part] | {"expected_error": errors}
-    return document, "\n".join([*_read(document), *lines, *(f"note: {text}" for text in sizing.limits)])
+    return document, "\n".join([*_read(document, case.design), *lines, *(f"note: {text}" for text in sizing.limits)])
 
 
-def _read(document: dict[str, Any]) -> list[str]:
+def _read(document: dict[str, Any], design: Design) -> list[str]:
     """What is proposed and what is given, a line each, and how the given pillar stands to the zone."""
     parts = [each for each in THEORIES if document[each]]
     rows = [[part, *each] for part in parts for each in document[part].items() if each[0] != "expected_error"]
@@ -41,11 +44,12 @@ def _read(document: dict[str, Any]) -> list[str]:
     zone, pillar = document.get("zone") or {}, document.get("pillar") or {}
     target, given = zone.get("frequency_hz"), pillar.get("given_timoshenko_hz")
     if target and given:
+        known = expected_errors("pillar", design).get("given_timoshenko_hz")
         off, height = given / target - 1.0, pillar.get("timoshenko_height_mm")
-        beside = f"{abs(off):.0%} {'above' if off > 0.0 else 'below'} the zone's {target / KHZ:.2f} kHz"
-        better = f"; {height:.2f} mm of height would meet it" if height else ""
+        beside = f"{abs(off):.0%} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
+        better = f"; {figure(height)} mm of height would meet it" if height else ""
         lines.append(
-            f"the pillar as given resonates at {given / KHZ:.2f} kHz, "
+            f"the pillar as given resonates at {frequency(given, known)}, "
             f"{beside + better if abs(off) >= TUNED else 'where the zone does'}"
         )
     return lines

@@ -8,6 +8,8 @@ from pipeline.analysis.modes import PartModes
 from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.quantity import frequency_with_bar, with_bar
+from pipeline.units import KHZ
 from solvers.measures.wanted_mode import CLEAR
 
 
@@ -25,27 +27,30 @@ def lines(part_modes: PartModes, design: Design) -> list[str]:
 def verdict(wanted: Wanted, design: Design) -> list[str]:
     """Say which mode is the wanted one, or why none is."""
     name, row = f"(0, {design.nodal_lines})", wanted.row
-    window = f"{wanted.low_hz / 1e3:.4g} and {wanted.high_hz / 1e3:.4g} kHz"
+    window = f"{wanted.low_hz / KHZ:.4g} and {wanted.high_hz / KHZ:.4g} kHz"
     if row is None and wanted.count is None:
         return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
     if row is None:
         return [f"No mode between {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
-    level_text = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
+    level_text = _level(row)
+    tone = frequency_with_bar(row.frequency_hz, row.error)
     if wanted.status == "single":
-        return [
-            f"wanted {name} mode: {row.frequency_hz:.1f} Hz, MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
-        ]
+        return [f"wanted {name} mode: {tone}, MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"]
     others = "; ".join(_named(rival) for rival in wanted.rivals)
     return [
-        f"The wanted {name} shape is split among several modes between {window}: strongest at {row.frequency_hz:.1f} Hz, "
+        f"The wanted {name} shape is split among several modes between {window}: strongest at {tone}, "
         f"MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
         + (f"; others: {others}" if others else _alone(row))
     ]
 
 
 def _named(row: ModeRow) -> str:
-    level_text = "" if row.confinement_db is None else f", {row.confinement_db:.1f} dB"
-    return f"{row.frequency_hz:.1f} Hz (MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text})"
+    tone = frequency_with_bar(row.frequency_hz, row.error)
+    return f"{tone} (MAC {row.mac:.3f}, strength {row.strength:.3f}{_level(row)})"
+
+
+def _level(row: ModeRow) -> str:
+    return "" if row.confinement_db is None else f", {with_bar(row.confinement_db, row.confinement_error_db, 'dB')}"
 
 
 def _alone(row: ModeRow) -> str:
@@ -61,9 +66,9 @@ def count(part_modes: PartModes) -> str:
     if part_modes.more_in_mesh is None:
         return f"{text}; how many the meshes behind it have is not bounded"
     if part_modes.more_in_mesh == 0:
-        return f"{text}; the meshes behind it have no more of them up to {check.high_hz / 1e3:.4g} kHz"
+        return f"{text}; the meshes behind it have no more of them up to {check.high_hz / KHZ:.4g} kHz"
     return (
-        f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {check.high_hz / 1e3:.4g} kHz"
+        f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {check.high_hz / KHZ:.4g} kHz"
     )
 
 

@@ -10,9 +10,9 @@ from pipeline.case.plausible import doubts
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.records import outputs
 from pipeline.records.reading import filled, reading_table
-from pipeline.units import KHZ
 from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
 
@@ -55,6 +55,7 @@ def modes(arguments: Namespace) -> int:
     if arguments.explain:
         return _explained(arguments, "of_modes", case, query)
     from pipeline.analysis import mode_fields, wanted_text
+    from pipeline.analysis.mode_rows import widest_bar
     from pipeline.analysis.modes import solve_modes
     from pipeline.records import store
 
@@ -66,12 +67,15 @@ def modes(arguments: Namespace) -> int:
         solved = user_mesh.solve(case, file, query, log)
     else:
         solved = solve_modes(case, query, log)
-    head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac", "strength", "residual")
+    measures = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength", "residual")
+    head = ("frequency_hz", "error", "symmetry", *measures)
     rows = [[getattr(row, key) for key in head] for row in solved.rows]
     plural = "s" * (solved.rigid_count != 1)
     about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{plural}"
     document = solved.record.to_dict()
-    lines = [about, _modes_table(head, rows, document), *wanted_text.lines(solved, case.design)]
+    widest = widest_bar(solved.rows)
+    widest.warn(case, log)
+    lines = [about, _modes_table(head, rows, document), widest.text(), *wanted_text.lines(solved, case.design)]
     emit(arguments, "modes", Answer(document, lines, head, rows), log)
     if arguments.save_all_fields:
         store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(solved), store.FIELDS)
@@ -136,33 +140,30 @@ def bands(arguments: Namespace) -> int:
     solved = solve_bands(case, log, every_gap=bool(arguments.json or arguments.out or arguments.verbose))
     record = solved.record
     count = len(record.points[0].frequencies_hz)
-    head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_hz" for n in range(1, count + 1)))
-    rows = [[point.label, point.kx_per_m, point.ky_per_m, *point.frequencies_hz] for point in record.points]
+    numbers = range(1, count + 1)
+    head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_{what}" for what in ("hz", "error") for n in numbers))
+    rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *p.error] for p in record.points]
     lines = [
         f"{record.model}, {record.dof} degrees of freedom a wavevector",
         reading_table(head, [row for row in rows if row[0]]),
-        *(
-            f"Gap from band {g.lower_band} ({g.lower_hz / KHZ:.2f} kHz) to band {g.upper_band} "
-            f"({g.upper_hz / KHZ:.2f} kHz), {100 * g.relative_width:.2f} %"
-            for g in record.gaps
-        ),
+        *(gap.text for gap in record.gaps),
     ]
     if not record.gaps:
         lines.append(f"No complete gap {record.where_gaps_are_known}; bands.count asks for more")
-    if arguments.verbose and solved.detail:
-        lines += _partial_gaps(solved.detail)
-    if case.design.pillar and (bending := record.bending_at_m_hz):
-        lines.append(f"bending of the pillars at M: {' and '.join(f'{hz / KHZ:.2f} kHz' for hz in bending)}")
-    if record.expected_error is not None:
-        lines.append(f"expected error of a frequency: {record.expected_error:.2%} by the mesh")
+    if arguments.verbose:
+        lines += _partial_gaps(record.to_dict())
+    if case.design.pillar and (bending := record.bending_texts):
+        lines.append(f"bending of the pillars at M: {' and '.join(bending)}")
+    lines.append(solved.widest_bar.text())
     return emit(arguments, "bands", Answer(record.to_dict(), lines, head, rows), log)
 
 
-def _partial_gaps(detail: Any) -> list[str]:
+def _partial_gaps(document: dict[str, Any]) -> list[str]:
     """The gaps for waves of one polarisation, and for those along one segment of the path."""
-    named = [(f"for {gap.polarisation} waves", gap) for gap in detail.polarisation_gaps or ()]
-    named += [(f"from {gap.start} to {gap.end}", gap) for gap in detail.directional_gaps or ()]
-    return [f"gap {where} alone: {gap.lower_hz / KHZ:.2f} to {gap.upper_hz / KHZ:.2f} kHz" for where, gap in named]
+    named = [(f"for {gap['polarisation']} waves", gap) for gap in document.get("polarisation_gaps", ())]
+    named += [(f"from {gap['start']} to {gap['end']}", gap) for gap in document.get("directional_gaps", ())]
+    ends = ("lower_hz", "upper_hz", "lower_error", "upper_error")
+    return [f"gap {where} alone: {interval(*(gap[end] for end in ends))}" for where, gap in named]
 
 
 def attenuation(arguments: Namespace) -> int:
@@ -175,9 +176,14 @@ def attenuation(arguments: Namespace) -> int:
 
     solved = solve(case, log, band, arguments.kx, arguments.points)
     shares = ("reflected", "flexural", "shear", "longitudinal")
-    head = ("frequency_hz", "db_per_row", "reflected", *(f"transmitted_{name}" for name in shares[1:]))
+    head = ("frequency_hz", "db_per_row", "db_error", "reflected", *(f"transmitted_{name}" for name in shares[1:]))
     rows = [
-        [point.frequency_hz, point.db_per_row, *(getattr(point.transmission, name, None) for name in shares)]
+        [
+            point.frequency_hz,
+            point.db_per_row,
+            point.db_error,
+            *(getattr(point.transmission, name, None) for name in shares),
+        ]
         for point in solved.points
     ]
     about = (
@@ -215,12 +221,13 @@ def _summary(solved: Any) -> list[str]:
         f"driven motion confined by {CONFINED_DB:g} dB or more": solved.confined,
     }
     lines = [
-        f"{what}: {', '.join(f'{low / KHZ:.2f} to {high / KHZ:.2f} kHz' for low, high in windows) or none}"
+        f"{what}: {', '.join(interval(*ends, *solved.end_errors(ends)) for ends in windows) or none}"
         for what, windows in stretches.items()
     ]
     if solved.wanted_hz is None or solved.wanted_db is None:
         return [*lines, "the column has no mode of the wanted shape in its window"]
-    return [*lines, f"wanted mode of the column: {solved.wanted_hz / KHZ:.3f} kHz, {solved.wanted_db:.1f} dB"]
+    tone = frequency_with_bar(solved.wanted_hz, solved.wanted_error)
+    return [*lines, f"wanted mode of the column: {tone}, {with_bar(solved.wanted_db, solved.wanted_error_db, 'dB')}"]
 
 
 def response(arguments: Namespace) -> int:

@@ -69,9 +69,18 @@ def _named(rivals: list[RivalRecord]) -> str | None:
 _wanted = figures_of(lambda r: r.wanted)
 COLUMNS = (
     Column("wanted_status", "wanted mode: single, split or none", lambda r: r.wanted_status),
-    Column("wanted_hz", "wanted mode", _wanted(lambda w: w.frequency_hz), ".2f", "Hz"),
+    Column(
+        "wanted_hz", "wanted mode", _wanted(lambda w: w.frequency_hz), ".2f", "Hz", _wanted(lambda w: w.frequency_error)
+    ),
     Column("wanted_error", "expected error of the wanted mode", _wanted(lambda w: w.frequency_error), ".2%"),
-    Column("confinement_db", "confinement", lambda r: r.confinement_db, ".2f", "dB"),
+    Column(
+        "confinement_db",
+        "confinement",
+        lambda r: r.confinement_db,
+        ".1f",
+        "dB",
+        _wanted(lambda w: w.confinement_error_db),
+    ),
     Column(
         "confinement_error_db",
         "expected error of the confinement",

@@ -13,7 +13,8 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
-from pipeline.planning import mesh_rules
+from pipeline.planning import calibration, mesh_rules
+from pipeline.planning.refinement import MARGIN
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import hexahedra
 from pipeline.records.record import BroadbandPoint, BroadbandRecord, Transmission
@@ -21,8 +22,9 @@ from solvers.measures.levels import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.superelement.build import Reductions
 from solvers.threads import one_thread
-from solvers.waves.column import Column, ColumnModes
+from solvers.waves.column import Column, ColumnModes, Driven
 from solvers.waves.evanescent import Row, RowStiffness, RowWaves
+from solvers.waves.level_errors import level_bars
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import chain, scatter
 
@@ -31,7 +33,12 @@ Stretch = tuple[float, float]
 
 
 def broadband(
-    case: Case, log: Log, band_hz: Stretch | None = None, points: int = POINTS, accuracy: float | None = None
+    case: Case,
+    log: Log,
+    band_hz: Stretch | None = None,
+    points: int = POINTS,
+    accuracy: float | None = None,
+    with_bars: bool = True,
 ) -> BroadbandRecord:
     """One column of the case's cells at the wanted wavenumber: what passes its rows, and its forced motion, over frequency.
 
@@ -44,11 +51,19 @@ def broadband(
     with log.step(f"{points} frequencies"), one_thread():
         driven = column.driven(tones, case.quality_factor)
         transmitted = [_through(column, bare, float(tone)) for tone in tones]
+        errors = _mode_bars(driven) if with_bars else np.full(len(driven.modes.frequency_hz), np.nan)
+        widest = _widest(driven.modes.frequency_hz, errors, low, high)
+        bars = _level_bars(driven, errors, points)
+        taken = np.array([-10.0 * np.log10(max(each.flexural, 1e-30)) if each else np.nan for each in transmitted])
+        taken_bars = level_bars(tones, taken, widest, lambda tone: _taken_db(column, bare, tone))
+    columns = tones.tolist(), driven.confinement_db.tolist(), transmitted, bars, taken_bars
     samples = [
-        BroadbandPoint(frequency_hz=tone, confinement_db=level, transmission=shares)
-        for tone, level, shares in zip(tones.tolist(), driven.confinement_db.tolist(), transmitted, strict=True)
+        BroadbandPoint(
+            frequency_hz=tone, confinement_db=level, transmission=shares, confinement_error_db=bar, taken_error_db=lost
+        )
+        for tone, level, shares, bar, lost in zip(*columns, strict=True)
     ]
-    wanted_hz, wanted_db = _wanted(driven.modes, mesh_rules.wanted_window_hz(design))
+    wanted_hz, wanted_db, wanted_error = _wanted(driven.modes, errors, mesh_rules.wanted_window_hz(design))
     confined = stretches(tones, driven.confinement_db)
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
     return BroadbandRecord(
@@ -57,6 +72,9 @@ def broadband(
         rows=design.rows,
         wanted_hz=wanted_hz,
         wanted_db=wanted_db,
+        wanted_error=wanted_error,
+        wanted_error_db=None,
+        frequency_error=widest,
         confined_hz=_about(confined, wanted_hz),
         stopped_hz=_about(stopped, wanted_hz),
         confined=confined,
@@ -131,14 +149,45 @@ def transmitted_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> T
     return Transmission(reflected=float(scattered.reflected.sum()), **transmitted)
 
 
-def _wanted(modes: ColumnModes, window_hz: Stretch) -> tuple[float | None, float | None]:
-    """Frequency and confinement of the wanted mode among the column's, as `antinode search` finds it."""
+def _mode_bars(driven: Driven) -> FloatArray:
+    """Relative half-widths (k,) of the bars of the column's modes by mesh and truncation; NaN where unknown."""
+    errors = driven.errors()
+    return np.asarray(errors.mesh + MARGIN * errors.total)
+
+
+def _widest(frequency_hz: FloatArray, errors: FloatArray, low_hz: float, high_hz: float) -> float | None:
+    """The widest bar of the modes in a band and of its neighbours on either side, relative; None where one is unknown."""
+    first, last = np.searchsorted(frequency_hz, [low_hz, high_hz])
+    near = errors[max(int(first) - 1, 0) : int(last) + 1]
+    return float(near.max()) if len(near) and np.isfinite(near).all() else None
+
+
+def _level_bars(driven: Driven, errors: FloatArray, points: int) -> list[float | None]:
+    """Half-widths in dB of the bars of the forced motion's levels; None where nothing tells them."""
+    mixed = calibration.mixing()
+    if mixed is None or np.isnan(errors).any():
+        return [None] * points
+    bars = driven.bar_db(errors, mixed).tolist()
+    return [None if np.isnan(level) else bar for bar, level in zip(bars, driven.confinement_db, strict=True)]
+
+
+def _taken_db(column: Column, bare: Row, frequency_hz: float) -> float | None:
+    shares = _through(column, bare, frequency_hz)
+    return -10.0 * float(np.log10(max(shares.flexural, 1e-30))) if shares else None
+
+
+def _wanted(
+    modes: ColumnModes, errors: FloatArray, window_hz: Stretch
+) -> tuple[float | None, float | None, float | None]:
+    """Frequency, confinement and relative bar of the wanted mode among the column's, as `antinode search` finds it."""
     inside = (modes.frequency_hz >= window_hz[0]) & (modes.frequency_hz <= window_hz[1])
     level = modes.confinement
     at = verdict(level.strength[inside], level.zone_share[inside], level.mac[inside]).index
     if at is None:
-        return None, None
-    return float(modes.frequency_hz[inside][at]), float(level.confinement_db[inside][at])
+        return None, None, None
+    error = float(errors[inside][at])
+    found = float(modes.frequency_hz[inside][at]), float(level.confinement_db[inside][at])
+    return *found, error if np.isfinite(error) else None
 
 
 def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = CONFINED_DB) -> list[Stretch]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning.calibration import TET
 from pipeline.planning.model_choice import ModelChoice
+from pipeline.quantity import level, percent
 
 
 @dataclass(frozen=True)
@@ -28,16 +31,61 @@ class ErrorBar:
 
     def text(self) -> str:
         """Return the error bar in words."""
-        allowed = "" if self.confinement_db is None else f", {self.confinement_db:.2f} dB of its confinement"
+        allowed = "" if self.confinement_db is None else f", {level(*(self.confinement_db,) * 2)} of its confinement"
         return (
             "none measured"
             if self.frequency is None
-            else f"{self.frequency:.2%} of the wanted mode's frequency{allowed}"
+            else f"{percent(self.frequency)} of the wanted mode's frequency{allowed}"
         )
 
     def to_dict(self) -> dict[str, float | None]:
         """As results keep it."""
         return {"frequency": self.frequency, "confinement_db": self.confinement_db}
+
+
+@dataclass(frozen=True)
+class WidestBar:
+    """The widest error bar of the frequencies asked for.
+
+    Attributes
+    ----------
+    error : float or None
+        Relative half-width; None where the bar of one of them is unknown.
+    of : str
+        The frequency that has it, in words.
+    parts : dict of str to float
+        What the bar is made of, relative: `mesh`, `truncation`.
+    """
+
+    error: float | None
+    of: str = ""
+    parts: Mapping[str, float] | None = None
+
+    @property
+    def largest_part(self) -> str | None:
+        """Name of the part that contributes most; None without parts."""
+        return max(self.parts, key=lambda name: (self.parts or {})[name]) if self.parts else None
+
+    def text(self) -> str:
+        """Return the bar, what it is of and its largest part in words."""
+        if self.error is None:
+            return "error of a frequency: unknown for at least one of them; compare with a finer solve.accuracy"
+        parts = sorted((self.parts or {}).items(), key=lambda part: -part[1])
+        shares = ", ".join(f"{percent(error)} {name}" for name, error in parts if error > 0.0)
+        return f"error of a frequency: {percent(self.error)} at most ({self.of})" + (f": {shares}" if shares else "")
+
+    def warn(self, case: Case, log: Log) -> None:
+        """Warn where the bar exceeds the accuracy that the case asks for."""
+        if self.error is not None and self.error > case.solve.accuracy:
+            log.warning(
+                "ACCURACY",
+                f"the error bar of {self.of} is {percent(self.error)}, most of it {self.largest_part}; "
+                f"solve.accuracy asks for {percent(case.solve.accuracy)}",
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As results keep it."""
+        return {"error": self.error, "of": self.of, "parts": dict(self.parts or {}), "largest_part": self.largest_part}
 
 
 def log_mesh_error(choice: ModelChoice, case: Case, log: Log, error: float | None) -> float | None:
@@ -49,6 +97,6 @@ def log_mesh_error(choice: ModelChoice, case: Case, log: Log, error: float | Non
         log.info(f"nothing tells the error of {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
         return None
     by = "its stresses" if choice.kind == TET else "coarser meshes"
-    short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
-    log.info(f"error of a frequency by the mesh {error:.2%} or less, as {by} tell{short}")
+    short = f"; solve.accuracy asks for {percent(case.solve.accuracy)}" if error > case.solve.accuracy else ""
+    log.info(f"error of a frequency by the mesh {percent(error)} or less, as {by} tell{short}")
     return error

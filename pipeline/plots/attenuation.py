@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import interval
 from pipeline.records.record import AttenuationRecord, BroadbandRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
@@ -52,7 +53,7 @@ def rows_over_frequency(record: BroadbandRecord) -> ReportFigure:
     figure, axes = style.panels(3.6)
     draw_levels(axes, record)
     title = "What the rows hold over frequency"
-    bands = ", ".join(f"{low / KHZ:.1f} to {high / KHZ:.1f} kHz" for low, high in record.stopped) or "nowhere"
+    bands = ", ".join(interval(*ends, *record.end_errors(ends)) for ends in record.stopped) or "nowhere"
     alt = f"Over frequency: dB that {record.rows} rows take from a flexural wave, at least {CONFINED_DB:g} at {bands}; "
     return ReportFigure("broadband", title, alt + "and confinement of the driven zone", figure, vector=True)
 

@@ -86,7 +86,7 @@ def draw_bands(axes: Axes, bands: BandsRecord, label: str = "bands") -> None:
     for gap in bands.gaps:
         low, high = gap.lower_hz / KHZ, gap.upper_hz / KHZ
         axes.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
-        text = f"complete gap {low:.2f} to {high:.2f} kHz"
+        text = f"complete gap {gap.interval}"
         axes.text(0.5, (low + high) / 2, text, transform=axes.get_yaxis_transform(), bbox=WHITE, **LABEL)  # type: ignore[arg-type]
 
 
@@ -134,7 +134,7 @@ def _bending(axes: Axes, case: StoredCase, bands: BandsRecord, bending: list[flo
     axes.set(ylim=(0, ZOOM * tones.max()), title="Pillar bending bands")
     corner = next(x for x, point in zip(path_length(points), points, strict=True) if point.label == "M")
     axes.plot([corner] * len(bending), tones, "s", color=style.GREEN, ms=6, mfc="none", mew=1.6)
-    text = f"bending at M\n{_listed(bending)} kHz"
+    text = f"bending at M\n{_listed(bands)}"
     look: dict[str, Any] = {"xytext": (-8, -34), "textcoords": "offset points", "ha": "right", "color": style.GREEN}
     line = {"arrowstyle": "-", "color": style.GREEN, "lw": 0.8}
     axes.annotate(text, (corner, tones.min()), bbox=WHITE, arrowprops=line, **look)
@@ -142,8 +142,8 @@ def _bending(axes: Axes, case: StoredCase, bands: BandsRecord, bending: list[flo
         axes.axhline(wanted.frequency_hz / KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
 
 
-def _listed(bending: list[float]) -> str:
-    return " and ".join(dict.fromkeys(f"{tone / KHZ:.2f}" for tone in bending))
+def _listed(bands: BandsRecord) -> str:
+    return " and ".join(dict.fromkeys(bands.bending_texts))
 
 
 def _legend(figure: Any, axes: Axes) -> None:
@@ -157,13 +157,12 @@ def _legend(figure: Any, axes: Axes) -> None:
 def _alt(case: StoredCase, bands: BandsRecord) -> str:
     gap, bending = bands.widest_gap, bands.bending_at_m_hz
     edges = (
-        f"the widest complete gap, shaded, lies between {gap.lower_hz / KHZ:.2f} and {gap.upper_hz / KHZ:.2f} kHz "
-        f"(bands {gap.lower_band} and {gap.upper_band})"
+        f"the widest complete gap, shaded, lies from {gap.interval} (bands {gap.lower_band} and {gap.upper_band})"
         if gap
         else f"no complete gap opens {bands.where_gaps_are_known}"
     )
     kinds = {name for point in bands.points for name in point.plate_polarisation or ()}
     names_text = ", ".join(name for name in POLARISATIONS if name in kinds)
     marked = f"; waves are marked as {names_text}" if names_text else ""
-    at_m = f"; the bending bands meet M at {_listed(bending)} kHz" if bending else ""
+    at_m = f"; the bending bands meet M at {_listed(bands)}" if bending else ""
     return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}{marked}."

@@ -1,28 +1,38 @@
-"""Tables for people: frequencies in kHz, units in the head line, few digits, the row that answers marked.
+"""Tables for people: as many digits as a figure's bar allows, units in the head line, the row that answers marked.
 
-CSV and JSON keep full figures in SI units under the same names.
+A figure's bar stands in the same row: `error` of `frequency_hz`, `band_1_error` of `band_1_hz` (relative), `db_error` of
+`db_per_row`, `confinement_error_db` of `confinement_db` (dB). A column without a column of bars holds what was given, with six
+digits at most. CSV and JSON keep full figures in SI units under the same names.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from pipeline import quantity
+from pipeline.quantity import Unit
 from pipeline.records.outputs import markdown, table
 
 DIGITS = ".4g"
+GIVEN = ".6g"  # of a frequency that was asked for
+RIGID = 1e-4  # of the largest frequency of a table: with a bar of 0 below it, a rigid-body wave at rest
 
 
 class Form(NamedTuple):
-    """How figures of a name are shown: unit, factor and format."""
+    """How figures of a name are shown where no bar says more: unit, factor and format."""
 
     unit: str
     factor: float = 1.0
     digits: str = DIGITS
 
 
+PERCENT = Form("%", 100.0, ".2g")
 ENDINGS = {
-    "_hz": Form("kHz", 1e-3, ".3f"),
+    "_error_db": Form("dB", 1.0, ".2g"),
+    "_error": PERCENT,
+    "_hz": Form("kHz", 1e-3, GIVEN),
     "_rms_m_per_V": Form("nm/V", 1e9),
     "_rms_m_per_N": Form("nm/N", 1e9),
     "_per_m": Form("rad/m", 1.0, ".1f"),
@@ -32,6 +42,7 @@ ENDINGS = {
 KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3, ".3f")
 NAMES = {
     "db_per_row": ("decay per row", Form("dB", 1.0, ".2f")),
+    "db_error": ("± decay per row", Form("dB", 1.0, ".2g")),
     "formula_hz": ("beam formula", KHZ),
     "pinned_hz": ("pinned sides (Mindlin)", KHZ),
     "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),
@@ -49,6 +60,7 @@ NAMES = {
     "given_second_hz": ("given, second bending", KHZ),
 }
 UNREAD = ("residual",)  # for whoever checks a solver: in files alone
+OF_A_BAND = re.compile(r"band_\d+_error")  # a bar a band: it decides digits, and stands in files alone
 OF_ITS_OWN = ("quantity", "value")  # a row's name of a figure, and the figure
 
 
@@ -56,15 +68,73 @@ def named(name: str) -> tuple[str, Form]:
     """The words and the form of a figure by its name in files: band_1_hz -> band 1, in kHz."""
     if name in NAMES:
         return NAMES[name]
+    if name == "error":
+        return "± error", PERCENT
     if (figure := name.removesuffix("_error")) in NAMES:
-        return f"{NAMES[figure][0]}: expected error", Form("")
+        return f"{NAMES[figure][0]}: expected error", PERCENT
     ending = next((ending for ending in ENDINGS if name.endswith(ending)), "")
-    return name.removesuffix(ending).replace("_", " "), ENDINGS.get(ending, Form(""))
+    words = name.removesuffix(ending).replace("_", " ").strip()
+    return f"± {words}".strip() if "error" in ending else words, ENDINGS.get(ending, Form(""))
+
+
+def bar_of(name: str, head: Collection[str]) -> str | None:
+    """The column that holds a figure's bar; None where there is none."""
+    if "error" in name:
+        return None
+    stem, _, unit = name.rpartition("_")
+    wanted = {
+        "hz": (f"{stem}_error", f"{name}_error", *(("error",) if name == "frequency_hz" else ())),
+        "db": (f"{stem}_error_db",),
+        "row": ("db_error",) if name == "db_per_row" else (),
+        "factor": ("quality_error",) if name == "quality_factor" else (),
+    }
+    return next((bar for bar in wanted.get(unit, ()) if bar in head), None)
 
 
 def shown(value: Any, form: Form) -> str | None:
     """A figure in its form; what is no floating-point number as it is."""
+    if form.unit == "%" and isinstance(value, float):
+        return quantity.percent(value).removesuffix(" %")
     return f"{form.factor * value:{form.digits}}" if isinstance(value, float) else value
+
+
+def frequency_unit(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Unit:
+    """The unit of all frequencies of a table: that of the largest."""
+    values = [value for row in rows for name, value in zip(head, row, strict=True) if name.endswith("_hz")]
+    known = [value for value in values if isinstance(value, float)]
+    return quantity.frequency_unit(known) if known else Unit(ENDINGS["_hz"].unit, 1.0 / ENDINGS["_hz"].factor)
+
+
+def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
+    """Words with units for a head, and rows of figures with the digits that their bars allow; None stays None."""
+    unit = frequency_unit(head, rows)
+    known = {name: _in_unit(form, unit) if name.endswith("_hz") else form for name in head for form in [named(name)[1]]}
+    read = [name for name in head if not OF_A_BAND.fullmatch(name)]
+    words = [f"{named(name)[0]} ({known[name].unit})" if known[name].unit else named(name)[0] for name in read]
+    bars = {name: bar_of(name, head) for name in head}
+    largest = max(
+        (abs(v) for row in rows for n, v in zip(head, row, strict=True) if n.endswith("_hz") and v), default=0.0
+    )
+
+    def cell(name: str, row: Mapping[str, Any]) -> Any:
+        value, form, bar = row[name], known[name], bars[name]
+        if bar is None or not isinstance(value, float):
+            return shown(value, form)
+        own = row[bar]
+        if own == 0.0 == value:
+            return "0"
+        if name.endswith("_hz"):
+            at_rest = not value or (own == 0.0 and abs(value) < RIGID * largest)
+            return "0" if at_rest else quantity.frequency_figure(value, own, unit)
+        absolute = own if named(bar)[1].unit == "dB" or own is None else abs(value) * own
+        return quantity.level_figure(value, absolute) if form.unit == "dB" else quantity.figure(value, absolute)
+
+    named_rows = (dict(zip(head, row, strict=True)) for row in rows)
+    return words, [[cell(name, row) for name in read] for row in named_rows]
+
+
+def _in_unit(form: Form, unit: Unit) -> Form:
+    return form._replace(unit=unit.symbol, factor=1.0 / unit.size)
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
@@ -89,16 +159,21 @@ def reading_markdown(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 
 def _in_words(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
-    if set(OF_ITS_OWN) <= set(head):
-        rows = [_one_quantity(dict(zip(head, row, strict=True))) for row in rows]
-    known = [named(name) for name in head]
-    heading = [f"{words} ({form.unit})" if form.unit else words for words, form in known]
-    return heading, [[shown(value, form) for value, (_, form) in zip(row, known, strict=True)] for row in rows]
+    if not set(OF_ITS_OWN) <= set(head):
+        return cells(head, list(rows))
+    each = [dict(zip(head, row, strict=True)) for row in rows]
+    known = {(row.get("part"), row["quantity"]): row["value"] for row in each}
+    bars = [known.get((row.get("part"), f"{row['quantity']}_error")) for row in each]
+    return cells(head, [_one_quantity(row, bar) for row, bar in zip(each, bars, strict=True)])
 
 
-def _one_quantity(row: dict[str, Any]) -> list[Any]:
+def _one_quantity(row: dict[str, Any], bar: float | None) -> list[Any]:
+    """A row in its own figure's unit; of a part by theory, which has no bar, a figure has few digits."""
     name, value = (row[key] for key in OF_ITS_OWN)
     words, form = named(name)
-    return [
-        *(row | {"quantity": f"{words} ({form.unit})" if form.unit else words, "value": shown(value, form)}).values()
-    ]
+    text: Any = shown(value, form)
+    if "part" in row and isinstance(value, float) and "error" not in name:
+        unit = quantity.frequency_unit([value]) if name.endswith("_hz") else Unit(form.unit, 1.0 / form.factor)
+        form, scaled = _in_unit(form, unit), value / unit.size
+        text = quantity.figure(scaled, None if bar is None else abs(scaled) * bar)
+    return [*(row | {"quantity": f"{words} ({form.unit})" if form.unit else words, "value": text}).values()]

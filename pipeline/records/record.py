@@ -20,8 +20,9 @@ from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
+from pipeline import quantity
 from pipeline.records import store
-from pipeline.units import KHZ, NM
+from pipeline.units import NM
 from solvers.measures.levels import CONFINED_DB
 
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
@@ -168,7 +169,8 @@ class MeshRecord(Part):
 
 
 class ModeRecord(Part):
-    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative.
+    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative, and
+    confinement_error_db that of its level's.
 
     frequency_hz is the best value, computed_hz that of the finest mesh alone.
     """
@@ -183,6 +185,7 @@ class ModeRecord(Part):
     symmetry: str | None = None
     computed_hz: float | None = None
     error: float | None = None
+    confinement_error_db: float | None = None
 
 
 class CountRecord(Part):
@@ -208,6 +211,8 @@ class RivalRecord(Part):
     strength: float | None
     mac: float | None
     confinement_db: float | None
+    error: float | None = None
+    confinement_error_db: float | None = None
 
 
 class WantedRecord(Part):
@@ -253,6 +258,7 @@ class ModesRecord(Part):
     reduction_error: float | None = None
     expected_error: float | None = None
     error_bar: dict[str, float | None] | None = None  # of the wanted mode: frequency, relative, and confinement_db
+    widest_bar: dict[str, Any] | None = None
 
 
 class ShapesRecord(Part):
@@ -265,17 +271,44 @@ class ShapesRecord(Part):
 
 
 class GapRecord(Part):
-    """An interval without waves between two bands, counted from 1."""
+    """An interval without waves between two bands, counted from 1.
+
+    lower_error, upper_error: relative half-widths of its edges' bars, None where unknown.
+    """
 
     lower_band: int
     upper_band: int
     lower_hz: float
     upper_hz: float
+    lower_error: float | None = None
+    upper_error: float | None = None
 
     @property
     def relative_width(self) -> float:
         """Its width over its middle."""
         return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
+
+    @property
+    def interval(self) -> str:
+        """Its edges with the digits that their bars allow."""
+        return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
+
+    @property
+    def width_error(self) -> float | None:
+        """Half-width of the bar of the relative width, to first order; None where an edge's is unknown."""
+        if self.lower_error is None or self.upper_error is None:
+            return None
+        middle = (self.upper_hz + self.lower_hz) / 2.0
+        return self.lower_hz * self.upper_hz * (self.lower_error + self.upper_error) / middle**2
+
+    @property
+    def text(self) -> str:
+        """Its bands, its edges with their bars and its relative width, in words."""
+        low = quantity.frequency_with_bar(self.lower_hz, self.lower_error)
+        high = quantity.frequency_with_bar(self.upper_hz, self.upper_error)
+        bar = None if self.width_error is None else 100.0 * self.width_error
+        width = quantity.figure(100.0 * self.relative_width, bar)
+        return f"Gap from band {self.lower_band} ({low}) to band {self.upper_band} ({high}), {width} %"
 
 
 class BandPoint(Open):
@@ -297,12 +330,16 @@ class BandPoint(Open):
 
 
 class BandsRecord(Open):
-    """Bands along a path and their complete gaps."""
+    """Bands along a path and their complete gaps.
+
+    expected_error: the widest bar by the mesh alone; widest_bar: by all that is counted, its frequency and its parts.
+    """
 
     model: str
     dof: int
     points: list[BandPoint]
     expected_error: float | None = None
+    widest_bar: dict[str, Any] | None = None
     gaps: list[GapRecord] = []
 
     @property
@@ -319,12 +356,23 @@ class BandsRecord(Open):
     def where_gaps_are_known(self) -> str:
         """Where a complete gap would have been found."""
         count = len(self.points[0].frequencies_hz)
-        return f"along the path up to {self.known_to_hz / KHZ:.2f} kHz, where the lowest {count} bands end"
+        return f"along the path up to {quantity.frequency(self.known_to_hz)}, where the lowest {count} bands end"
 
     @property
     def bending_at_m_hz(self) -> list[float]:
         """The pillars' two bending bands where they meet M; [] on a path without M."""
         return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
+
+    @property
+    def bending_errors(self) -> list[float | None]:
+        """Relative half-widths of the bars of bending_at_m_hz."""
+        known = next((point.error[:2] for point in self.points if point.label == "M"), [])
+        return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
+
+    @property
+    def bending_texts(self) -> list[str]:
+        """bending_at_m_hz with the digits that their bars allow."""
+        return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
 
     @property
     def labelled(self) -> dict[str, BandPoint]:
@@ -352,12 +400,16 @@ class Transmission(Part):
 
 
 class AttenuationPoint(Part):
-    """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through."""
+    """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through.
+
+    db_error: half-width of the decay's bar, dB; None where unknown.
+    """
 
     frequency_hz: float
     waves: tuple[WaveRecord, ...]
     db_per_row: float | None
     transmission: Transmission | None
+    db_error: float | None = None
 
 
 class AttenuationRecord(Part):
@@ -384,13 +436,28 @@ class AttenuationRecord(Part):
             return None
         return float(np.interp(frequency_hz, *known.T))
 
+    def error_at(self, frequency_hz: float) -> float | None:
+        """Half-width of the bar of `at`, interpolated as it is, dB; None where it is unknown."""
+        known = [
+            (p.frequency_hz, nan if p.db_error is None else p.db_error) for p in self.points if p.db_per_row is not None
+        ]
+        if self.at(frequency_hz) is None:
+            return None
+        bar = float(np.interp(frequency_hz, *np.array(known).T))
+        return None if np.isnan(bar) else bar
+
 
 class BroadbandPoint(Part):
-    """At a frequency: confinement of the motion that a pressure of the wanted shape forces, and what passes the rows."""
+    """At a frequency: confinement of the motion that a pressure of the wanted shape forces, and what passes the rows.
+
+    confinement_error_db, taken_error_db: half-widths of the bars of the confinement and of what the rows take, dB.
+    """
 
     frequency_hz: float
     confinement_db: float | None
     transmission: Transmission | None
+    confinement_error_db: float | None = None
+    taken_error_db: float | None = None
 
     @property
     def taken_db(self) -> float:
@@ -403,6 +470,7 @@ class BroadbandRecord(Part):
 
     confined, stopped: intervals where the driven motion is confined, and where no more than a tenth of a wave's power
     passes, Hz; confined_hz, stopped_hz: those of them that hold the wanted mode's frequency, None where none does.
+    wanted_error, frequency_error: relative half-widths of the bars of the wanted mode and of any frequency of the column.
     """
 
     model: str
@@ -415,6 +483,15 @@ class BroadbandRecord(Part):
     confined: list[tuple[float, float]]
     stopped: list[tuple[float, float]]
     points: list[BroadbandPoint]
+    wanted_error: float | None = None
+    wanted_error_db: float | None = None
+    frequency_error: float | None = None
+
+    def end_errors(self, ends_hz: tuple[float, float]) -> tuple[float | None, ...]:
+        """Relative half-widths of the bars of an interval's ends: half a step of the frequencies beside the column's bar."""
+        error = self.frequency_error
+        step = (self.points[-1].frequency_hz - self.points[0].frequency_hz) / max(len(self.points) - 1, 1)
+        return tuple(None if error is None else error + step / (2.0 * end) for end in ends_hz)
 
     def taken_db(self, frequency_hz: float) -> float:
         """What the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
@@ -431,10 +508,12 @@ class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
     rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
+    db_error: half-width of the bar of the decay per row, dB.
     """
 
     frequency_hz: float
     db_per_row: float | None
+    db_error: float | None = None
     rows_db: float | None
     transmission_db: float | None
     zone_to_extension_db: float | None

@@ -11,12 +11,14 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
 
+from pipeline import quantity
 from pipeline.records import tracking
 from pipeline.records.outputs import csv_bytes
 from pipeline.records.record import STATUSES, Record
 from pipeline.records.study import StoredStudy
 
 TABLE = "table.csv"
+FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, format, unit
     ("tracked_hz", "tracked mode", "frequency_hz", ".2f", "Hz"),
     ("tracked_mac", "MAC with the case before", "mac", ".4f", ""),
@@ -27,20 +29,33 @@ P = TypeVar("P")
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, its heading and unit for readers, its value (None: no cell), its format."""
+    """A column: its name in the file, its heading and unit for readers, its value (None: no cell), its format.
+
+    bar: half-width of the value's bar, relative for Hz, else in its unit; the format counts where there is none.
+    """
 
     name: str
     heading: str
     value: Callable[[Record], Any]
     format: str = ""
     unit: str = ""
+    bar: Callable[[Record], float | None] | None = None
 
     def text(self, record: Record) -> str:
-        """A cell's text: '' for what has no value."""
+        """A cell's text for readers: '' for what has no value."""
         value = self.value(record)
         if value is None:
             return ""
+        if self.bar and self.unit == "Hz":
+            return quantity.frequency_figure(value, self.bar(record), quantity.HZ)
+        if self.bar and (bar := self.bar(record)) is not None:
+            return quantity.figure(value, bar)
         return format(value, self.format) if self.format else str(value)
+
+    def cell(self, record: Record) -> Any:
+        """A cell of the file: its value, floating-point numbers with as many digits as no round-off reaches."""
+        value = self.value(record)
+        return float(f"{value:.{FILE_DIGITS}g}") if isinstance(value, float) else value
 
 
 def figures_of(part: Callable[[Record], P | None]) -> Callable[[Callable[[P], Any]], Callable[[Record], Any]]:
@@ -96,5 +111,5 @@ def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
 
 def table_bytes(study: StoredStudy, columns: Sequence[Column]) -> bytes:
     """The table as CSV."""
-    rows = ([column.text(case.record) for column in columns] for case in study.cases)
+    rows = ([column.cell(case.record) for column in columns] for case in study.cases)
     return csv_bytes([column.name for column in columns], rows)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from geometry.decimate import coarse
+from pipeline import quantity
 from pipeline.plots.bands import PILLAR, POLARISATIONS, path_length
 from pipeline.plots.plate import skin_faces
 from pipeline.records.fingerprint import canonical_json
@@ -16,7 +17,6 @@ from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label
 from pipeline.report.mode_shapes import Gallery
-from pipeline.units import KHZ
 
 MAX_CELLS = 12
 MAX_WITH_SHAPES = 3
@@ -54,18 +54,25 @@ def _cell(members: list[StoredCase], bands: BandsRecord, best: StoredCase | None
     """One diagram: path, bands, labels of the waves where they are stored, gaps, the wanted mode's frequency."""
     points = bands.points
     visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
+    wanted = visible.record.wanted
     return {
         "name": _name(members),
         "arc": [_short(s) for s in path_length(points)],
         "labels": [point.label for point in points],
         "k": [[_short(point.kx_per_m), _short(point.ky_per_m)] for point in points],
         "hz": [[_short(f) for f in point.frequencies_hz] for point in points],
+        "shown": [list(map(quantity.frequency, point.frequencies_hz, _bars(point))) for point in points],
         "kind": _each(points, "plate_polarisation", lambda name: KINDS.index(name) if name in KINDS else -1),
         "pillar": _each(points, "polarisation", lambda name: int(name == PILLAR)),
         "speed": _each(points, "group_velocity_m_s", _speed),
-        "gaps": [gap.to_dict() for gap in bands.gaps],
-        "wanted_hz": visible.record.wanted.frequency_hz if visible.record.wanted else None,
+        "gaps": [gap.to_dict() | {"shown": gap.interval} for gap in bands.gaps],
+        "wanted_hz": wanted.frequency_hz if wanted else None,
+        "wanted_shown": quantity.frequency(wanted.frequency_hz, wanted.frequency_error) if wanted else None,
     }
+
+
+def _bars(point: BandPoint) -> list[float | None]:
+    return point.error or [None] * len(point.frequencies_hz)
 
 
 def _name(members: list[StoredCase]) -> str:
@@ -126,7 +133,7 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
 
 
 def _words(label: str, band: int, point: BandPoint) -> dict[str, str]:
-    tone = f"{point.frequencies_hz[band] / KHZ:.2f} kHz"
+    tone = quantity.frequency(point.frequencies_hz[band], _bars(point)[band])
     name = {"G": "Γ"}.get(label, label)
     about = f"Wave of band {band + 1} at {name}, {tone}, on {TILES} x {TILES} cells"
     return {"group": name, "name": f"band {band + 1}, {tone}", "about": about, "still": ""}

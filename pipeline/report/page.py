@@ -32,7 +32,10 @@ STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving sha
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 # What the template of a case's results writes them with.
-SHOWN = {name: getattr(text, name) for name in ("si", "khz", "verdict", "band_difference", "CONFINED_DB")}
+SHOWN = {
+    name: getattr(text, name)
+    for name in ("si", "khz", "db", "bar", "mode_cells", "verdict", "band_difference", "CONFINED_DB")
+}
 SHOWN |= {"f": format, "GRAM": GRAM, "MM": MM, "UM": UM}
 
 

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from importlib import metadata
 from typing import Any
 
+from pipeline import quantity
 from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
-from pipeline.records.record import DesignRecord, Record
+from pipeline.records.record import DesignRecord, ModeRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare
@@ -47,9 +48,21 @@ def si(value: Any, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
 
 
-def khz(frequency_hz: float | None) -> str:
-    """A frequency in kHz, to 10 Hz."""
-    return "–" if frequency_hz is None else f"{frequency_hz / KHZ:.2f}{WIDE}kHz"
+def khz(frequency_hz: float | None, error: float | None = None) -> str:
+    """A frequency with the digits that its relative bar allows, in a unit that fits."""
+    return quantity.frequency(frequency_hz, error, WIDE)
+
+
+def db(level_db: float | None, error_db: float | None = None) -> str:
+    """A level with the digits that its bar allows, in dB."""
+    return quantity.level(level_db, error_db, WIDE)
+
+
+def bar(value: float | None, error: float | None, unit: str) -> str:
+    """A frequency in Hz with its relative bar, or a level in dB with its own, in words."""
+    if unit == "Hz":
+        return quantity.frequency_with_bar(value, error, WIDE)
+    return quantity.with_bar(value, error, unit, WIDE) if error is not None else db(value)
 
 
 def verdict(record: Record) -> str:
@@ -85,17 +98,19 @@ def _wanted_card(study: StoredStudy, best: StoredCase) -> Card | None:
         return None
     note = "" if wanted.mac is None else f"MAC {wanted.mac:.2f} to the analytic shape"
     split = ", shape split among several modes" if wanted.status == "split" else ""
-    return Card("Wanted mode", khz(wanted.frequency_hz), note + split + _source(study, best))
+    return Card(
+        "Wanted mode", bar(wanted.frequency_hz, wanted.frequency_error, "Hz"), note + split + _source(study, best)
+    )
 
 
 def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
     record = best.record
     if record.confinement_db is None:
         return None
-    driven = "" if record.driven_db is None else f"; driven at its own peak {record.driven_db:.1f}{WIDE}dB"
+    driven = "" if record.driven_db is None else f"; driven at its own peak {db(record.driven_db)}"
     count = sum(case.record.confined is not None for case in plates(study))
     where = f", best of {count} plates" if count > 1 else ""
-    level = f"{record.confinement_db:.1f}{WIDE}dB"
+    level = bar(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None, "dB")
     note = verdict(record) + where + driven + _source(study, best)
     return Card("Confined to the zone", level, note, "good" if record.confined else "bad")
 
@@ -105,7 +120,7 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     prediction = best.record.prediction
     estimate = prediction.rows_needed if prediction else None
     per_row = (
-        f"{prediction.db_per_row:.1f}{WIDE}dB a row at the wanted mode, "
+        f"{db(prediction.db_per_row, prediction.db_error)} a row at the wanted mode, "
         if prediction and prediction.db_per_row
         else ""
     )
@@ -135,7 +150,8 @@ def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
     gap = best.record.bands.widest_gap if best.record.bands else None
     if not gap:
         return None
-    value = f"{gap.lower_hz / KHZ:.1f}–{gap.upper_hz / KHZ:.1f}{WIDE}kHz"
+    ends = gap.lower_hz, gap.upper_hz, gap.lower_error, gap.upper_error
+    value = quantity.interval(*ends, to="–", space=WIDE)
     note = f"of its unit cell, between bands {gap.lower_band} and {gap.upper_band}{_source(study, best)}"
     return Card("Complete gap", value, note)
 
@@ -167,14 +183,16 @@ def headline(study: StoredStudy) -> str:
     if best is None or best.record.confinement_db is None or best.record.wanted is None:
         return ""
     ratio = 10.0 ** (best.record.confinement_db / 20.0)
-    design, tone = best.record.design, khz(best.record.wanted.frequency_hz)
+    design, wanted = best.record.design, best.record.wanted
+    tone = khz(wanted.frequency_hz, wanted.frequency_error)
     rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
     apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
     what = (
         f"{rows} row{'s' if rows != 1 else ''} of pillars{apart} on each side of the zone" if rows else "a bare plate"
     )
     first = "Best of this study: " if len(plates(study)) > 1 else ""
-    level = f"{best.record.confinement_db:.1f}{WIDE}dB; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
+    known = db(best.record.confinement_db, wanted.confinement_error_db)
+    level = f"{known}; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
     return (
         f"{first}{what}. At {tone} the active zone moves {ratio:.1f} times as much as the rest of the plate ({level})."
     )
@@ -273,7 +291,11 @@ class PageColumn:
     def text(self, record: Record) -> str:
         """A cell's text."""
         value = self.column.value(record) if self._in_khz else None
-        return self.column.text(record) if value is None else f"{value / KHZ:.2f}"
+        if value is None:
+            return self.column.text(record)
+        if self.column.bar is None:
+            return f"{value / KHZ:.2f}"
+        return quantity.frequency_figure(value, self.column.bar(record), quantity.Unit("kHz", KHZ))
 
     def style(self, text: str) -> str:
         """A cell's classes."""
@@ -294,11 +316,11 @@ def sentences(study: StoredStudy) -> list[str]:
     elif result:
         said.append(_confinement_sentence(result[0].record))
     best = best_case(study)
-    bending = best.record.bands.bending_at_m_hz if best and best.record.bands else []
-    if best and bending:
-        tones = " and ".join(dict.fromkeys(f"{tone / KHZ:.2f}" for tone in bending))
+    bands = best.record.bands if best else None
+    if best and bands and bands.bending_at_m_hz:
+        tones = " and ".join(dict.fromkeys(map(khz, bands.bending_at_m_hz, bands.bending_errors)))
         whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
-        said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones} kHz.")
+        said.append(f"The pillars' bending bands of the unit cell{whose} meet M at {tones}.")
     for case in study.cases:
         if not case.record.answered:
             said.append(f"{case.case_id} gave no answer: {case.record.diagnosis}.")
@@ -311,7 +333,8 @@ def _confinement_sentence(record: Record) -> str:
     inside = (
         f"; {wanted.zone_share:.0%} of its squared normal displacement lies in the zone" if wanted and known else ""
     )
-    return f"The plate {verb} the wanted mode: {record.confinement_db:.1f} dB{inside}."
+    level = quantity.level(record.confinement_db, wanted.confinement_error_db if wanted else None)
+    return f"The plate {verb} the wanted mode: {level}{inside}."
 
 
 def comparison(study: StoredStudy) -> list[dict[str, Any]]:
@@ -345,6 +368,14 @@ def modes(record: Record) -> list[dict[str, Any]]:
     rows = [{"mode": mode, "number": number + 1, "wanted": number == index} for number, mode in enumerate(lines)]
     start = max(0, min(len(rows) - MAX_MODES, (index or 0) - MAX_MODES // 2))
     return rows[start : start + MAX_MODES]
+
+
+def mode_cells(mode: ModeRecord) -> list[str]:
+    """A mode's row: frequency in kHz and its bar in percent, symmetry, MAC, zone share, level in dB."""
+    tone = quantity.frequency_figure(mode.frequency_hz, mode.error, quantity.Unit("kHz", KHZ))
+    shares = ["–" if value is None else f"{value:.3f}" for value in (mode.mac, mode.zone_share)]
+    level = quantity.level_figure(mode.confinement_db, mode.confinement_error_db)
+    return [tone, quantity.percent(mode.error).removesuffix(" %"), mode.symmetry or "–", *shares, level]
 
 
 def left_out(study: StoredStudy) -> list[dict[str, str]]:

@@ -151,7 +151,7 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
 
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
-    broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy)
+    broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
     return sum(high - low for low, high in broad.stopped if low <= frequency_hz <= high) / KHZ
 
 

@@ -28,14 +28,14 @@ def bands(document: Document) -> Rows:
 
 def attenuation(document: Document) -> Rows:
     """One row a frequency."""
-    return [{key: point[key] for key in ("frequency_hz", "db_per_row")} for point in document["points"]]
+    return [{key: point.get(key) for key in ("frequency_hz", "db_per_row", "db_error")} for point in document["points"]]
 
 
 def broadband(document: Document) -> Rows:
     """One row a frequency."""
     shares = ("reflected", "flexural", "shear", "longitudinal")
     return [
-        {key: point[key] for key in ("frequency_hz", "confinement_db")}
+        {key: point.get(key) for key in ("frequency_hz", "confinement_db", "confinement_error_db")}
         | {
             f"transmitted_{name}" if name != "reflected" else name: (point["transmission"] or {}).get(name)
             for name in shares

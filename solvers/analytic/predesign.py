@@ -234,8 +234,8 @@ def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) ->
 def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
     text = zone.formula_hz / zone.frequency_hz - 1.0
     lines = [
-        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.2f} kHz, {100 * text:+.1f} % from the exact thin "
-        f"plate {zone.frequency_hz / 1e3:.2f} kHz: it does not meet a plate's free ends"
+        f"zone: the beam-function formula gives {zone.formula_hz / 1e3:.3g} kHz, {100 * text:+.1f} % from the exact thin "
+        f"plate {zone.frequency_hz / 1e3:.3g} kHz: it does not meet a plate's free ends"
     ]
     if zone.half_wavelength_m is not None:
         finger = "below" if zone.half_wavelength_m < FINGER_M else "not below"
@@ -249,7 +249,7 @@ def _zone_limits(design: Design, zone: ZoneSize) -> list[str]:
         *lines,
         f"zone: shear and rotary inertia change the frequency by {100 * (zone.pinned_hz / zone.frequency_hz - 1):+.1f} % "
         f"with pinned sides and {100 * (zone.clamped_hz / zone.thin_clamped_hz - 1):+.1f} % with clamped ones (Mindlin)",
-        f"zone: between {zone.pinned_hz / 1e3:.2f} kHz (pinned sides) and {zone.clamped_hz / 1e3:.2f} kHz (clamped sides), "
+        f"zone: between {zone.pinned_hz / 1e3:.3g} kHz (pinned sides) and {zone.clamped_hz / 1e3:.3g} kHz (clamped sides), "
         "whichever the rows of pillars come near to (Mindlin)",
     ]
 
@@ -258,7 +258,7 @@ def _row_limits(design: Design) -> list[str]:
     """What differs from row to row: each row's pillar beside the first one's, which the sizes above are of."""
     return [
         f"row {number}: its pillar, {1e3 * pillar.base_m:.3g} mm wide and {1e3 * pillar.height_m:.3g} mm high, bends at "
-        f"{pillar_frequencies_hz(pillar, 'timoshenko')[0] / 1e3:.2f} kHz on a clamped foot, shear counted"
+        f"{pillar_frequencies_hz(pillar, 'timoshenko')[0] / 1e3:.3g} kHz on a clamped foot, shear counted"
         for number, pillar in enumerate(design.graded, start=1)
     ]
 
@@ -268,10 +268,10 @@ def _pillar_limits(pillar: Pillar, size: PillarSize) -> list[str]:
     change = size.given_timoshenko_hz / size.given_euler_hz - 1.0
     lines = [
         f"pillar: height over width {slenderness:.2f}; shear and rotary inertia change its first frequency by "
-        f"{100 * change:+.1f} % ({size.given_euler_hz / 1e3:.2f} to {size.given_timoshenko_hz / 1e3:.2f} kHz at "
+        f"{100 * change:+.1f} % ({size.given_euler_hz / 1e3:.3g} to {size.given_timoshenko_hz / 1e3:.3g} kHz at "
         f"{1e3 * pillar.height_m:.3g} mm)",
-        f"pillar: {size.frequency_hz / 1e3:.2f} kHz takes {1e3 * size.height_m:.2f} mm without shear, "
-        f"{1e3 * size.timoshenko_height_m:.2f} mm with it; the plate under the foot lowers the frequency further",
+        f"pillar: {size.frequency_hz / 1e3:.3g} kHz takes {1e3 * size.height_m:.3g} mm without shear, "
+        f"{1e3 * size.timoshenko_height_m:.3g} mm with it; the plate under the foot lowers the frequency further",
     ]
     if slenderness < 3.0:
         lines.append(

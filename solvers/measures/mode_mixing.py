@@ -13,7 +13,14 @@ from solvers.measures.confinement import TouchField
 DECIBELS = 20.0 / log(10.0)
 
 
-def mixing_db(touch: TouchField, frequency_hz: FloatArray, index: int, design: Design, error: float) -> float | None:
+def mixing_db(
+    touch: TouchField,
+    frequency_hz: FloatArray,
+    index: int,
+    design: Design,
+    error: float,
+    ends_hz: tuple[float, ...] = (),
+) -> float | None:
     """What may move a mode's confinement at most, dB, where frequencies may be off by `error`, relative (parlett1998).
 
     A stiffness too high by d >= 0 with d_jj <= 2 error w_j^2 has |d_ij| <= 2 error w_i w_j, and adds to mode i of its
@@ -21,6 +28,7 @@ def mixing_db(touch: TouchField, frequency_hz: FloatArray, index: int, design: D
     where A and P are products of u_z over the active and the passive touch face. Neighbours add up by their squares.
 
     `touch` holds the modes of one symmetry class, `frequency_hz` (k,) theirs, `index` the mode's; None without a passive face.
+    ends_hz: of the interval in which all modes are known; beyond each one more may lie, as unlike as the most unlike of these.
     """
     active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
     if active.all():
@@ -29,8 +37,11 @@ def mixing_db(touch: TouchField, frequency_hz: FloatArray, index: int, design: D
     own = frequency_hz[index]
     apart = np.abs(frequency_hz**2 - own**2)
     apart[index] = np.inf
-    mixed = np.minimum(2.0 * error * own * frequency_hz / np.maximum(apart, 1e-300), 1.0)
-    return float(DECIBELS * np.linalg.norm(mixed * (inside - outside)))
+    unlike = np.abs(inside - outside)
+    tones, apart = np.append(frequency_hz, ends_hz), np.append(apart, np.abs(np.square(ends_hz) - own**2))
+    unlike = np.append(unlike, [np.delete(unlike, index).max(initial=0.0)] * len(ends_hz))
+    mixed = np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
+    return float(DECIBELS * np.linalg.norm(mixed * unlike))
 
 
 def _over_own(touch: TouchField, part: BoolArray, index: int) -> FloatArray:

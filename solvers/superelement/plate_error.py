@@ -12,9 +12,10 @@ N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -85,8 +86,19 @@ def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArra
     return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
+class Assembly(Protocol):
+    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
+
+    @property
+    def placed_cells(self) -> Sequence[Any]:
+        """The cells in their places."""
+
+    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
+        """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
+
+
 def by_mesh(
-    plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+    plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> tuple[FloatArray, FloatArray]:
     """What was taken from the frequencies of M-orthonormal modes (dof, k) and their bars' half-width, relative, (k,) each.
 

@@ -7,6 +7,7 @@ all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isnan, pi
@@ -21,8 +22,11 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile, measure_profile
 from solvers.measures.driven_zones import BESIDE, DrivenZones, drive_zones
 from solvers.superelement.build import Reductions
+from solvers.superelement.cell import Cell
+from solvers.superelement.plate_error import ModeErrors
 from solvers.superelement.tiling import DIGITS, tile
 from solvers.threads import one_thread
+from solvers.waves.column_error import forced_bars, mode_errors
 from solvers.waves.evanescent import Row
 
 
@@ -36,10 +40,16 @@ class ColumnModes:
 
 @dataclass(frozen=True)
 class Driven:
-    """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for."""
+    """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for.
+
+    errors: estimates those of the modes' frequencies. bar_db: gives the half-widths (n,) of the bars of the levels from
+    relative half-widths (k,) of those frequencies and the expected share of the bound on the modes' mixing.
+    """
 
     modes: ColumnModes
     confinement_db: FloatArray
+    errors: Callable[[], ModeErrors]
+    bar_db: Callable[[FloatArray, float], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -49,6 +59,12 @@ class _PlacedCell:
     row: Row
     middle: float
     dofs: IntArray
+    copies: int = 1
+
+    @property
+    def cell(self) -> Cell:
+        """The cell of the row."""
+        return self.row.cell
 
 
 class Column:
@@ -108,6 +124,11 @@ class Column:
         frequency_hz, vectors = self.solve(BESIDE[0] * low_hz, BESIDE[1] * high_hz)
         return drive_zones(self.design, frequency_hz, self.profile(vectors), (low_hz, high_hz), quality_factor)
 
+    def cell_vectors(self, placed_cell: _PlacedCell, vectors: ComplexArray) -> ComplexArray:
+        """A cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
+        live = placed_cell.dofs[:, None] >= 0
+        return np.asarray(placed_cell.row.transform @ np.where(live, vectors[np.maximum(placed_cell.dofs, 0)], 0.0))
+
     def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
         """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
 
@@ -120,7 +141,14 @@ class Column:
         stiff, moved = (np.array([self.scale.eigenvalue(f) for f in tones]) for tones in (tones_hz, frequencies_hz))
         shares = force[:, None] / (stiff[:, None] * (1.0 + 1j / quality_factor) - moved)
         forced = measure_profile(replace(own, values=own.values @ shares), self.design)
-        return Driven(ColumnModes(tones_hz, measure_profile(own, self.design)), forced.confinement_db)
+        active = np.abs(own.y_m) < self.design.width_m / 2.0
+        parts = [(own.weights[part], own.values[part]) for part in (active, ~active)]
+
+        def bar_db(error: FloatArray, mixed: float) -> FloatArray:
+            return forced_bars(parts, force, stiff, moved, quality_factor, error, mixed)
+
+        modes = ColumnModes(tones_hz, measure_profile(own, self.design))
+        return Driven(modes, forced.confinement_db, lambda: mode_errors(self, stiff, vectors), bar_db)
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Frequencies (k,) in Hz within a window (all of them from below 0 to inf) and their vectors (dof, k); a dense solve

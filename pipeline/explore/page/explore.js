@@ -118,23 +118,46 @@ async function refresh() {
   if (state.again) { state.again = false; refresh(); }
 }
 
-const kilo = (hz) => (hz / 1000).toFixed(2);
+// figures as pipeline/quantity.py writes them: the digits that the bar allows, frequencies in a unit that fits
+const exponent = (value) => value ? Math.floor(Math.log10(Math.abs(value))) : 0;
+const isKnown = (value) => typeof value === "number" && Number.isFinite(value);
+function decimals(value, bar) {
+  if (!isKnown(bar)) return 2 - exponent(value);
+  if (bar <= 0) return 6 - exponent(value);
+  const last = exponent(bar);
+  return Math.min((bar / 10 ** last < 3.55 ? 1 : 0) - last, 6 - exponent(value));
+}
+const fixed = (value, places) => (places < 0 ? Math.round(value * 10 ** places) / 10 ** places : value).toFixed(Math.max(places, 0));
+const figure = (value, bar) => isKnown(value) ? fixed(value, decimals(value, bar)) : "–";
+const frequencyUnit = (...all) => [["GHz", 1e9], ["MHz", 1e6], ["kHz", 1e3], ["Hz", 0]].find(([, size]) => Math.max(...all) >= size);
+function frequency(hz, error) {
+  const [unit, size] = frequencyUnit(hz), value = hz / (size || 1);
+  return error >= 1 ? "–" : `${figure(value, isKnown(error) ? value * error : null)} ${unit}`;
+}
+function interval(low, high, error) {
+  const [unit, size] = frequencyUnit(low, high);
+  const [from, to] = [low, high].map((hz) => figure(hz / (size || 1), isKnown(error) ? hz * error / (size || 1) : null));
+  return `${from} to ${to} ${unit}`;
+}
+const level = (db, bar) => isKnown(bar) ? `${figure(db, bar)} dB` : `${db.toFixed(1)} dB`;
+const ofBar = (bar, unit) => `± ${figure(bar, bar)} ${unit}`;
+const frequencyBar = (hz, error) => { const [unit, size] = frequencyUnit(hz); return ofBar(hz * error / (size || 1), unit); };
 function headline(found) {
   const plate = found.plate, gap = [...found.bands.gaps].sort((a, b) => (b.upper_hz - b.lower_hz) - (a.upper_hz - a.lower_hz))[0];
   const numbers = [];
   if (plate.why_not) numbers.push(["Wanted mode", "none", plate.why_not]);
   else {
-    numbers.push(["Wanted frequency", `${kilo(plate.frequency_hz)} kHz`, `± ${kilo(plate.frequency_error * plate.frequency_hz)} kHz, the plate's ends are left out`]);
-    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : `${plate.confinement_db.toFixed(2)} dB`, plate.confinement_error_db === null ? "" : `± ${plate.confinement_error_db.toFixed(1)} dB, the plate's ends are left out`]);
-    if (plate.extension_db !== null) numbers.push(["Zone over extension", `${plate.extension_db.toFixed(2)} dB`, "no bar known"]);
+    numbers.push(["Wanted frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}, the plate's ends are left out`]);
+    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}, the plate's ends are left out`]);
+    if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, null), "no bar known"]);
     const decay = decayAt(found.rows, plate.frequency_hz);
-    if (decay !== null) numbers.push(["Decay per row", `${decay.toFixed(2)} dB`, "at the wanted frequency and wavenumber"]);
+    if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the wanted frequency and wavenumber"]);
   }
-  if (gap) numbers.push(["Widest gap", `${kilo(gap.lower_hz)} to ${kilo(gap.upper_hz)} kHz`, gap.error === null ? "the bar of its edges is not known" : `edges at most ${(100 * gap.error).toFixed(2)} % too high`]);
+  if (gap) numbers.push(["Widest gap", interval(gap.lower_hz, gap.upper_hz, gap.error), gap.error === null ? "the bar of its edges is not known" : `edges at most ${figure(100 * gap.error, 100 * gap.error)} % too high`]);
   else numbers.push(["Widest gap", "none", "among the ten lowest bands"]);
   const worst = Math.max(...found.bands.error);
-  const mesh = found.bands.mesh_error, told = mesh === null ? "at most by the bases; what the mesh adds is not known" : `at most, and ${(100 * Math.max(...mesh)).toFixed(2)} % by the mesh`;
-  numbers.push(["Error of the bands", `${(100 * worst).toFixed(3)} %`, told]);
+  const mesh = found.bands.mesh_error, told = mesh === null ? "at most by the bases; what the mesh adds is not known" : `at most, and ${figure(100 * Math.max(...mesh), 100 * Math.max(...mesh))} % by the mesh`;
+  numbers.push(["Error of the bands", `${figure(100 * worst, 100 * worst)} %`, told]);
   return numbers;
 }
 function decayAt(rows, hz) {
@@ -284,7 +307,7 @@ function drawCloud() {
     const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 1) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
     for (const p of [...cloud.points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
-      const label = `${p.confinement_db.toFixed(1)} dB, ${kilo(p.frequency_hz)} kHz, ${p.mass_g.toFixed(1)} g`;
+      const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${p.mass_g.toFixed(1)} g`;
       const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
       if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
       put(dot, "title", {}, label);
@@ -295,7 +318,7 @@ function drawCloud() {
 }
 
 function drawPins() {
-  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Wanted (kHz)", "Confinement (dB)", "Widest gap (kHz)"];
+  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Wanted", "Confinement", "Widest gap"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
     tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
@@ -311,8 +334,8 @@ function drawPins() {
     }
     const plate = pin.plate, gap = pin.bands.gaps.map((g) => [g.upper_hz - g.lower_hz, g]).sort((a, b) => b[0] - a[0])[0];
     return row("td", [cell, ...Object.keys(state.limits).map((name) => String(pin.design[name])),
-      plate.why_not ? "none" : kilo(plate.frequency_hz), plate.why_not || plate.confinement_db === null ? "none" : plate.confinement_db.toFixed(2),
-      gap ? `${kilo(gap[1].lower_hz)} to ${kilo(gap[1].upper_hz)}` : "none"]);
+      plate.why_not ? "none" : frequency(plate.frequency_hz, plate.frequency_error), plate.why_not || plate.confinement_db === null ? "none" : level(plate.confinement_db, plate.confinement_error_db),
+      gap ? interval(gap[1].lower_hz, gap[1].upper_hz, gap[1].error) : "none"]);
   }));
   $("pin").disabled = state.pins.length >= MAX_PINS;
 }
@@ -345,12 +368,13 @@ async function computeFull() {
 }
 function compared(live, real) {
   if (real.why_not) return `Full plate: ${real.why_not}.`;
-  const bar = real.frequency_error === null ? "" : ` ± ${kilo(real.frequency_error * real.frequency_hz)} kHz`;
-  const level = real.confinement_db === null ? "" : `, ${real.confinement_db.toFixed(2)} dB${real.confinement_error_db === null ? "" : ` ± ${real.confinement_error_db.toFixed(2)} dB`}`;
-  const text = `Full plate: ${kilo(real.frequency_hz)} kHz${bar}${level}.`;
+  const bar = real.frequency_error === null ? "" : ` ${frequencyBar(real.frequency_hz, real.frequency_error)}`;
+  const own = real.confinement_error_db, spread = isKnown(own) ? ` ${ofBar(own, "dB")}` : "";
+  const confined = real.confinement_db === null ? "" : `, ${level(real.confinement_db, own)}${spread}`;
+  const text = `Full plate: ${frequency(real.frequency_hz, real.frequency_error)}${bar}${confined}.`;
   if (live.why_not) return text;
   const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
-  const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${(live.confinement_db - real.confinement_db).toFixed(2)} dB`;
+  const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${level(live.confinement_db - real.confinement_db, own)}`;
   return `${text} The live answer was off by ${off.toFixed(2)} %${levels}.`;
 }
 

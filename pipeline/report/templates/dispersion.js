@@ -25,7 +25,6 @@
     return made;
   };
   const label = (name) => NAMES[name] ?? name;
-  const khz = (hz, digits = 2) => `${(hz / 1e3).toFixed(digits)} kHz`;
   const px = (s) => LEFT + ((s - view.x[0]) / (view.x[1] - view.x[0])) * (frame.width - LEFT - RIGHT);
   const py = (hz) => frame.height - BOTTOM - ((hz - view.y[0]) / (view.y[1] - view.y[0])) * (frame.height - TOP - BOTTOM);
   const band_count = () => Math.min(...cell.hz.map((row) => row.length));
@@ -74,7 +73,7 @@
       const [top, bottom] = [py(gap.upper_hz), py(gap.lower_hz)];
       element(plot, "rect", { class: "gap", x: LEFT, width: frame.width - LEFT - RIGHT, y: top, height: Math.max(0, bottom - top) });
       if (bottom < TOP || top > frame.height - BOTTOM) continue;
-      const words = `complete gap ${(gap.lower_hz / 1e3).toFixed(2)} to ${khz(gap.upper_hz)}`;
+      const words = `complete gap ${gap.shown}`;
       const middle = (Math.max(top, TOP) + Math.min(bottom, frame.height - BOTTOM)) / 2;
       element(plot, "text", { class: "gap-label", x: (LEFT + frame.width - RIGHT) / 2, y: middle + 4, "text-anchor": "middle" }, words);
     }
@@ -153,7 +152,7 @@
       const item = document.createElement("li");
       const line = element(item, "svg", { width: 22, height: 14, "aria-hidden": "true" });
       element(line, "line", { class: "wanted-line", x1: 0, x2: 22, y1: 7, y2: 7 });
-      item.append(` wanted mode of the plate, ${khz(cell.wanted_hz)}`);
+      item.append(` wanted mode of the plate, ${cell.wanted_shown}`);
       legend.append(item);
     }
   }
@@ -170,7 +169,7 @@
     const speed = cell.speed?.[point][band];
     return [
       `band ${band + 1}`,
-      khz(cell.hz[point][band]),
+      cell.shown[point][band],
       `${where(point)}, k = (${kx.toFixed(1)}, ${ky.toFixed(1)}) rad/m`,
       kind + (cell.pillar?.[point][band] ? ", mostly in the pillar" : ""),
       ...(speed == null ? [] : [`group speed ${speed} m/s`]),
@@ -221,7 +220,7 @@
     const { name, point } = stored.reduce((best, other) => (far(other) < far(best) ? other : best));
     chosen = { point, band: wave.band };
     const moved = point === wave.point ? "" : ", the nearest wavevector with a stored shape";
-    told.textContent = `Shown: band ${wave.band + 1} at ${label(name)}, ${khz(cell.hz[point][wave.band])}${moved}.`;
+    told.textContent = `Shown: band ${wave.band + 1} at ${label(name)}, ${cell.shown[point][wave.band]}${moved}.`;
     dispatchEvent(new CustomEvent("antinode:wave", { detail: cell.shapes[name][wave.band] }));
   }
 

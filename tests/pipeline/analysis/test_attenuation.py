@@ -107,7 +107,7 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
         ]
         solved = synthetic.attenuation(3).model_copy(update={"points": points})
         (line,) = attenuation.at_the_zone(case, solved)
-        assert line.startswith(f"at {zone_khz:.2f} kHz") and said in line and "take 20.0 dB" in line
+        assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "take 20.0 dB" in line
     low = solved.model_copy(update={"points": [points[0].model_copy(update={"frequency_hz": f}) for f in (1e3, 2e3)]})
     assert attenuation.at_the_zone(case, low) == []
 

@@ -66,6 +66,13 @@ def test_power_is_shared_out_whole_and_the_intervals_are_those_of_the_points(doc
     assert 30e3 < document["wanted_hz"] < 42e3 and document["wanted_db"] is not None
 
 
+def test_a_mesh_without_a_coarser_one_gives_no_bars(document: dict) -> None:
+    assert document["frequency_error"] is None and document["wanted_error"] is None
+    assert {point[name] for point in document["points"] for name in ("confinement_error_db", "taken_error_db")} == {
+        None
+    }
+
+
 @pytest.mark.parametrize(
     ("override", "said"),
     [

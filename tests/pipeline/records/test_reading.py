@@ -5,20 +5,30 @@ from __future__ import annotations
 from pipeline.records.reading import filled, reading_markdown, reading_table
 
 
-def test_frequencies_are_in_khz_with_units_in_the_head_and_the_answer_is_starred() -> None:
-    head = ("frequency_hz", "symmetry", "zone_share", "confinement_db", "mac")
-    rows = [[30056.0123, "SS", 0.6275161, -0.0170816, 5.26595e-06], [34492.64, "SS", 0.953743, None, 0.987795]]
+def test_frequencies_have_the_digits_of_their_bars_and_the_answer_is_starred() -> None:
+    head = ("frequency_hz", "error", "symmetry", "confinement_db", "confinement_error_db", "mac")
+    rows = [[30056.0123, 2e-3, "SS", -0.0170816, 1.2, 5.26595e-06], [34492.64, None, "SS", 11.6123, 0.04, 0.987795]]
     assert reading_table(head, rows, [1]).splitlines() == [
-        "  frequency (kHz)  symmetry  zone share  confinement (dB)        mac",
-        "           30.056        SS      0.6275               0.0  5.266e-06",
-        "*          34.493        SS      0.9537                 -     0.9878",
+        "  frequency (kHz)  ± error (%)  symmetry  confinement (dB)  ± confinement (dB)        mac",
+        "            30.06         0.20        SS               0.0                 1.2  5.266e-06",
+        "*            34.5            -        SS             11.61                0.04     0.9878",
     ]
 
 
-def test_without_an_answer_there_is_no_column_of_stars() -> None:
-    assert reading_table(("label", "band_1_hz", "db_per_row"), [["G", 0.0, 5.5]]).splitlines() == [
-        "label  band 1 (kHz)  decay per row (dB)",
-        "    G         0.000                5.50",
+def test_bands_share_a_unit_and_their_bars_stand_in_files_alone() -> None:
+    head = ("label", "band_1_hz", "band_2_hz", "band_1_error", "band_2_error")
+    rows = [["G", 0.0, 548.771, 0.0, 4e-3], ["X", 219.3012, 840.1, 6.6e-4, 4e-3]]
+    assert reading_table(head, rows).splitlines() == [
+        "label  band 1 (Hz)  band 2 (Hz)",
+        "    G            0        548.8",
+        "    X       219.30        840.1",
+    ]
+
+
+def test_what_was_asked_for_is_shown_as_it_was_asked() -> None:
+    assert reading_table(("frequency_hz", "db_per_row", "db_error"), [[33333.333, 5.5, 0.123]]).splitlines() == [
+        "frequency (kHz)  decay per row (dB)  ± decay per row (dB)",
+        "        33.3333                5.50                  0.12",
     ]
 
 
@@ -33,11 +43,15 @@ def test_residuals_are_left_to_files() -> None:
 
 
 def test_a_row_that_names_its_own_figure_is_read_in_that_figures_unit() -> None:
+    """By theory, with as many digits as its expected error allows, or few."""
     rows = [["zone", "clamped_hz", 39084.25], ["zone", "clamped_hz_error", 0.0091], ["zone", "nodal_lines", 4]]
+    rows += [["zone", "pinned_hz", 39084.25], ["pillar", "height_mm", 6.9912]]
     assert reading_markdown(("part", "quantity", "value"), rows).splitlines()[2:] == [
-        "| zone | clamped sides (Mindlin) (kHz) | 39.084 |",
-        "| zone | clamped sides (Mindlin): expected error | 0.0091 |",
+        "| zone | clamped sides (Mindlin) (kHz) | 39.1 |",
+        "| zone | clamped sides (Mindlin): expected error (%) | 0.91 |",
         "| zone | nodal lines | 4 |",
+        "| zone | pinned sides (Mindlin) (kHz) | 39.1 |",
+        "| pillar | height (mm) | 6.99 |",
     ]
 
 

@@ -7,8 +7,9 @@ import pytest
 
 from pipeline.measures import registry
 from pipeline.records import outputs, store, tables
-from pipeline.records.record import BandPoint, BandsRecord, GapRecord
+from pipeline.records.record import BandPoint, BandsRecord, GapRecord, Record
 from pipeline.records.study import read_study
+from pipeline.records.tables import Column
 from tests.helpers import synthetic
 
 
@@ -70,11 +71,11 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
     rows = read(registry.write_table(study))
     assert [row["case"] for row in rows] == ["b", "a", "f", "cell", "gone"]
     assert [row["array.rows"] for row in rows] == ["2", "1", "3", "0", "4"]
-    assert rows[0]["wanted_hz"] == "31234.57" and rows[0]["mac"] == "0.9123" and rows[0]["dof"] == "1234"
+    assert rows[0]["wanted_hz"] == "31234.5678" and rows[0]["mac"] == "0.91234567" and rows[0]["dof"] == "1234"
     assert [row["confined"] for row in rows] == ["yes", "no", "", "", ""]
     assert rows[0]["count_check"] == "holds"
     assert (rows[2]["status"], rows[2]["diagnosis"]) == ("FAILED", 'no count, "31 kHz"')
-    assert (rows[3]["gap_lower_hz"], rows[3]["gap_upper_hz"]) == ("163100.00", "175800.00")  # the widest
+    assert (rows[3]["gap_lower_hz"], rows[3]["gap_upper_hz"]) == ("163100.0", "175800.0")  # the widest
     assert rows[3]["bending_m_2_hz"] == "32541.00" and rows[3]["dof"] == "99"
     assert (rows[4]["status"], rows[4]["diagnosis"]) == ("MISSING", "record.json is missing")
 
@@ -123,3 +124,12 @@ def test_a_count_that_does_not_hold_is_told(study: Path):
 def test_nothing_stored_is_one_clear_line(tmp_path: Path):
     with pytest.raises(store.BadRecord, match="run it first"):
         registry.write_table(tmp_path)
+
+
+def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> None:
+    column = Column("hz", "mode", lambda _: 31234.56789012345, ".2f", "Hz", lambda _: 3e-3)
+    error, level = Column("e", "error", lambda _: 3.3e-3, ".2%"), Column("db", "level", lambda _: 11.62, ".1f", "dB")
+    record = Record(case_id="a", status="OK")
+    assert [each.cell(record) for each in (column, error, level)] == [31234.56789, 0.0033, 11.62]
+    assert [each.text(record) for each in (column, error, level)] == ["31230", "0.33%", "11.6"]
+    assert Column("db", "level", lambda _: 11.6243, ".1f", "dB", lambda _: 0.06).text(record) == "11.62"
