@@ -679,7 +679,11 @@ class CrosstalkRecord(Part):
 
 
 class LoadedModeRecord(Part):
-    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1."""
+    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1.
+
+    By its complex eigenvalue lambda = (2 pi frequency_hz)^2 (1 + i/quality_factor). free_error, frequency_error: half-widths of
+    the bars, relative; the other errors have the unit of their figure.
+    """
 
     free_hz: float
     frequency_hz: float
@@ -687,6 +691,12 @@ class LoadedModeRecord(Part):
     quality_factor: float | None
     added_loss: float
     share: float
+    free_error: float | None = None
+    frequency_error: float | None = None
+    shift_error_hz: float | None = None
+    quality_error: float | None = None
+    added_loss_error: float | None = None
+    share_error: float | None = None
 
 
 class TouchStateRecord(Part):
@@ -694,6 +704,7 @@ class TouchStateRecord(Part):
 
     finger_m: rms of u_z over the contact. friction_low, friction_high: mu over mu at rest for the two gaps; None where the
     relation says nothing. drawn_W: patches_W and dielectric_W; drawn_mW_at_1um: at an amplitude of 1 um under the finger.
+    frequency_error is relative, the other errors have the unit of their figure; the finger itself counts as given.
     """
 
     state: Literal["free", "touched", "retuned", "held", "shaped"]
@@ -714,6 +725,21 @@ class TouchStateRecord(Part):
     apparent_VA: float
     drawn_mW_at_1um: float | None
     drive_V_at_1um: float | None
+    frequency_error: float | None = None
+    drive_error_V: float | None = None
+    finger_error_m: float | None = None
+    zone_rms_error_m: float | None = None
+    passive_rms_error_m: float | None = None
+    confinement_error_db: float | None = None
+    sensor_error_V: float | None = None
+    friction_low_error: float | None = None
+    friction_high_error: float | None = None
+    patches_error_W: float | None = None
+    plate_error_W: float | None = None
+    finger_error_W: float | None = None
+    drawn_error_W: float | None = None
+    drawn_error_mW_at_1um: float | None = None
+    drive_error_V_at_1um: float | None = None
 
 
 class LoopRecord(Part):
@@ -723,6 +749,8 @@ class LoopRecord(Part):
     needed_V: float
     limit_V: float | None
     saturates: bool | None
+    sensor_error_V: float | None = None
+    needed_error_V: float | None = None
 
 
 class TouchMapRecord(Part):
