@@ -12,13 +12,10 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.planning import error_bar
-from pipeline.planning.model_choice import model_choice_of
-from pipeline.planning.request import response_high_hz
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
-from solvers.piezo.height import height_error
+from solvers.piezo.height import frequency_error, height_error, largest_frequency_error
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
 from solvers.threads import one_thread
 
@@ -31,8 +28,8 @@ class Response:
     """The response curve, the wanted mode's peak (None where the band has none), the highest peak, and the plate
     behind them.
 
-    The operating shape is that at `peak`. expected_error is that of a frequency by the plate's mesh, relative; bonding the
-    patches and the reduction add their own.
+    The operating shape is that at `peak`. expected_error is the largest half-width of a frequency's bar in the band, relative:
+    mesh, reduction and bonding together.
     """
 
     model: str
@@ -83,8 +80,14 @@ class Response:
 
 
 def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
-    error = height_error(forced, peak.frequency_hz)
-    return PeakRecord.of(peak, zone_rms_m_per_V=peak.zone_rms, passive_rms_m_per_V=peak.passive_rms, height_error=error)
+    height, frequency = (error(forced, peak.frequency_hz) for error in (height_error, frequency_error))
+    return PeakRecord.of(
+        peak,
+        zone_rms_m_per_V=peak.zone_rms,
+        passive_rms_m_per_V=peak.passive_rms,
+        height_error=height,
+        frequency_error=frequency,
+    )
 
 
 @one_thread()
@@ -120,15 +123,20 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        error_bar.log_mesh_error(
-            model_choice_of(case, "plate", response_high_hz(case, (low, high))),
-            case,
-            log,
-            forced.mesh_error(low, high),
-        ),
+        _logged_error(largest_frequency_error(forced, low, high), case, log),
     )
     _log_summary(forced_response, log)
     return forced_response
+
+
+def _logged_error(error: float | None, case: Case, log: Log) -> float | None:
+    """Log the largest half-width of the band's frequencies, and where the case asks for less; returns it."""
+    if error is None:
+        log.info("the error of a frequency is unknown: compare with a finer solve.accuracy")
+        return None
+    short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
+    log.info(f"error of a frequency by mesh, reduction and bonding {error:.2%} or less{short}")
+    return error
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:
@@ -207,8 +215,9 @@ def _summary(name: str, peak: PeakRecord) -> str:
     confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
     quality_factor = "none" if peak.quality_factor is None else f"{peak.quality_factor:.0f}"
     error = peak.height_error
-    bar = "its error is not known" if error is None else f"\u00b1 {error:.1%} by the mesh, the damping given"
+    bar = "its error is not known" if error is None else f"\u00b1 {error:.1%}, the damping given"
+    hz = "its error is not known" if peak.frequency_error is None else f"\u00b1 {peak.frequency_error:.2%}"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz: {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar}){confinement_text}; "
+        f"{name} at {peak.frequency_hz:.1f} Hz ({hz}): {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar}){confinement_text}; "
         f"quality factor from the curve: {quality_factor}"
     )

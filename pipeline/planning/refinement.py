@@ -20,8 +20,8 @@ from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.plate_error import MARGIN
 
-MARGIN = 2.0  # an assembled plate's single modes may lie somewhat above their estimate, the worst of a class never did
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 SHORT = (
     0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough

@@ -485,7 +485,8 @@ class LiveRecord(Part):
 class PeakRecord(Part):
     """The response at one frequency, and the quality factor read from the curve.
 
-    height_error: half-width of the bar of both rms, relative, the damping given; None where it is not known.
+    height_error: half-width of the bar of both rms, relative, the damping given; frequency_error: of the frequency's, by mesh,
+    reduction and bonding together. None where one is not known.
     """
 
     frequency_hz: float
@@ -494,6 +495,7 @@ class PeakRecord(Part):
     confinement_db: float | None
     quality_factor: float | None
     height_error: float | None = None
+    frequency_error: float | None = None
 
     @property
     def zone_nm_per_V(self) -> float:

@@ -105,10 +105,7 @@ def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
     assert isinstance(plate, PatchedPlate)
     energies = np.zeros(len(plate.bonds))
     for number, bond in enumerate(plate.bonds):
-        for place, part in enumerate(bond.parts):
-            pairs = zip(forced.modes, motions, strict=True)
-            moved = np.sum(
-                [plate.motions[b.group.symmetries[0]][number][place] @ np.concatenate(m) for b, m in pairs], axis=0
-            )
-            energies[number] += part.share * (np.conj(moved) @ part.stiffness @ moved).real
+        pairs = zip(forced.modes, motions, strict=True)
+        moved = np.sum([plate.motions[b.group.symmetries[0]][number][0] @ np.concatenate(m) for b, m in pairs], axis=0)
+        energies[number] = (np.conj(moved) @ bond.finest.stiffness @ moved).real
     return energies

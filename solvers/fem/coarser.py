@@ -243,7 +243,7 @@ def prolonged_eigenvalues(
     from scipy.optimize import linear_sum_assignment  # slow to import
 
     unit = (fine.scale.angular / coarse.scale.angular) ** 2
-    factor, _ = factor_near(coarse, _amid(values) * unit, Factoriser())
+    factor, _ = factor_near(coarse, amid(values) * unit, Factoriser())
     moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(prolonged.T @ (fine.mass @ vectors))))
     stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
     eigenvalues, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
@@ -252,7 +252,7 @@ def prolonged_eigenvalues(
     return np.asarray(eigenvalues[partner] / unit)
 
 
-def _amid(values: FloatArray) -> float:
+def amid(values: FloatArray) -> float:
     """A shift between eigenvalues above 0, or below them, next to their middle and clear of each."""
     known = np.sort(values)
     between = np.concatenate([BELOW * known[:1], (known[1:] + known[:-1]) / 2.0])

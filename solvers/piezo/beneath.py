@@ -8,12 +8,11 @@ graded towards its edges, less the same of those panels' reduced matrices, both 
 from __future__ import annotations
 
 import hashlib
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -39,10 +38,8 @@ from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.tiling import Tiling, signature
 
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
-HARDLY = 1e-9  # of the mean eigenvalue: beside it rigid-body modes have some
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
-Matrix = TypeVar("Matrix", FloatArray, sp.csc_array)
 
 
 class Cache(Protocol):
@@ -54,25 +51,6 @@ class Cache(Protocol):
 
     def put(self, key: str, matrix: FloatArray) -> None:
         """Keep a symmetric matrix."""
-        ...
-
-
-class Part(Protocol):
-    """A patch of one mesh as a plate feels it."""
-
-    @property
-    def share(self) -> float:
-        """What of it is taken."""
-        ...
-
-    @property
-    def contact(self) -> Contact:
-        """Where it is felt."""
-        ...
-
-    @property
-    def stiffness(self) -> FloatArray:
-        """K there, (3 b, 3 b), in the plate's scale."""
         ...
 
 
@@ -101,24 +79,6 @@ class Beneath:
         """Compute what `flexibility` will ask for, distinct places side by side."""
         places = {place.key: place for place in (_Place.of(plate, each, self.reductions, back) for each in patches)}
         side_by_side(lambda place: self._lacking(plate, place), places.values())
-
-    def stays_stiff(self, plate: AssembledPlate, patch: BondedPatch, parts: Sequence[Part], shared_by: int) -> bool:
-        """Whether K of the panels beneath a patch, a `shared_by`-th of it, stays positive with the patch's parts added.
-
-        Where it does for all patches, so does the plate's: no panel is asked for more than is there.
-        """
-        place = _Place.of(plate, patch, self.reductions, parts[0].contact.back)
-        own = (patch.material, patch.thickness_m, [part.share for part in parts], shared_by)
-
-        def answer() -> FloatArray:
-            joined = JoinedPanels(Panels.beneath(plate.grid, patch.box_m, 0.0), plate)
-            stiffness, mass = joined.stiffness / shared_by, joined.mass / shared_by
-            for part in parts:
-                motion = joined.motion(part.contact)
-                stiffness += part.share * motion.T @ part.stiffness @ motion
-            return np.array([[float(is_stiff(stiffness, mass))]])
-
-        return bool(self._kept(place, ("stiff", *self._panels(place), *own), answer)[0, 0])
 
     def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
@@ -186,27 +146,6 @@ def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings
         return piezo_patch.MESH
     finest = min([design.thickness_m, *(pillar.footprint_m for pillar in design.kinds)])
     return replace(piezo_patch.MESH, size_m=min(piezo_patch.MESH.size_m, FOOT * finest))
-
-
-def most_on_a_panel(plate: AssembledPlate, boxes_m: Iterable[FloatArray]) -> int:
-    """Of the rectangles of patches the largest number that overlap one panel."""
-    counts = Counter(place for box in boxes_m for place in Panels.beneath(plate.grid, box, 0.0).places)
-    return max(counts.values())
-
-
-def lifted(stiffness: Matrix, mass: Matrix) -> Matrix:
-    """K with hardly any of M beside it, so that rigid-body modes have some stiffness, too."""
-    return stiffness + HARDLY * stiffness.trace() / mass.trace() * mass
-
-
-def is_stiff(stiffness: FloatArray, mass: FloatArray) -> bool:
-    """Whether dense K is positive but for rigid-body modes."""
-    own = np.diag(mass) > 0.0  # functions of free sides carry nothing
-    try:
-        np.linalg.cholesky(lifted(stiffness, mass)[np.ix_(own, own)])
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def pillars_beneath(tiling: Tiling, box_m: FloatArray) -> list[tuple[int, int]]:

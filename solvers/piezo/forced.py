@@ -20,13 +20,12 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.coarser import largest
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
 from solvers.measures.confinement import TouchField, measure
 from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.plate_error import by_mesh
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
@@ -34,7 +33,10 @@ COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 @dataclass(frozen=True)
 class GroupModes:
-    """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches)."""
+    """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
+
+    bond: what the mesh beneath the patches leaves uncertain; None where no coarser mesh shows it.
+    """
 
     group: Group
     frequency_hz: FloatArray
@@ -43,6 +45,7 @@ class GroupModes:
     columns: FloatArray
     middle: float
     residual_gain: tuple[FloatArray, FloatArray]
+    bond: BondErrors | None = None
 
     def amplitudes(self, eigenvalue: float, loss: float, volts: ComplexArray) -> ComplexArray:
         """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
@@ -205,18 +208,6 @@ class ForcedPlate:
         share = inside / whole if self.areas_m2[1] is not None else np.full(count, np.nan)
         return strength, share, strength / np.maximum(per_area * inside, 1e-300)
 
-    def mesh_error(self, low_hz: float, high_hz: float) -> float | None:
-        """Largest half-width of the bar by the plate's mesh of any resonance between two frequencies, relative; None where
-        there is none, or no coarser mesh tells it.
-        """
-        bars = []
-        for basis in self.modes:
-            inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
-            parts = basis.group.split(basis.columns[:, : len(inside)][:, inside])
-            pairs = zip(basis.group.plates, parts, strict=True)
-            bars.append(sum(by_mesh(plate, basis.eigenvalue[inside], part)[1] for plate, part in pairs))
-        return largest(np.concatenate(bars)) if bars else None
-
     @cached_property
     def all_modes(self) -> list[GroupModes]:
         """Modes of every group of the plate: something beside the patches may move those that the patches do not drive."""
@@ -364,17 +355,19 @@ def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float,
     while len(values) and np.abs(values / middle - 1.0).min() < 1e-6:
         middle *= 1.0 + 3e-6
     factor, middle = factor_near(group.pencil, middle, shared.factorise)
-    gain, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
-    columns = np.hstack([modes.vectors, residual, slope])
+    _, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
     gains = (group.loads.T @ residual, group.loads.T @ slope)
-    return GroupModes(group, modes.frequency_hz, values, gain, columns, middle, gains)
+    better = extrapolated_modes(group, values, modes.vectors)
+    columns = np.hstack([better.vectors, residual, slope])
+    tones = scale.frequency(better.eigenvalue)
+    return GroupModes(group, tones, better.eigenvalue, better.gain, columns, middle, gains, better.errors)
 
 
 def residual_vectors(
     group: Group, factor: Factor, middle: float, modes: tuple[FloatArray, FloatArray], loads: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gains of loads (dof, l) on modes (eigenvalues, vectors), (modes, l); R and R1 of the loads about the middle, (dof, l)."""
-    values, vectors = modes
-    gain = vectors.T @ loads
-    residual = factor.solve(loads) - vectors @ (gain / (values - middle)[:, None])
+    _, vectors = modes
+    gain, answer = vectors.T @ loads, factor.solve(loads)
+    residual = answer - vectors @ (vectors.T @ group.pencil.apply_mass(answer))
     return gain, residual, factor.solve(group.pencil.apply_mass(residual))

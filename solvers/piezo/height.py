@@ -1,10 +1,31 @@
-"""How far the height of a driven plate's peak may be wrong."""
+"""How far a peak of a driven plate may be wrong: its frequency and its height."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from geometry.elements import FloatArray
+from solvers.fem.coarser import largest
 from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.frequency_bar import frequency_errors
+
+
+def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
+    """Half-width of the bar of the frequency of the peak nearest to one, relative; None where it is not known.
+
+    That of the mode nearest to it: mesh, reduction and bonding together.
+    """
+    basis, index = _nearest(forced, frequency_hz)
+    return None if basis is None else _known(float(frequency_errors(basis).total[index]))
+
+
+def largest_frequency_error(forced: ForcedPlate, low_hz: float, high_hz: float) -> float | None:
+    """The largest of any resonance between two frequencies, relative; None where there is none, or one is not known."""
+    bars: list[FloatArray] = []
+    for basis in forced.modes:
+        inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
+        bars.append(frequency_errors(basis).total[inside])
+    return largest(np.concatenate(bars)) if bars else None
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
@@ -12,23 +33,20 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
 
     A resonance's height goes as phi'f / lambda: what the loads f and the mode's frequency may be wrong by adds up. Damping is
     given and not judged. What modes left out of the panels bring is told at rest: at the mode's eigenvalue l it may be
-    larger by l / (L - l), L that below which none was left out. What inertia adds to the loads is told at one frequency.
+    larger by l / (L - l), L that below which none was left out.
     """
     basis, index = _nearest(forced, frequency_hz)
-    if basis is None:
+    if basis is None or basis.bond is None or basis.group.by_modes is None:
         return None
     group, phi, value = basis.group, basis.columns[:, index], float(basis.eigenvalue[index])
-    if group.by_mesh is None or group.by_modes is None:
-        return None
     volts = forced.volts(forced.plate.scale.eigenvalue(frequency_hz))
     growth = max(float(cell.residual.growth(value)) - 1.0 for plate in group.plates for cell in plate.cells)
-    lost = abs(phi @ group.by_mesh @ volts) + growth * abs(phi @ group.by_modes @ volts)
-    if group.inertia is not None:
-        lost += abs(value / group.eigenvalue - 1.0) * abs(phi @ group.inertia @ volts)
+    lost = basis.bond.gain[index] @ np.abs(volts) + growth * abs(phi @ group.by_modes @ volts)
     given = abs(basis.gain[index] @ volts)
-    hz = float(basis.frequency_hz[index])
-    mesh = forced.mesh_error(hz, hz)
-    error = float(lost / given) + 2.0 * mesh if given and mesh is not None else float("nan")
+    return _known(float(lost / given) + 2.0 * float(frequency_errors(basis).total[index])) if given else None
+
+
+def _known(error: float) -> float | None:
     return error if np.isfinite(error) else None
 
 

@@ -112,12 +112,7 @@ class JoinedPanels:
         places = np.split(number, np.cumsum([len(each) for each in dofs])[:-1])
         self.count, self._own = len(known), dict(zip(panels.places, places, strict=True))
         self._turned = {place: _turned(panels.grid, *place) for place in panels.places}
-        self.stiffness = self._summed("stiffness")
-
-    @property
-    def mass(self) -> FloatArray:
-        """M of all of them, (n, n)."""
-        return self._summed("mass")
+        self.stiffness = self._summed()
 
     @property
     def free(self) -> BoolArray:
@@ -137,11 +132,11 @@ class JoinedPanels:
             moved[np.ix_(rows, self._own[place])] += motion.reshape(len(rows), -1) @ self._turned[place]
         return moved
 
-    def _summed(self, name: str) -> FloatArray:
+    def _summed(self) -> FloatArray:
         total = np.zeros((self.count,) * 2)
         for place, turn in self._turned.items():
             own = self._own[place]
-            total[np.ix_(own, own)] += turn.T @ getattr(self.panels.grid.cell(*place), name) @ turn
+            total[np.ix_(own, own)] += turn.T @ self.panels.grid.cell(*place).stiffness @ turn
         return (total + total.T) / 2.0
 
 

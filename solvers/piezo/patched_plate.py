@@ -1,8 +1,8 @@
 """An assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
-each patch the plate gives way by F; patch and F are meshed twice, and the share of the mesh's error that the edges leave is
-taken from stiffness, loads and charges (solvers/piezo/beneath.py).
+each patch the plate yields by F (solvers/piezo/beneath.py). Patch and F are meshed twice: both plates are solved, and what
+their modes differ by shows the error of the finer mesh (solvers/piezo/coarser_bond.py).
 """
 
 from __future__ import annotations
@@ -18,12 +18,13 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.patches import mirrored_axes
-from solvers.errors import SingularShift, SolverError
+from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
+from solvers.fem.coarser import Shares
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
-from solvers.piezo.beneath import Beneath, lifted, most_on_a_panel
+from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
@@ -34,21 +35,45 @@ UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
 
 
 @dataclass(frozen=True)
+class CoarserBond:
+    """Classes with the patches on a coarser mesh: K and M once they are asked for, loads (dof, patches) and their part by
+    inertia, and the shares of the change from that mesh to the finer one that is left, and that is uncertain.
+    """
+
+    join: Callable[[], PlainPencil]
+    loads: FloatArray
+    inertia: FloatArray
+    shares: Shares
+
+
+def gains_at(
+    vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
+) -> FloatArray:
+    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
+    gain = vectors.T @ loads
+    if growth is None or inertia is None:
+        return np.asarray(gain)
+    return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
+
+
+@dataclass(frozen=True)
 class Group:
     """Symmetry classes solved together: the load of one volt on each patch, (dof, patches), scaled, and K and M as `join` makes
     them, once they are asked for.
 
-    Alike: by_mesh, what the mesh beneath the patches may make wrong in the loads (None where it is not known); by_modes, what
-    the modes left out of the panels bring to them at rest; inertia, what goes with the eigenvalue, at that one.
+    Alike: by_modes, what the modes left out of the panels bring to the loads at rest; inertia, what goes with the eigenvalue,
+    at that one. yielding: energies (k,) of F under the forces of the patches in motions (dof, k); None without patches.
+    coarser: the same classes on a coarser mesh of the patches; None where there is none.
     """
 
     plates: tuple[AssembledPlate, ...]
     join: Callable[[], PlainPencil]
     loads: FloatArray
-    by_mesh: FloatArray | None = None
     by_modes: FloatArray | None = None
     inertia: FloatArray | None = None
     eigenvalue: float = 0.0
+    yielding: Callable[[FloatArray], FloatArray] | None = None
+    coarser: CoarserBond | None = None
 
     @cached_property
     def pencil(self) -> PlainPencil:
@@ -59,6 +84,10 @@ class Group:
     def factorise(self) -> Factoriser:
         """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
         return Factoriser()
+
+    def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
+        """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
+        return gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
 
     @property
     def symmetries(self) -> tuple[str, ...]:
@@ -102,27 +131,6 @@ class PatchedPlate:
         self._images = _images([(key, flip) for key, _, flip in own])
         self.bonds = [known[key].mirrored(flip) for key, _, flip in own]
         self._join(plates)
-        self.is_stiff = self._is_stiff_beneath(some, distinct, known, beneath)
-        is_positive = self.is_stiff or all(_positive(group.pencil, group.factorise) for group in self.groups)
-        self.differs_too_much = not is_positive
-        if self.differs_too_much:
-            self.bonds = [bond.finest for bond in self.bonds]
-            self._join(plates)
-
-    def _is_stiff_beneath(
-        self,
-        plate: AssembledPlate,
-        patches: Mapping[str, BondedPatch],
-        bonds: Mapping[str, _Bond],
-        beneath: Beneath | None,
-    ) -> bool:
-        """Whether the panels beneath each patch alone prove K positive: a factor of the whole plate is then not asked for."""
-        if all(len(bond.parts) == 1 for bond in bonds.values()):
-            return True
-        if beneath is None:
-            return False
-        shared_by = most_on_a_panel(plate, [patch.box_m for patch in self.patches])
-        return all(beneath.stays_stiff(plate, patches[key], bonds[key].parts, shared_by) for key in patches)
 
     def _join(self, plates: Mapping[str, AssembledPlate]) -> None:
         """The groups of classes that the patches couple, and which of them they drive."""
@@ -136,10 +144,6 @@ class PatchedPlate:
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
-        self.everything = [
-            group if group in self.groups else replace(group, join=partial(self._positive_pencil, group))
-            for group in self.everything
-        ]
 
     def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
         """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
@@ -160,28 +164,29 @@ class PatchedPlate:
     @property
     def capacitance_f(self) -> FloatArray:
         """Capacitance of each patch with its bonded face clamped, F."""
-        return np.array([bond.capacitance_f for bond in self.bonds])
+        return np.array([bond.finest.capacitance_f for bond in self.bonds])
 
     def _group(self, plates: list[AssembledPlate]) -> Group:
         dofs = sum(plate.dof for plate in plates)
-        loads, by_mesh, by_modes, inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(4))
+        fine, coarse, by_modes, inertia, coarse_inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(5))
         motions = [] if self._cannot_drive(plates) else self._moved(plates)
         for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=bool(motions))):
-            pairs = list(zip(bond.parts, moved, strict=True))
-            own = [motion.T @ part.load for part, motion in pairs]
-            loads[:, number] = sum(part.share * load for part, load in zip(bond.parts, own, strict=True))
-            inertia[:, number] = sum(part.share * (motion.T @ part.inertia) for part, motion in pairs)
-            by_mesh[:, number] = bond.spread * (own[-1] - own[0])
-            by_modes[:, number] = moved[0].T @ bond.parts[0].softened
-        known = all(len(bond.parts) > 1 for bond in self.bonds)
+            part, motion = bond.finest, moved[0]
+            fine[:, number] = motion.T @ part.load
+            inertia[:, number] = motion.T @ part.inertia
+            by_modes[:, number] = motion.T @ part.softened
+            coarse[:, number] = moved[-1].T @ bond.parts[-1].load
+            coarse_inertia[:, number] = moved[-1].T @ bond.parts[-1].inertia
+        shares = joint_shares([bond.shares for bond in self.bonds])
         return Group(
             tuple(plates),
-            partial(self._pencil, plates),
-            loads,
-            by_mesh if known else None,
+            partial(self._pencil, plates, 0),
+            fine,
             by_modes,
             inertia if self.eigenvalue else None,
             self.eigenvalue,
+            partial(self._yielding, plates),
+            CoarserBond(partial(self._pencil, plates, -1), coarse, coarse_inertia, shares) if shares else None,
         )
 
     def _cannot_drive(self, plates: list[AssembledPlate]) -> bool:
@@ -218,41 +223,43 @@ class PatchedPlate:
         alone = len(plates) == 1 and plates[0].symmetry != WHOLE
         return self._images[number] if alone else (number, np.ones(2))
 
-    def _positive_pencil(self, group: Group) -> PlainPencil:
-        """That of a class that nothing drives, whose patches stand on their finer mesh alone where two take too much away."""
-        pencil = group.join()
-        if self.is_stiff or all(len(bond.parts) == 1 for bond in self.bonds) or _positive(pencil, group.factorise):
-            return pencil
-        own = [bond.finest for bond in self.bonds]
-        return self._pencil(list(group.plates), own)
-
-    def _pencil(self, plates: list[AssembledPlate], bonds: list[_Bond] | None = None) -> PlainPencil:
-        """K and M of the classes with the patches, which move with their bonded faces, (3 b, dof) each.
-
-        K is extrapolated; M, of which the edges leave little, is that of each patch's finest mesh, and so stays positive.
-        """
-        pencils, motions = [plate.pencil() for plate in plates], self._moved(plates)
+    def _pencil(self, plates: list[AssembledPlate], mesh: int) -> PlainPencil:
+        """K and M of the classes with the patches of a mesh, which move with their bonded faces, (3 b, dof) each."""
+        pencils = [plate.pencil() for plate in plates]
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
         stiff: list[_Bonded] = []
         weights: list[_Bonded] = []
-        alike = Counter(self._own_or_image(number, plates)[0] for number in range(len(self.bonds)))
-        for number, count in alike.items():
-            bond, moved = (bonds or self.bonds)[number], motions[number]
-            pairs = zip(bond.parts, moved[: len(bond.parts)], strict=True)
-            stiff += [(count * part.share, part.stiffness, motion) for part, motion in pairs]
-            weights.append((count / self.scale.mass_kg, bond.parts[0].mass, moved[0]))
+        for count, bond, moved in self._distinct(plates):
+            part, motion = bond.parts[mesh], moved[mesh]
+            stiff.append((count, part.stiffness, motion))
+            weights.append((count / self.scale.mass_kg, part.mass, motion))
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         matrices = self._matrices
         return PlainPencil(matrices.added(whole, stiff), matrices.added(heavy, weights), self.scale, rigid)
 
+    def _yielding(self, plates: list[AssembledPlate], vectors: FloatArray) -> FloatArray:
+        """f'F f of the forces f of all patches in motions (dof, k) of the classes, (k,)."""
+        total = np.zeros(vectors.shape[1])
+        for count, bond, moved in self._distinct(plates):
+            forces = bond.finest.stiffness @ (moved[0] @ vectors)
+            total += count * np.einsum("ik,ik->k", forces, bond.finest.yields @ forces)
+        return total
 
-def _positive(pencil: PlainPencil, factorise: Factoriser) -> bool:
-    """Whether K is positive but for rigid-body modes: the two meshes of a patch take no more away than is there."""
-    try:
-        return factorise(sp.csc_array(lifted(pencil.stiffness, pencil.mass))).negative == 0
-    except SingularShift:
-        return False
+    def _distinct(self, plates: list[AssembledPlate]) -> list[tuple[int, _Bond, list[sp.csr_array]]]:
+        """The patches that are no other's image in the classes: how many of each, itself and its motions."""
+        motions = self._moved(plates)
+        alike = Counter(self._own_or_image(number, plates)[0] for number in range(len(self.bonds)))
+        return [(count, self.bonds[number], motions[number]) for number, count in alike.items()]
+
+
+def joint_shares(shares: Sequence[Shares | None]) -> Shares | None:
+    """Shares that stand for those of several patches, uncertain by how they differ, too; None where one has none."""
+    known = [each for each in shares if each is not None]
+    if not known or len(known) < len(shares):
+        return None
+    taken, spread = (np.array([getattr(each, name) for each in known]) for name in ("taken", "spread"))
+    return replace(known[0], taken=float(taken.mean()), spread=float(spread.max() + np.ptp(taken)))
 
 
 def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
@@ -305,19 +312,19 @@ class _PatchMatrices:
 
 @dataclass(frozen=True)
 class _Part:
-    """A patch of one mesh as the plate's own degrees of freedom feel it, and its share of the bond.
+    """A patch of one mesh as the plate's own degrees of freedom feel it.
 
     Where; stiffness (3b, 3b), load of a volt (3b,) and its part by inertia, scaled; mass (3b, 3b) in kg; capacitance in F with
-    that face held. softened (3b,): what F brings to the load.
+    that face held. softened (3b,): what F brings to the load; yields (3b, 3b): F, scaled.
     """
 
-    share: float
     contact: Contact
     stiffness: FloatArray
     mass: FloatArray
     load: FloatArray
     inertia: FloatArray
     softened: FloatArray
+    yields: FloatArray
     capacitance_f: float
 
     def mirrored(self, flip: FloatArray) -> _Part:
@@ -331,15 +338,16 @@ class _Part:
             load=turn * self.load,
             inertia=turn * self.inertia,
             softened=turn * self.softened,
+            yields=turn[:, None] * self.yields * turn,
         )
 
 
 @dataclass(frozen=True)
 class _Bond:
-    """A patch by its meshes, the finest first; of the difference to the coarser one `spread` is uncertain."""
+    """A patch by its meshes, the finest first, and the shares of what the coarser one changes."""
 
     parts: tuple[_Part, ...]
-    spread: float = 0.0
+    shares: Shares | None = None
 
     def mirrored(self, flip: FloatArray) -> _Bond:
         """The same at its mirror image."""
@@ -348,43 +356,35 @@ class _Bond:
         return replace(self, parts=tuple(part.mirrored(flip) for part in self.parts))
 
     @property
-    def finest(self) -> _Bond:
-        """The finer mesh alone, where the difference to the coarser one is more than what it is taken from."""
-        return _Bond((replace(self.parts[0], share=1.0),))
-
-    @property
-    def capacitance_f(self) -> float:
-        """With the bonded face held, F."""
-        return sum(part.share * part.capacitance_f for part in self.parts)
+    def finest(self) -> _Part:
+        """The patch on its finest mesh."""
+        return self.parts[0]
 
 
 def _bonds(
     patches: Mapping[str, BondedPatch], plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
 ) -> dict[str, _Bond]:
-    """Patches on a plate that gives way beneath them, with most of the mesh's error taken away; as meshed without `beneath`."""
+    """Patches on a plate that yields beneath them, on two meshes where they have two; on one without `beneath`."""
     meshed = {key: _meshes(patch, back, beneath) for key, patch in patches.items()}
     if beneath:
-        beneath.prepare(plate, [patch for parts, _ in meshed.values() for _, patch in parts], back)
+        beneath.prepare(plate, [patch for parts in meshed.values() for patch in parts], back)
     return {
-        key: _Bond(tuple(_part(share, patch, plate, back, eigenvalue, beneath) for share, patch in parts), spread)
-        for key, (parts, spread) in meshed.items()
+        key: _Bond(
+            tuple(_part(patch, plate, back, eigenvalue, beneath) for patch in parts),
+            beneath.shares(parts[0]) if beneath and len(parts) > 1 else None,
+        )
+        for key, parts in meshed.items()
     }
 
 
-def _meshes(
-    patch: BondedPatch, back: bool, beneath: Beneath | None
-) -> tuple[tuple[tuple[float, BondedPatch], ...], float]:
-    """A patch by its meshes with their shares, the finest first, and what of their difference is uncertain."""
+def _meshes(patch: BondedPatch, back: bool, beneath: Beneath | None) -> tuple[BondedPatch, ...]:
+    """A patch by its meshes, the finest first."""
     if beneath is None or not patch.mesh.layers:
-        return ((1.0, patch),), 0.0
-    shares = beneath.shares(patch)
-    coarse = bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
-    return ((1.0 + shares.taken, patch), (-shares.taken, coarse)), shares.spread
+        return (patch,)
+    return patch, bonded_patch(patch.material, patch.box_m, patch.thickness_m, back, patch.mesh.coarser)
 
 
-def _part(
-    share: float, patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
-) -> _Part:
+def _part(patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None) -> _Part:
     """The patch of one mesh on a plate that also gives way by F, the flexibility that its degrees of freedom q lack.
 
     w = E q - F (K_E w - theta V): with T = (I + F K_E)^-1 the plate feels K_E T, T'M_E T, the load T'theta, and the patch holds
@@ -399,13 +399,13 @@ def _part(
     effective, effective_load = stiffness @ turn, turn.T @ load
     inertia = eigenvalue * turn.T @ (patch.swell + patch.mass @ (gives @ effective_load)) / scale.mass_kg
     return _Part(
-        share,
         Contact(patch.points, patch.projection, back),
         (effective + effective.T) / 2.0,
         turn.T @ patch.mass @ turn,
         effective_load + inertia,
         inertia,
         effective_load - load,
+        gives,
         patch.capacitance_f + float(patch.theta @ turn @ gives @ load),
     )
 

@@ -1,0 +1,106 @@
+"""Modes of a patched plate, extrapolated from two meshes of its patches and of what yields beneath them.
+
+At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks beside it
+(decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
+matrices: motions as short as an element meet many times the stiffness on the coarser mesh, the more so the stiffer the
+ceramic is beside its plate, and a share of that taken from K softens the plate by more than there is. Modes of the coarser
+mesh, aligned with those of the finer one (schoenemann1966), have K there; with A and g its matrices in modal coordinates
+
+    Lambda = A + t (A - A_c),    gains = g + t (g - g_c).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import eigh, svd
+
+from geometry.elements import FloatArray
+from solvers.fem.coarser import amid
+from solvers.fem.eigen import factor_near
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.piezo.patched_plate import CoarserBond, Group, gains_at
+
+ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is none of its modes about the band
+
+
+@dataclass(frozen=True)
+class BondErrors:
+    """Half-widths of the bars by the mesh of the bond: of frequencies, relative, (k,); of gains, (k, patches). NaN where a mode
+    has no counterpart on the coarser mesh. lowered (k,): what was taken from frequencies, relative.
+    """
+
+    lowered: FloatArray
+    frequency: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True)
+class ExtrapolatedModes:
+    """Scaled eigenvalues (k,), ascending, M-orthonormal modes (dof, k) and gains (k, patches); errors None without a mesh that
+    shows them.
+    """
+
+    eigenvalue: FloatArray
+    vectors: FloatArray
+    gain: FloatArray
+    errors: BondErrors | None
+
+
+def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) -> ExtrapolatedModes:
+    """Extrapolate a group's modes about the band from its two meshes of the patches.
+
+    Parameters
+    ----------
+    group : Group
+        The classes with their patches.
+    values, vectors : ndarray, shapes (k,), (dof, k)
+        Scaled eigenvalues and M-orthonormal modes of the finer mesh.
+
+    Returns
+    -------
+    ExtrapolatedModes
+        Within the span of `vectors`.
+    """
+    coarser, gain = group.coarser, group.gain(vectors, values)
+    if coarser is None or not len(values):
+        return ExtrapolatedModes(values, vectors, gain, None)
+    stiffness, coarse_gain, known = _aligned(group, coarser, (values, vectors), gain)
+    share, spread = coarser.shares.taken, coarser.shares.spread
+    better, turn = eigh(np.diag(values) + share * (np.diag(values) - stiffness))
+    own, coarse = (turn.T @ each @ turn for each in (np.diag(values), stiffness))
+    change = np.diag(coarse - own)
+    gains, coarse_gains = turn.T @ gain, turn.T @ coarse_gain
+    unknown = np.where((turn**2).T @ known > ALIKE, 1.0, np.nan)
+    errors = BondErrors(
+        share * change / (2.0 * better),
+        unknown * spread * np.abs(change) / (2.0 * better),
+        unknown[:, None] * spread * np.abs(gains - coarse_gains),
+    )
+    return ExtrapolatedModes(better, vectors @ turn, gains + share * (gains - coarse_gains), errors)
+
+
+def _aligned(
+    group: Group, coarser: CoarserBond, modes: tuple[FloatArray, FloatArray], gain: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K (k, k) and gains (k, patches) of the coarser mesh in its modes, turned onto the finer one's, and how much of each of
+    those is there, (k,).
+
+    Directions without a counterpart stay as the finer mesh has them.
+    """
+    pencil, (values, vectors) = coarser.join(), modes
+    factor, _ = factor_near(pencil, amid(values), Factoriser())
+    moved, _ = np.linalg.qr(factor.solve(group.pencil.apply_mass(vectors)))
+    stiffness, mass = moved.T @ (pencil.stiffness @ moved), moved.T @ pencil.apply_mass(moved)
+    eigenvalues, own = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
+    moved = moved @ own
+    fine, overlap, coarse = svd(vectors.T @ group.pencil.apply_mass(moved))
+    alike = overlap > ALIKE
+    fine, turn = fine[:, alike], coarse[alike].T
+    own = np.diag(values)
+    change = (turn.T * eigenvalues) @ turn - fine.T @ own @ fine
+    growth = eigenvalues / group.eigenvalue if group.eigenvalue else None
+    other = turn.T @ gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
+    known = (fine**2).sum(axis=1)
+    return own + fine @ change @ fine.T, gain + fine @ other, known
