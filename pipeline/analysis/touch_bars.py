@@ -49,6 +49,7 @@ MODE = {
 }
 LOOP = {"sensor_V": "sensor_error_V", "needed_V": "needed_error_V"}
 PER_LOAD = ("finger_m", "zone_rms_m", "passive_rms_m", "sensor_V")  # unknown where the loads' own error is
+LOWER = 2  # degrees of the polynomials over the contact that are left out, at most, to show what further ones bring
 Figures = dict[tuple[str, str], float]
 
 
@@ -105,8 +106,8 @@ def _half_widths(
     if share is None or not all(np.isfinite(each).all() for each in errors):
         return np.full_like(values, np.nan)
 
-    def again(changed: Session, remainder: float = 0.0) -> FloatArray:
-        start = None if mode is None else loaded_mode(changed.touched, mode, remainder)
+    def again(changed: Session, slopes: bool = True) -> FloatArray:
+        start = None if mode is None else loaded_mode(changed.touched, mode, slopes)
         found = _figures(changed, start)
         return np.array([found.get(key, np.nan) for key in nominal])
 
@@ -120,7 +121,7 @@ def _half_widths(
         half = np.hypot(half, half_widths(values, louder(session.free, load), varied))
     else:
         half[[name in PER_LOAD for _, name in nominal]] = np.nan
-    return half + _of_contact(session, values, again)
+    return half + _of_contact(session, nominal, again)
 
 
 def _session(session: Session, each: Variation | Louder) -> Session:
@@ -128,16 +129,21 @@ def _session(session: Session, each: Variation | Louder) -> Session:
     return replace(session, free=free, touched=touched, peak_hz=session.peak_hz * each.own, unknown={})
 
 
-def _of_contact(session: Session, values: FloatArray, again: Callable[..., FloatArray]) -> FloatArray:
+def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatArray]) -> FloatArray:
     """What polynomials beyond the finger's degree, the disk's own points, and modes beyond the band are worth."""
-    finger = session.touched.finger
+    finger, values = session.touched.finger, np.array(list(nominal.values()))
     if finger.tip.is_nothing:
         return np.zeros_like(values)
-    lower = finger.degree - 2
-    lesser = replace(session, free=session.free.lesser(lower), touched=session.touched.lesser(lower), unknown={})
+    bare = replace(session, unknown={})
+    lesser = [
+        again(replace(bare, free=session.free.lesser(lower), touched=session.touched.lesser(lower)))
+        for lower in range(finger.degree - LOWER, finger.degree)
+    ]
     reach = finger.radius_m * finger.wavenumber_per_m(session.case.design, session.touched.band_hz[1])
     settled = disk.left_beyond(reach, finger.degree) <= disk.ENOUGH
-    beyond = (1.0 if settled else finger.degree / 2.0) * np.abs(again(lesser) - values)
-    by_rule = 2.0 * integration_error(session.touched, session.peak_hz) * np.abs(values)
-    rest = np.abs(again(replace(session, unknown={}), 1.0) - values)
-    return np.asarray(beyond + by_rule + rest)
+    beyond = (1.0 if settled else finger.degree / 2.0) * np.max(np.abs(lesser - values), axis=0)
+    error = 2.0 * integration_error(session.touched, session.peak_hz)
+    by_rule = np.abs(again(replace(bare, touched=session.touched.stiffer(1.0 + error))) - values)
+    motion = np.array([error if name in PER_LOAD else 0.0 for _, name in nominal]) * np.abs(values)
+    rest = np.abs(again(bare, False) - values)
+    return np.asarray(beyond + by_rule + motion + rest)

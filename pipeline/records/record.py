@@ -541,10 +541,17 @@ class HybridMethod(Part):
     volts_per_um: list[float]
     off_db: list[float]
     rows_off_db: list[float] | None
+    confinement_error_db: list[float | None] | None = None
+    volts_error_per_um: list[float | None] | None = None
+    off_error_db: list[float | None] | None = None
+    rows_off_error_db: list[float | None] | None = None
 
 
 class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows."""
+    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows.
+
+    wanted_error: half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
+    """
 
     model: str
     dof: int
@@ -555,6 +562,7 @@ class HybridRecord(Part):
     wanted_hz: float | None
     frequency_hz: list[float]
     methods: list[HybridMethod]
+    wanted_error: float | None = None
 
     @property
     def wanted_place(self) -> int | None:
@@ -577,6 +585,8 @@ class PatternMode(Part):
     nodal_lines: int
     frequency_hz: float
     share: float
+    frequency_error: float | None = None
+    share_error: float | None = None
 
 
 class PlayedPattern(Part):
@@ -617,7 +627,8 @@ class TravelRecord(Part):
 
     twr: within window_m; alone_twr: of the two shapes alone; best_twr: with any voltages. volts: of drivers, real and
     imaginary, the largest 1 V; patches_W negative where a patch takes. flow_W: towards +x through the sections flow_x_m;
-    standing_flow_W: with all drivers in phase with the wanted mode.
+    standing_flow_W: with all drivers in phase with the wanted mode. inner_sections: how many of the sections lie between the
+    plate's ends, where nothing flows. frequency_error is relative, the other errors have the unit of their figure.
     """
 
     model: str
@@ -641,6 +652,16 @@ class TravelRecord(Part):
     flow_x_m: list[float]
     flow_W: list[float]
     standing_flow_W: list[float]
+    inner_sections: int | None = None
+    frequency_error: float | None = None
+    twr_error: float | None = None
+    alone_twr_error: float | None = None
+    best_twr_error: float | None = None
+    wavenumber_error_per_m: float | None = None
+    confinement_error_db: float | None = None
+    drive_error_V_at_1um: float | None = None
+    lost_error_W: float | None = None
+    flow_error_W: list[float | None] | None = None
     shear: ShearRecord | None = None
     board: list[PlayedPattern] | BoardFault | None = None
     tables: list[str] = []
@@ -650,7 +671,8 @@ class DrivenZone(Part):
     """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
 
     passive_db: the same of the passive face, None without one; mac: of the driven zone with the wanted shape;
-    over_rms_m_per_V: (zones, n) over the record's frequencies.
+    over_rms_m_per_V: (zones, n) over the record's frequencies. peak_error is relative, the other errors have the unit of their
+    figure.
     """
 
     centre_m: float
@@ -661,6 +683,11 @@ class DrivenZone(Part):
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
     mac: float | None = None
+    peak_error: float | None = None
+    rms_error_m_per_V: list[float | None] | None = None
+    level_error_db: list[float | None] | None = None
+    passive_error_db: float | None = None
+    mac_error: float | None = None
 
 
 class CrosstalkRecord(Part):

@@ -16,21 +16,19 @@ from typing import TypeVar
 import numpy as np
 
 from geometry.elements import FloatArray
+from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes
-from solvers.piezo.patched_plate import PatchedPlate
-from solvers.superelement.plate_error import by_mesh, truncation
 from solvers.touch.touched_plate import TouchedPlate
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
-TRUNCATION = 2.0  # of the estimate: single modes of a plate may lie somewhat above it
 CACHED = ("verdict", "all_modes", "_fields")  # what follows from modes and is computed again when asked for
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
     """Half-width of the bar of every resonance about the band by mesh, reduction and bonding, relative, (modes,) a group in the
-    order of `bases`; NaN where no coarser mesh shows it.
+    order of `bases`; NaN where nothing shows it.
     """
-    return [_of_group(forced, basis) for basis in bases(forced)]
+    return [frequency_bar.frequency_errors(basis).total for basis in bases(forced)]
 
 
 def bases(forced: ForcedPlate) -> list[GroupModes]:
@@ -38,29 +36,6 @@ def bases(forced: ForcedPlate) -> list[GroupModes]:
     if isinstance(forced, TouchedPlate):
         return forced.free.modes if forced.finger.tip.is_nothing else forced.free.all_modes
     return forced.modes
-
-
-def _of_group(forced: ForcedPlate, basis: GroupModes) -> FloatArray:
-    group, value = basis.group, basis.eigenvalue
-    vectors = basis.columns[:, : len(value)]
-    if not len(value):
-        return np.zeros(0)
-    parts = zip(group.plates, group.split(vectors), strict=True)
-    mesh = np.sum([by_mesh(plate, value, part)[1] for plate, part in parts], axis=0)
-    return np.asarray(
-        mesh + TRUNCATION * truncation(group.plates, group.pencil, value, vectors) + _by_bonding(forced, basis)
-    )
-
-
-def _by_bonding(forced: ForcedPlate, basis: GroupModes) -> FloatArray:
-    """Half of phi' dK phi over the eigenvalue, dK what is uncertain of the patches' stiffness by their own two meshes, (k,)."""
-    plate, total = forced.plate, np.zeros(len(basis.eigenvalue))
-    motions = plate.motions.get(basis.group.symmetries[0], []) if isinstance(plate, PatchedPlate) else []
-    for bond, moved in zip(plate.bonds if motions else (), motions, strict=True):  # type: ignore[attr-defined]
-        phi = [motion @ basis.columns[:, : len(total)] for motion in moved]
-        energy = [np.einsum("ik,ij,jk->k", u, part.stiffness, u) for u, part in zip(phi, bond.parts, strict=True)]
-        total += bond.spread * np.abs(energy[-1] - energy[0]) / (2.0 * basis.eigenvalue)
-    return total
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[FloatArray]) -> float | None:
@@ -115,6 +90,10 @@ class Variation:
                 self._turned(rows) if self._is_in(basis) else rows for basis, rows in pairs
             ]
 
+    def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
+        """Values (..., columns) of a group's columns in the new modes."""
+        return self._turned(values) if self._is_in(basis) else values
+
     def _is_in(self, basis: GroupModes) -> bool:
         return basis.group.plates is self.basis.group.plates
 
@@ -130,13 +109,23 @@ class Variation:
             return other
         return replace(other, gain=self._turned(basis.gain.T).T, columns=self._turned(basis.columns))
 
-    def _turned(self, values: FloatArray, both: bool = False) -> FloatArray:
+    def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
+        """Values (..., columns) of all groups' columns, one after another, in the new modes; both: of the last two axes."""
+        first = 0
+        for basis in plate.modes:
+            if self._is_in(basis):
+                return self._turned(values, both, first)
+            first += basis.columns.shape[1]
+        return values
+
+    def _turned(self, values: FloatArray, both: bool = False, first: int = 0) -> FloatArray:
         """Columns of the pair, and rows of a Gram matrix, in the new modes."""
-        assert self.turn is not None
-        out, places = values.copy(), list(self.places)
-        out[:, places] = out[:, places] @ self.turn
+        if self.turn is None:
+            return values
+        out, places = values.copy(), [first + place for place in self.places]
+        out[..., places] = out[..., places] @ self.turn
         if both:
-            out[places] = self.turn.T @ out[places]
+            out[..., places, :] = self.turn.T @ out[..., places, :]
         return out
 
 
@@ -202,6 +191,14 @@ class Louder:
         _keep_wanted(plate, other)
         return other
 
+    def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
+        """Values of the columns, which stay."""
+        return values
+
+    def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
+        """Values of a group's columns, which stay."""
+        return values
+
     def _basis(self, basis: GroupModes, patches: int) -> GroupModes:
         gain, where = basis.gain.copy(), slice(0, patches) if self.patch is None else self.patch
         gain[:, where] *= self.factor
@@ -214,6 +211,19 @@ def louder(forced: ForcedPlate, error: float) -> Iterator[tuple[Louder, ...]]:
     if len(forced.drivers) > 1:
         for patch in forced.drivers:
             yield (Louder(1.0 + error, patch),)
+
+
+def sources(
+    forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float, load: float | None
+) -> Iterator[tuple[Variation | Louder, ...]]:
+    """All that may be wrong about the resonance nearest to a frequency; load: half-width of the loads' bar, relative."""
+    yield from variations(forced, errors, resonating_hz, share)
+    yield from louder(forced, np.nan if load is None else load)
+
+
+def is_known(errors: list[FloatArray]) -> bool:
+    """Whether every resonance has a bar."""
+    return all(bool(np.isfinite(each).all()) for each in errors)
 
 
 def half_widths(

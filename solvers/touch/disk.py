@@ -56,10 +56,10 @@ def count_of(degree: int) -> int:
 def means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
     """Points (p, 2) of the unit disk and the weights (m, p) that give the means of u Z_j from u at them.
 
-    A Gauss rule along the squared radius times even angles, exact to three times the degree and more; `finer` further points
-    along each show what the kinks of a mesh's field are worth.
+    A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field has kinks:
+    `finer` further points along each show what they leave.
     """
-    along, around = max(12, degree + degree // 2 + 2) + finer, max(36, 3 * degree + 1) + finer
+    along, around = max(24, 2 * degree) + finer, max(72, 4 * degree + 1) + finer
     nodes, shares = roots_legendre(along)
     radius, angle = np.sqrt((nodes + 1.0) / 2.0), 2.0 * pi * (np.arange(around) + 0.5) / around
     points = np.stack([np.outer(radius, turn(angle)) for turn in (np.cos, np.sin)], axis=-1).reshape(-1, 2)

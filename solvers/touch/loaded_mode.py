@@ -2,9 +2,10 @@
 
 With the contact's moments u_f = g q + R f and f = -D u_f, the modes' coordinates q obey N(lambda) q = 0,
 N = Lambda (1 + i/Q) - lambda + g' T g, T = (1 + D R)^-1 D, all at the complex lambda = omega^2. Loss is uniform,
-K (1 + i/Q), so the modes beyond the band answer with R(lambda/(1 + i/Q))/(1 + i/Q): a real mass keeps 1/Q exactly, a spring
-dilutes it, a damper adds to it. R has four terms about the band's middle. N linearised about lambda gives the mode that holds
-most of the free one; inverse iteration on N (ruhe1973) settles it.
+K (1 + i/Q): a real mass keeps 1/Q exactly, a spring dilutes it, a damper adds to it. Beyond the band R = sum g g' /
+(l (1 + i/Q) - lambda) over the Ritz modes of the residual vectors, which match four terms about the band's middle and have no
+root that the plate lacks. N linearised about lambda gives the mode that holds most of the free one; inverse iteration on N
+(ruhe1973) settles it.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from solvers.touch.touched_plate import TouchedPlate
 
 PASSES, STEPS = 30, 12  # of the linearised problem, of inverse iteration
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
+SAME = 1e-10  # of the largest: directions of the residual vectors that are combinations of the others
 
 
 @dataclass(frozen=True)
@@ -55,25 +57,25 @@ class LoadedMode:
         return self.loss - self.free_loss
 
 
-def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, remainder: float = 0.0) -> LoadedMode | None:
+def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: bool = True) -> LoadedMode | None:
     """The target mode under the finger, from that of a plate hardly different where it is known; None when the band holds
     none, or the finger leaves none among the modes about it.
 
-    remainder: share of the bound on the terms left out of R that is added to it.
+    slopes: with the slopes of the residual vectors; without them R matches two terms, and what changes bounds what four miss.
     """
     free_hz, row = touched.free.wanted_hz(), touched.wanted_row
     if free_hz is None or row is None:
         return None
     if touched.finger.tip.is_nothing:
         return LoadedMode(free_hz, free_hz, touched.loss, touched.loss, 1.0)
-    problem, (low, high) = _Problem(touched, remainder), known_range(touched)
+    problem, (low, high) = _Problem(touched, slopes), known_range(touched)
     vector = start.vector if start else None
     found = (start.eigenvalue, vector) if start and vector is not None else _likeliest(problem, row, low, high)
     value, vector = problem.settled(*found) if found else (complex(np.nan), np.zeros(1))
     if not (low <= value.real <= high and value.imag > 0.0):
         return None
     frequency = float(touched.plate.scale.frequency(np.array(value.real)))
-    share = float(np.abs(vector[row]) ** 2 / np.linalg.norm(vector) ** 2)
+    share = float(problem.shares(np.array([value]), vector[:, None], row)[0])
     return LoadedMode(free_hz, frequency, touched.loss, value.imag / value.real, share, value, vector)
 
 
@@ -93,8 +95,7 @@ def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[co
         known = np.flatnonzero((values.real >= low) & (values.real <= high))
         if not len(known):
             return None
-        held = np.abs(vectors[row, known]) / np.linalg.norm(vectors[:, known], axis=0)
-        best = known[int(np.argmax(held))]
+        best = known[int(np.argmax(problem.shares(values[known], vectors[:, known], row)))]
         before, value = value, complex(values[best])
         if abs(value - before) <= NEAR * abs(value):
             return value, vectors[:, best]
@@ -104,14 +105,14 @@ def _likeliest(problem: _Problem, row: int, low: float, high: float) -> tuple[co
 class _Problem:
     """N(lambda) of a touched plate, (modes, modes), and its derivative."""
 
-    def __init__(self, touched: TouchedPlate, remainder: float) -> None:
-        self.touched, self.loss, self.remainder = touched, 1.0 + 1j * touched.loss, remainder
+    def __init__(self, touched: TouchedPlate, slopes: bool) -> None:
+        self.touched, self.loss = touched, 1.0 + 1j * touched.loss
         self.unit, count = touched.plate.stiffness_unit, len(touched.plate.patches)
         self.own: ComplexArray = np.concatenate([basis.eigenvalue for basis in touched.modes]) * self.loss
         self.gain: FloatArray = np.vstack([basis.gain[:, count:] for basis in touched.modes])
-        self.middles = [basis.middle for basis in touched.modes]
-        self.terms = [_terms(basis, count) for basis in touched.modes]
-        self.edges = known_range(touched)
+        beyond = [_beyond(basis, count, slopes) for basis in touched.modes]
+        self.beyond = self.loss * np.concatenate([values for values, _ in beyond])
+        self.beyond_gain = np.vstack([gain for _, gain in beyond])
 
     def at(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
         """N and dN/dlambda."""
@@ -131,21 +132,21 @@ class _Problem:
         return finger.dynamic_stiffness(omega / (2.0 * np.pi)), slope
 
     def _residual(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
-        """What modes beyond the band add to the receptance, damped as the others, and its derivative.
+        """What modes beyond the band add to the receptance, damped as the others, and its derivative."""
+        inverse, gain = 1.0 / (self.beyond - value), self.beyond_gain
+        return self.unit * gain.T @ (inverse[:, None] * gain), self.unit * gain.T @ (inverse[:, None] ** 2 * gain)
 
-        Beyond the fourth term of sum g g' / (l - m) they leave at most the fourth times x/(1 - x), x the distance from the
-        middle over that of the nearest mode that is not summed.
-        """
-        bare, total, slope = value / self.loss, 0.0, 0.0
-        for middle, terms in zip(self.middles, self.terms, strict=True):
-            away = bare - middle
-            ratio = abs(away) / min(abs(edge - middle) for edge in self.edges)
-            rest = self.remainder * ratio / max(1.0 - ratio, 1e-3)
-            total = (
-                total + sum(away**power * term for power, term in enumerate(terms)) + rest * abs(away) ** 3 * terms[3]
-            )
-            slope = slope + sum(power * away ** (power - 1) * term for power, term in enumerate(terms) if power)
-        return np.asarray(self.unit * total / self.loss), np.asarray(self.unit * slope / self.loss**2)
+    def shares(self, values: ComplexArray, vectors: ComplexArray, row: int) -> FloatArray:
+        """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, with what they move beyond the band."""
+        out = np.empty(len(values))
+        for place, (value, vector) in enumerate(zip(values, vectors.T, strict=True)):
+            stiffness, _ = self._finger(value)
+            residual, _ = self._residual(value)
+            push = np.linalg.solve(np.eye(len(residual)) + stiffness * residual, stiffness * (self.gain.T @ vector))
+            beyond = self.unit * (self.beyond_gain @ push) / (self.beyond - value)
+            whole = np.linalg.norm(vector) ** 2 + np.linalg.norm(beyond) ** 2
+            out[place] = np.abs(vector[row]) ** 2 / whole
+        return out
 
     def settled(self, value: complex, vector: ComplexArray) -> tuple[complex, ComplexArray]:
         """Eigenvalue and vector by inverse iteration; NaN where it does not settle."""
@@ -162,10 +163,16 @@ class _Problem:
         return complex(np.nan), vector
 
 
-def _terms(basis: GroupModes, patches: int) -> list[FloatArray]:
-    """sum g g' / (l - m0)^n, n = 1 to 4, over the modes beyond the band, between the loads after the patches."""
+def _beyond(basis: GroupModes, patches: int, slopes: bool) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (k,) and gains (k, loads) of the Ritz modes of the residual vectors of the loads after the patches."""
     count, loads = len(basis.eigenvalue), basis.group.loads.shape[1]
-    static, slope = (np.arange(count + patches + more, count + loads + more) for more in (0, loads))
-    mass = basis.projected[1]
-    own = [each[patches:, patches:] for each in basis.residual_gain]
-    return [*own, mass[np.ix_(static, slope)], mass[np.ix_(slope, slope)]]
+    own = np.arange(patches, loads)
+    columns = np.concatenate([own, loads + own] if slopes else [own]) + count
+    stiffness, mass = (each[np.ix_(columns, columns)] for each in basis.projected)
+    gain = np.vstack([each[patches:, patches:].T for each in basis.residual_gain[: 2 if slopes else 1]])
+    size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
+    values, turn = scipy.linalg.eigh(mass * np.outer(size, size))
+    kept = values > SAME * values[-1]
+    whiten = size[:, None] * turn[:, kept] / np.sqrt(values[kept])
+    eigenvalue, vectors = scipy.linalg.eigh(whiten.T @ stiffness @ whiten)
+    return np.asarray(eigenvalue), np.asarray((whiten @ vectors).T @ gain)

@@ -130,6 +130,15 @@ class TouchedPlate(ForcedPlate):
             other.modes = [_first_loads(basis, kept) for basis in self.modes]
         return other
 
+    def stiffer(self, factor: float) -> Self:
+        """The same with so many times the finger's impedance."""
+        other = copy(self)
+        tip = self.finger.tip
+        names = ("stiffness_n_m", "damping_n_s_m", "mass_kg", "specific_n_s_m3")
+        scaled = {name: factor * getattr(tip, name) for name in names}
+        other.finger = replace(self.finger, tip=replace(tip, **scaled))
+        return other
+
     def receptance(self, eigenvalue: float) -> ComplexArray:
         """Charge of patches (C) and moments of motion (m), per volt and per newton, of the free plate: (p + f, p + f)."""
         parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
@@ -173,20 +182,26 @@ def rms(moments: ComplexArray) -> float:
 
 
 def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
-    """Share of the rms over the contact that the polynomials miss, on a finer rule of points, at a frequency.
+    """Relative error of the motion's moments over the contact at a frequency: what the rule of points and the polynomials miss.
 
     The kinks of a coarse mesh's field lie beyond every degree.
     """
-    points, weights = disk.means(plate.finger.degree, FINER)
+    own, (points, weights) = plate.contact_motion(frequency_hz), disk.means(plate.finger.degree, FINER)
     places = np.array(plate.finger.at_m) + plate.finger.radius_m * points
     eigenvalue = plate.plate.scale.eigenvalue(frequency_hz)
     loads = plate.volts(eigenvalue)
-    moved = [
-        face_motion(basis.group, places) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
-        for basis in plate.modes
-    ]
-    square = float(weights[0] @ np.abs(np.sum(moved, axis=0)) ** 2)  # the first polynomial is 1
-    return abs(1.0 - rms(plate.contact_motion(frequency_hz)) / np.sqrt(square)) if square else 0.0
+    moved = np.sum(
+        [
+            face_motion(basis.group, places) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
+            for basis in plate.modes
+        ],
+        axis=0,
+    )
+    square = float(weights[0] @ np.abs(moved) ** 2)  # the first polynomial is 1
+    if not square:
+        return 0.0
+    by_rule, missed = rms(weights @ moved - own) / np.sqrt(square), 1.0 - rms(own) / np.sqrt(square)
+    return float(by_rule + abs(missed))
 
 
 def _first_loads(basis: GroupModes, kept: int) -> GroupModes:

@@ -36,7 +36,7 @@ BAND_HZ, QUALITY = (10e3, 30e3), 1e6
 PLACE_M, RADIUS_M = (1e-3, -2e-3), 5.5e-3  # on no mirror plane: every symmetry class moves
 PATCHES_M = ((-9e-3, -3e-3, -2e-3, 2e-3), (3e-3, 9e-3, -2e-3, 2e-3))
 SMALL_M = 2e-3
-DEGREE = 4  # of polynomials over the contact
+DEGREE = 2  # of polynomials over the contact
 NOTHING, RIGID = Fingertip("nothing"), Fingertip("rigid", stiffness_n_m=1e15)
 HEAVY = Fingertip("heavy", stiffness_n_m=2e6, damping_n_s_m=20.0, mass_kg=3e-5)
 
@@ -58,16 +58,17 @@ def touched(tip: Fingertip, place: tuple[float, float] = PLACE_M, quality_factor
     return TouchedPlate(free(quality_factor), Finger(tip, place, RADIUS_M, DEGREE))
 
 
-def midpoints(rings: int, around: int) -> tuple[np.ndarray, np.ndarray]:
-    """Middles of equal shares of the unit disk, (p, 2), and their weights: a rule that knows no polynomial."""
-    radius, angle = np.sqrt((np.arange(rings) + 0.5) / rings), 2.0 * np.pi * np.arange(around) / around
+def rings(count: int, around: int) -> tuple[np.ndarray, np.ndarray]:
+    """A Gauss rule along the squared radius times even angles on the unit disk: points (p, 2), weights (p,)."""
+    nodes, shares = np.polynomial.legendre.leggauss(count)
+    radius, angle = np.sqrt((nodes + 1.0) / 2.0), 2.0 * np.pi * np.arange(around) / around
     points = np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
-    return points, np.full(len(points), 1.0 / len(points))
+    return points, np.repeat(shares / 2.0 / around, around)
 
 
 def on_disk(groups: Any, at_m: tuple[float, float], radius_m: float) -> sp.csr_array:
     """Roots of shares of the disk times u_z at 4000 points, (points, dof): rows' rows is the mean of u_z^2 over it."""
-    points, weights = midpoints(50, 80)
+    points, weights = rings(40, 100)
     moved = sp.hstack([face_motion(group, np.array(at_m) + radius_m * points) for group in groups])
     return sp.csr_array(sp.diags_array(np.sqrt(weights)) @ moved)
 
@@ -147,15 +148,17 @@ def test_the_loaded_mode_is_a_complex_eigenvalue_of_the_whole_model(tip: Fingert
     own, none = sp.eye_array(len(wanted), format="csc"), sp.csc_array(k0.shape)
     first = sp.block_array([[none, own], [k0, 1j * c]], format="csc")
     second = sp.block_array([[own, none], [none, m]], format="csc")
-    near = np.sqrt(scale.eigenvalue(free().wanted_hz())) * 1.02
+    near = np.sqrt(
+        scale.eigenvalue(1.7 * free().wanted_hz() if tip.stiffness_n_m > 1e7 else 1.02 * free().wanted_hz()) + 0j
+    )
     roots, vectors = spla.eigs(first, k=6, M=second, sigma=near)
     held = np.abs(wanted @ (mass @ vectors[: len(wanted)])) / np.linalg.norm(vectors[: len(wanted)], axis=0)
     exact = roots[int(np.argmax(held))] ** 2
-    plate = TouchedPlate(free(quality), Finger(tip, PLACE_M, SMALL_M, degree))
-    mode, lower, rest = loaded_mode(plate), loaded_mode(plate.lesser(degree - 2)), loaded_mode(plate, None, 1.0)
+    direct_hz = float(scale.frequency(np.array(exact.real)))
+    plate = TouchedPlate(free(quality, (0.6 * direct_hz, 1.4 * direct_hz)), Finger(tip, PLACE_M, SMALL_M, degree))
+    mode, lower, rest = loaded_mode(plate), loaded_mode(plate.lesser(degree - 2)), loaded_mode(plate, None, False)
     assert mode and lower and rest and mode.share > 0.5
     bar = abs(lower.eigenvalue - mode.eigenvalue) + abs(rest.eigenvalue - mode.eigenvalue) + 1e-6 * abs(exact)
-    print(tip.name, roots**2, mode.eigenvalue, exact, lower.eigenvalue, rest.eigenvalue, held)
     assert abs(mode.eigenvalue - exact) <= bar < 2e-3 * abs(exact)
     assert mode.frequency_hz == scale.frequency(np.array(mode.eigenvalue.real))
     assert mode.quality_factor == pytest.approx(mode.eigenvalue.real / mode.eigenvalue.imag, rel=1e-12)
@@ -193,8 +196,7 @@ def test_a_uniform_motion_is_one_oscillator(tip: Fingertip) -> None:
     roots = np.roots([-m, 1j * c, k])
     exact = per * roots[roots.real > 0.0] ** 2
     low, high = known_range(plate)
-    print(roots, exact, low, high, mode)
-    if low < exact[0].real < high:
+    if len(exact) and low < exact[0].real < high:
         assert mode and mode.eigenvalue == pytest.approx(exact[0], rel=1e-9)
     else:
         assert mode is None
@@ -231,8 +233,10 @@ def test_a_disk_is_integrated_up_to_a_radius_of_one_wavelength(waves: float) -> 
         own = sp.csr_array(sp.hstack([sp.csr_array(finger.rows(group)) for group in groups]))
         exact, ours = (direct_rms(forced, finger, rows, fine, tone) for rows in (fine, own))
         plate = TouchedPlate(forced, finger)
-        here, lower = (rms(each.contact_motion(tone)) for each in (plate, plate.lesser(finger.degree - 2)))
-        bar = abs(here - lower) + 2.0 * integration_error(plate, tone) * here
+        error = 2.0 * integration_error(plate, tone)
+        others = (plate.lesser(finger.degree - 2), plate.stiffer(1.0 + error))
+        here, lower, stiffer = (rms(each.contact_motion(tone)) for each in (plate, *others))
+        bar = abs(here - lower) + abs(here - stiffer) + error * here
         assert abs(ours - exact) <= bar < 0.05 * exact
 
 
