@@ -1,4 +1,4 @@
-"""Scaled twins: a plate with all lengths scaled has its frequencies scaled alike, and motion per volt, levels and powers the same.
+"""Scaled twins: with all lengths scaled, frequencies scale alike; motion per volt, levels and powers stay.
 
 Of u'' ~ E u_xx/rho a length s divides frequencies by s; d_31 V/h moves lengths of s by as much per volt. Each figure agrees
 within the bars that both plates state.
