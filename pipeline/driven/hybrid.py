@@ -108,8 +108,8 @@ def solve(
                 return _levels(of, name, inner, tone, alpha)
 
             bars = [
-                _peak_bars(plates, level, each, wanted, errors)
-                if f == wanted
+                _peak_bars(plates, level, each, f, errors)
+                if wanted is not None and f == wanted
                 else _slope_bars(plates, level, each, f, errors)
                 for each, f in zip(own, tones.tolist(), strict=True)
             ]

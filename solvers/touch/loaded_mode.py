@@ -69,9 +69,11 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
     if touched.finger.tip.is_nothing:
         return LoadedMode(free_hz, free_hz, touched.loss, touched.loss, 1.0)
     problem, (low, high) = _Problem(touched, slopes), known_range(touched)
-    vector = start.vector if start else None
-    found = (start.eigenvalue, vector) if start and vector is not None else _likeliest(problem, row, low, high)
-    value, vector = problem.settled(*found) if found else (complex(np.nan), np.zeros(1))
+    known = start.vector if start else None
+    found = (start.eigenvalue, known) if start and known is not None else _likeliest(problem, row, low, high)
+    if found is None:
+        return None
+    value, vector = problem.settled(*found)
     if not (low <= value.real <= high and value.imag > 0.0):
         return None
     frequency = float(touched.plate.scale.frequency(np.array(value.real)))
@@ -157,7 +159,7 @@ class _Problem:
             except np.linalg.LinAlgError:
                 return value, vector
             step = (vector @ vector) / (vector @ further)
-            value, vector = complex(value - step), further / np.linalg.norm(further)
+            value, vector = complex(value - step), np.asarray(further / np.linalg.norm(further))
             if abs(step) <= SETTLED * abs(value):
                 return value, vector
         return complex(np.nan), vector
