@@ -113,7 +113,7 @@ def friction_ratio(
     force = session.touch.force_n
     assert force is not None
     try:
-        return SqueezeFilm(gap_m, session.touch.radius_m, force).frictionfriction_ratio(amplitude_m, frequency_hz)
+        return SqueezeFilm(gap_m, session.touch.radius_m, force).friction_ratio(amplitude_m, frequency_hz)
     except OutOfValidity as reason:
         if warn:
             session.unknown[f"friction: {reason}"] = None
