@@ -18,7 +18,6 @@ import numpy as np
 from geometry.elements import FloatArray
 from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes
-from solvers.touch.touched_plate import TouchedPlate
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
 CACHED = ("verdict", "all_modes", "_fields")  # what follows from modes and is computed again when asked for
@@ -33,9 +32,10 @@ def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
 
 def bases(forced: ForcedPlate) -> list[GroupModes]:
     """Groups of modes that move: those that the patches drive, under a finger all."""
-    if isinstance(forced, TouchedPlate):
-        return forced.free.modes if forced.finger.tip.is_nothing else forced.free.all_modes
-    return forced.modes
+    free: ForcedPlate | None = getattr(forced, "free", None)
+    if free is None or forced.modes is free.modes:
+        return forced.modes
+    return free.all_modes
 
 
 def frequency_error(forced: ForcedPlate, frequency_hz: float, errors: list[FloatArray]) -> float | None:
@@ -65,10 +65,12 @@ class Variation:
         other = copy(plate)
         for name in CACHED:
             other.__dict__.pop(name, None)
-        if isinstance(plate, TouchedPlate):
-            other.free = self.of(plate.free)  # type: ignore[attr-defined]
-            if plate.modes is plate.free.modes:
-                other.modes = other.free.modes  # type: ignore[attr-defined]
+        free: ForcedPlate | None = getattr(plate, "free", None)
+        if free is not None:
+            bare = self.of(free)
+            other.__dict__["free"] = bare
+            if plate.modes is free.modes:
+                other.modes = bare.modes
                 if self.turn is not None:
                     self._turn_kept(plate, other)
                 return other
@@ -185,8 +187,9 @@ class Louder:
     def of(self, plate: Plate) -> Plate:
         """A plate with these loads."""
         other = copy(plate)
-        if isinstance(plate, TouchedPlate):
-            other.free = self.of(plate.free)  # type: ignore[attr-defined]
+        free: ForcedPlate | None = getattr(plate, "free", None)
+        if free is not None:
+            other.__dict__["free"] = self.of(free)
         other.modes = [self._basis(each, len(plate.plate.patches)) for each in plate.modes]
         _keep_wanted(plate, other)
         return other
