@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from geometry.elements import FloatArray
+from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.planning import calibration
 from pipeline.planning.plan import RESPONSE_POINTS
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import KHZ, MM
-from solvers.driven.crosstalk import zone_volts, zones_of
+from solvers.driven.crosstalk import Zones, zone_volts, zones_of
+from solvers.driven.error_bars import frequency_error, frequency_errors, half_widths, is_known, sources
 from solvers.measures.levels import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
+from solvers.piezo.height import height_error
 from solvers.threads import one_thread
 
 
@@ -30,7 +37,7 @@ def solve(
     with log.step(f"{design.zones} zones, each driven in turn"):
         zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
         tones = np.linspace(*forced.band_hz, points)
-        driven = []
+        driven, errors = [], frequency_errors(forced)
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
             mac = zones.mac(fed, peak, zone)
@@ -47,6 +54,7 @@ def solve(
                     passive_db=None if np.isnan(at[-1]) else float(ratio_db(at[-1], at[zone])),
                     mac=mac,
                     over_rms_m_per_V=over[:, :-1].T.tolist(),
+                    **_bars(zones, fed, zone, peak, errors),
                 )
             )
     record = CrosstalkRecord(
@@ -60,6 +68,33 @@ def solve(
     for line in lines(record):
         log.info(line)
     return record
+
+
+def _bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, errors: list[FloatArray]) -> dict[str, Any]:
+    """Half-widths of the bars of what one driven zone shows at its peak; None where they are not known."""
+    forced, share = zones.forced, calibration.mixing()
+
+    def figures(each: Zones, tone: float) -> FloatArray:
+        (rms,) = each.rms(fed, np.array([tone]))
+        return np.concatenate([rms, ratio_db(rms, rms[zone]), [each.mac(fed, tone, zone)]])
+
+    nominal, count = figures(zones, peak_hz), forced.design.zones
+    half = np.full_like(nominal, np.nan)
+    if share is not None and is_known(errors):
+        load = height_error(forced, peak_hz)
+        half = half_widths(
+            nominal,
+            sources(forced, errors, peak_hz, share, load),
+            lambda each: figures(zones.of(each), peak_hz * each.own),
+        )
+    known = [None if np.isnan(value) else float(value) for value in half]
+    return {
+        "peak_error": frequency_error(forced, peak_hz, errors),
+        "rms_error_m_per_V": known[:count],
+        "level_error_db": known[count + 1 : 2 * count + 1],
+        "passive_error_db": known[2 * count + 1],
+        "mac_error": known[-1],
+    }
 
 
 def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:
@@ -96,6 +131,11 @@ def lines(record: CrosstalkRecord) -> list[str]:
 
 
 def _of_zone(zone: DrivenZone) -> str:
-    levels = ", ".join(f"{level:.1f}" for level in zone.level_db)
-    passive = "" if zone.passive_db is None else f"; passive face {zone.passive_db:.1f} dB"
-    return f"driven at y = {zone.centre_m / MM:.2f} mm, {zone.peak_hz / KHZ:.3f} kHz: zones at {levels} dB{passive}"
+    errors = zone.level_error_db or [None] * len(zone.level_db)
+    levels = ", ".join(with_bar(*each, "", ".1f") for each in zip(zone.level_db, errors, strict=True))
+    passive = ""
+    if zone.passive_db is not None:
+        passive = f"; passive face {with_bar(zone.passive_db, zone.passive_error_db, 'dB', '.1f')}"
+    half = None if zone.peak_error is None else zone.peak_error * zone.peak_hz / KHZ
+    tone = with_bar(zone.peak_hz / KHZ, half, "kHz", ".3f")
+    return f"driven at y = {zone.centre_m / MM:.2f} mm, {tone}: zones at {levels} dB{passive}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,21 +10,34 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from pipeline.analysis.response import driven_hz
+from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.planning import calibration
 from pipeline.planning.foresight import announce
 from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
 from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
 from pipeline.units import KHZ, UM
 from solvers.driven.contrast import contrast_volts
+from solvers.driven.error_bars import (
+    Louder,
+    Variation,
+    frequency_error,
+    frequency_errors,
+    half_widths,
+    is_known,
+    sources,
+)
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.height import height_error
 from solvers.piezo.peaks import near_hz
 from solvers.threads import one_thread
 
 DETUNING = 0.02
+METHODS = ("neither", "rows", "patches", "both")
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
 
 
@@ -36,6 +49,16 @@ class Plates:
     bare: ForcedPlate
     detuned: tuple[ForcedPlate, ...]
 
+    @property
+    def every(self) -> tuple[ForcedPlate, ...]:
+        """All of them."""
+        return (self.rows, self.bare, *self.detuned)
+
+    def with_one(self, plate: ForcedPlate, other: ForcedPlate) -> Plates:
+        """The same with another plate in the place of one."""
+        rows, bare, *detuned = (other if each is plate else each for each in self.every)
+        return Plates(rows, bare, tuple(detuned))
+
 
 @dataclass(frozen=True)
 class _Levels:
@@ -45,6 +68,15 @@ class _Levels:
     volts_per_um: float
     off_db: float
     rows_off_db: float | None
+
+    @property
+    def values(self) -> FloatArray:
+        """The figures; NaN for what has no meaning."""
+        off = np.nan if self.rows_off_db is None else self.rows_off_db
+        return np.array([self.db, self.volts_per_um, self.off_db, off])
+
+
+Level = Callable[[Plates, float], _Levels]
 
 
 @one_thread()
@@ -65,11 +97,23 @@ def solve(
     tone, (low, high) = driven_hz(plates.rows), plates.rows.band_hz
     wanted = near_hz(plates.rows, tone) if tone and low <= tone <= high else None
     tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
+    errors = {id(plate): frequency_errors(plate) for plate in plates.every}
     with log.step(f"{len(tones)} frequencies, four methods each"):
-        methods = [
-            _method(name, [_levels(plates, name, inner, float(f), alpha) for f in tones])
-            for name in ("neither", "rows", "patches", "both")
-        ]
+        levels = {name: [_levels(plates, name, inner, float(f), alpha) for f in tones] for name in METHODS}
+    with log.step("error bars"):
+        methods = []
+        for name, own in levels.items():
+
+            def level(of: Plates, tone: float, name: str = name) -> _Levels:
+                return _levels(of, name, inner, tone, alpha)
+
+            bars = [
+                _peak_bars(plates, level, each, f, errors)
+                if wanted is not None and f == wanted
+                else _slope_bars(plates, level, each, f, errors)
+                for each, f in zip(own, tones.tolist(), strict=True)
+            ]
+            methods.append(_method(name, own, bars))
     patches, plate = case.patches, plates.rows.plate
     assert patches is not None
     record = HybridRecord(
@@ -82,6 +126,7 @@ def solve(
         wanted_hz=wanted,
         frequency_hz=tones.tolist(),
         methods=methods,
+        wanted_error=None if wanted is None else frequency_error(plates.rows, wanted, errors[id(plates.rows)]),
     )
     for line in lines(record):
         log.info(line)
@@ -153,14 +198,48 @@ def _levels(plates: Plates, method: str, inner: FloatArray, frequency_hz: float,
     return _Levels(db, UM * float(np.abs(volts).max()) / zone, off, rows_off)
 
 
-def _method(name: str, levels: list[_Levels]) -> HybridMethod:
+def _peak_bars(
+    plates: Plates, level: Level, own: _Levels, tone: float, errors: dict[int, list[FloatArray]]
+) -> FloatArray:
+    """Half-widths at the wanted mode's peak, which follows the plate with rows; each plate errs by itself."""
+    share, squares = calibration.mixing(), np.zeros(4)
+    for plate in plates.every:
+        if share is None or not is_known(errors[id(plate)]):
+            return np.full(4, np.nan)
+        follows, load = plate is plates.rows, height_error(plate, tone)
+
+        def again(each: Variation | Louder, plate: ForcedPlate = plate, follows: bool = follows) -> FloatArray:
+            return level(plates.with_one(plate, each.of(plate)), tone * each.own if follows else tone).values
+
+        squares += half_widths(own.values, sources(plate, errors[id(plate)], tone, share, load), again) ** 2
+    return np.asarray(np.sqrt(squares))
+
+
+def _slope_bars(
+    plates: Plates, level: Level, own: _Levels, tone: float, errors: dict[int, list[FloatArray]]
+) -> FloatArray:
+    """Half-widths away from that peak: the worst over the frequency's bar, that of the worst known resonance about."""
+    every = np.concatenate([each for plate in plates.every for each in errors[id(plate)]])
+    worst = float(every.max()) if np.isfinite(every).all() else np.nan
+    if not np.isfinite(worst):
+        return np.full(4, np.nan)
+    ends = [level(plates, tone * (1.0 + sign * worst)).values for sign in (-1.0, 1.0)]
+    return np.asarray(np.max(np.abs(np.array(ends) - own.values), axis=0))
+
+
+def _method(name: str, levels: list[_Levels], bars: list[FloatArray]) -> HybridMethod:
     rows_off = [each.rows_off_db for each in levels if each.rows_off_db is not None]
+    columns = [[None if np.isnan(each) else float(each) for each in column] for column in np.array(bars).T]
     return HybridMethod(
         method=name,  # type: ignore[arg-type]
         confinement_db=[each.db for each in levels],
         volts_per_um=[each.volts_per_um for each in levels],
         off_db=[each.off_db for each in levels],
         rows_off_db=rows_off or None,
+        confinement_error_db=columns[0],
+        volts_error_per_um=columns[1],
+        off_error_db=columns[2],
+        rows_off_error_db=columns[3] if rows_off else None,
     )
 
 
@@ -174,11 +253,25 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
     if place is None or record.wanted_hz is None:
         yield "the band holds no wanted mode: the levels over frequency stand alone"
         return
-    yield f"at the wanted mode's peak, {record.wanted_hz / KHZ:.3f} kHz:"
+    half = None if record.wanted_error is None else record.wanted_error * record.wanted_hz / KHZ
+    yield f"at the wanted mode's peak, {with_bar(record.wanted_hz / KHZ, half, 'kHz', '.3f')}:"
     for method in record.methods:
-        off = "" if method.rows_off_db is None else f", {method.rows_off_db[place]:.1f} with the pillars' alone"
+        level, volts, off, rows_off = (_at(place, *each) for each in _pairs(method))
+        alone = "" if method.rows_off_db is None else f", {with_bar(*rows_off, '', '.1f')} with the pillars' alone"
         yield (
-            f"{method.method}: {method.confinement_db[place]:.1f} dB, {method.volts_per_um[place]:.3g} V for 1 um rms in "
-            f"the zone; "
-            f"{method.off_db[place]:.1f} dB with every resonance off by {record.detuning:.0%}{off}"
+            f"{method.method}: {with_bar(*level, 'dB', '.1f')}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
+            f"{with_bar(*off, 'dB', '.1f')} with every resonance off by {record.detuning:.0%}{alone}"
         )
+
+
+def _pairs(method: HybridMethod) -> list[tuple[list[float] | None, list[float | None] | None]]:
+    return [
+        (method.confinement_db, method.confinement_error_db),
+        (method.volts_per_um, method.volts_error_per_um),
+        (method.off_db, method.off_error_db),
+        (method.rows_off_db, method.rows_off_error_db),
+    ]
+
+
+def _at(place: int, values: list[float] | None, errors: list[float | None] | None) -> tuple[float, float | None]:
+    return (values[place] if values else np.nan), (errors[place] if errors else None)

@@ -4,24 +4,29 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log, pi
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
+from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.driven import shear
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.planning import calibration
 from pipeline.records.record import MeshRecord, PatternMode, ShearRecord, TravelRecord
 from pipeline.units import KHZ, MM, UM
+from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, sources
 from solvers.driven.plate_table import motion_at, plate_table
 from solvers.driven.power_flow import power_flow
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.height import height_error
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.mode_pairs import ModePair, travelling_pair
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window, travelling_wave_ratio
@@ -84,6 +89,8 @@ def solve(
     with log.step("two modes a quarter period apart"):
         wave = best_pair(forced, case.design, others)
         record = _record(wave, case.design, others)
+    with log.step("error bars"):
+        record = _with_bars(record, forced, case.design, others)
     volts = wave.all_volts(wave.drives["pair+"]) * record.drive_V_at_1um
     shear_record = shear.solve(case, forced, volts, record.frequency_hz, record.wavenumber_per_m, log)
     record = record.model_copy(update={"shear": shear_record}) if shear_record else record
@@ -109,11 +116,11 @@ def _check(case: Case) -> None:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
 
-def best_pair(forced: ForcedPlate, design: Design, others: float) -> Travelling:
+def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[FloatArray] | None = None) -> Travelling:
     """The better of the pairs (N, N - 1) and (N, N + 1) among the plate's own modes, and further drives for the board."""
     points, line = _points(design)
     middle = 0.5 * sum(forced.band_hz)
-    known = motion_at(forced, points)
+    known = motion_at(forced, points) if rows is None else rows
     table = plate_table(forced, points, middle, known)
     own = _mode(table, design, design.nodal_lines)
     window = line & inner_window(points, *_window(design))
@@ -219,7 +226,56 @@ def _record(wave: Travelling, design: Design, others: float) -> TravelRecord:
         flow_x_m=flow.x_m.tolist(),
         flow_W=(flow.flow_w * per_um**2).tolist(),
         standing_flow_W=(power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
+        inner_sections=max(len(flow.x_m) - 2, 0),
     )
+
+
+FIGURES = {
+    "twr": "twr_error",
+    "alone_twr": "alone_twr_error",
+    "best_twr": "best_twr_error",
+    "wavenumber_per_m": "wavenumber_error_per_m",
+    "confinement_db": "confinement_error_db",
+    "drive_V_at_1um": "drive_error_V_at_1um",
+    "lost_W": "lost_error_W",
+}
+
+
+def _with_bars(record: TravelRecord, forced: ForcedPlate, design: Design, others: float) -> TravelRecord:
+    """The record with the half-widths of its figures' bars; None where they are not known."""
+    errors, share = frequency_errors(forced), calibration.mixing()
+    if share is None or not is_known(errors):
+        return record
+    nominal, rows = _figures(record), motion_at(forced, _points(design)[0])
+    tone, load = record.frequency_hz, height_error(forced, record.modes[0].frequency_hz)
+
+    def again(each: Variation | Louder) -> FloatArray:
+        known = [each.of_columns(basis, own) for basis, own in zip(forced.modes, rows, strict=True)]
+        try:
+            wave = best_pair(each.of(forced), design, others, known)
+            figures = _figures(_record(wave, design, others))
+        except SolverError:
+            figures = np.zeros(0)
+        return figures if figures.shape == nominal.shape else np.full_like(nominal, np.nan)
+
+    half = half_widths(nominal, sources(forced, errors, record.modes[0].frequency_hz, share, load), again)
+    bars = [None if np.isnan(value) else float(value) for value in half]
+    names = [name for name in FIGURES if getattr(record, name) is not None]
+    update: dict[str, Any] = {FIGURES[name]: bar for name, bar in zip(names, bars, strict=False)}
+    flows, modes = bars[len(names) : len(names) + len(record.flow_W)], bars[-5:-1]
+    pairs = zip(record.modes, modes[::2], modes[1::2], strict=True)
+    update["modes"] = [
+        mode.model_copy(update={"frequency_error": _times(hz, 1.0 / mode.frequency_hz), "share_error": part})
+        for mode, hz, part in pairs
+    ]
+    return record.model_copy(update=update | {"flow_error_W": flows, "frequency_error": _times(bars[-1], 1.0 / tone)})
+
+
+def _figures(record: TravelRecord) -> FloatArray:
+    """Every figure that has a bar: those of FIGURES, the flows, then both modes and the wave's frequency."""
+    single = [getattr(record, name) for name in FIGURES]
+    of_modes = [value for mode in record.modes for value in (mode.frequency_hz, mode.share)]
+    return np.array([value for value in single if value is not None] + record.flow_W + of_modes + [record.frequency_hz])
 
 
 def _neighbours(design: Design) -> tuple[int, ...]:
@@ -228,19 +284,49 @@ def _neighbours(design: Design) -> tuple[int, ...]:
 
 def lines(record: TravelRecord) -> list[str]:
     """The result in words."""
-    modes = " and ".join(f"(0, {mode.nodal_lines}) at {mode.frequency_hz / KHZ:.3f} kHz" for mode in record.modes)
-    level = "" if record.confinement_db is None else f"; {record.confinement_db:.1f} dB above the passive face"
-    largest = max(record.flow_W, key=abs)
-    where = record.flow_x_m[record.flow_W.index(largest)]
+    modes = " and ".join(f"(0, {mode.nodal_lines}) at {_mode_text(mode)}" for mode in record.modes)
+    level = ""
+    if record.confinement_db is not None:
+        level = f"; {with_bar(record.confinement_db, record.confinement_error_db, 'dB', '.1f')} above the passive face"
+    tone = with_bar(record.frequency_hz / KHZ, _times(record.frequency_error, record.frequency_hz / KHZ), "kHz", ".3f")
+    own, alone, best = (
+        with_bar(value, error, "", ".3f")
+        for value, error in (
+            (record.twr, record.twr_error),
+            (record.alone_twr, record.alone_twr_error),
+            (record.best_twr, record.best_twr_error),
+        )
+    )
+    half = pi / abs(record.wavenumber_per_m) / MM
+    wave = with_bar(half, _times(record.wavenumber_error_per_m, half / abs(record.wavenumber_per_m)), "mm", ".2f")
+    drive = with_bar(record.drive_V_at_1um, record.drive_error_V_at_1um, "V")
+    first, last = (end / MM for end in record.window_m)
+    lost = with_bar(1e3 * record.lost_W, _times(record.lost_error_W, 1e3), "mW")
     return [
-        f"modes {modes}, held a quarter period apart at {record.frequency_hz / KHZ:.3f} kHz",
-        f"travelling-wave ratio {record.twr:.3f} from {record.window_m[0] / MM:.1f} to {record.window_m[1] / MM:.1f} mm, "
-        f"{record.alone_twr:.3f} by the two shapes alone, {record.best_twr:.3f} with any voltages; half a wave is "
-        f"{pi / abs(record.wavenumber_per_m) / MM:.2f} mm{level}",
-        f"{record.drive_V_at_1um:.3g} V for 1 um rms in the zone; then {1e3 * largest:.3g} mW flow through "
-        f"x = {where / MM:.1f} mm, {1e3 * record.lost_W:.3g} mW are lost in the plate",
+        f"modes {modes}, held a quarter period apart at {tone}",
+        f"travelling-wave ratio {own} from {first:.1f} to {last:.1f} mm, "
+        f"{alone} by the two shapes alone, {best} with any voltages; half a wave is {wave}{level}",
+        f"{drive} for 1 um rms in the zone; then {lost} are lost in the plate, {_flow_text(record)}",
         *([_of_shear(record.shear)] if record.shear else []),
     ]
+
+
+def _mode_text(mode: PatternMode) -> str:
+    return with_bar(mode.frequency_hz / KHZ, _times(mode.frequency_error, mode.frequency_hz / KHZ), "kHz", ".3f")
+
+
+def _flow_text(record: TravelRecord) -> str:
+    """The largest flow along the zone, or why none is known."""
+    if not record.inner_sections:
+        return "how much flows along it is unknown: patches straddle every section between the plate's ends"
+    place = max(range(len(record.flow_W)), key=lambda i: abs(record.flow_W[i]))
+    error = record.flow_error_W[place] if record.flow_error_W else None
+    flow = with_bar(1e3 * record.flow_W[place], _times(error, 1e3), "mW")
+    return f"{flow} flow through x = {record.flow_x_m[place] / MM:.1f} mm"
+
+
+def _times(error: float | None, factor: float) -> float | None:
+    return None if error is None else error * factor
 
 
 def _of_shear(record: ShearRecord) -> str:

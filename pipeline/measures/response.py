@@ -113,7 +113,11 @@ TRAVEL = Measure(
         Column("travel_db", "confinement, travelling", _travel(lambda t: t.confinement_db), ".2f", "dB"),
         Column("travel_v_per_um", "drive for 1 um, travelling", _travel(lambda t: t.drive_V_at_1um), ".4g", "V"),
         Column(
-            "travel_mw", "power along the zone for 1 um", _travel(lambda t: 1e3 * max(t.flow_W, key=abs)), ".4g", "mW"
+            "travel_mw",
+            "power along the zone for 1 um",
+            _travel(lambda t: 1e3 * max(t.flow_W, key=abs) if t.inner_sections != 0 else None),
+            ".4g",
+            "mW",
         ),
         Column(
             "travel_crest_mm_s",

@@ -247,9 +247,12 @@ def draw_wave(axes: Any, record: TravelRecord) -> None:
 def _alt_wave(record: TravelRecord) -> str:
     modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in record.modes)
     most = max(record.flow_W, key=abs)
+    flow = f"at most {1e3 * most:.3g} mW flow along the zone for 1 um rms"
+    if record.inner_sections == 0:
+        flow = "patches straddle every section between the plate's ends, so that the flow is unknown"
     return (
         f"Modes {modes} held a quarter period apart at {record.frequency_hz / KHZ:.2f} kHz: travelling-wave ratio "
-        f"{record.twr:.2f}, at most {1e3 * most:.3g} mW flow along the zone for 1 um rms"
+        f"{record.twr:.2f}, {flow}"
     )
 
 

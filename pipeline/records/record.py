@@ -620,10 +620,17 @@ class HybridMethod(Part):
     volts_per_um: list[float]
     off_db: list[float]
     rows_off_db: list[float] | None
+    confinement_error_db: list[float | None] | None = None
+    volts_error_per_um: list[float | None] | None = None
+    off_error_db: list[float | None] | None = None
+    rows_off_error_db: list[float | None] | None = None
 
 
 class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows."""
+    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows.
+
+    wanted_error: half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
+    """
 
     model: str
     dof: int
@@ -634,6 +641,7 @@ class HybridRecord(Part):
     wanted_hz: float | None
     frequency_hz: list[float]
     methods: list[HybridMethod]
+    wanted_error: float | None = None
 
     @property
     def wanted_place(self) -> int | None:
@@ -656,6 +664,8 @@ class PatternMode(Part):
     nodal_lines: int
     frequency_hz: float
     share: float
+    frequency_error: float | None = None
+    share_error: float | None = None
 
 
 class PlayedPattern(Part):
@@ -696,7 +706,8 @@ class TravelRecord(Part):
 
     twr: within window_m; alone_twr: of the two shapes alone; best_twr: with any voltages. volts: of drivers, real and
     imaginary, the largest 1 V; patches_W negative where a patch takes. flow_W: towards +x through the sections flow_x_m;
-    standing_flow_W: with all drivers in phase with the wanted mode.
+    standing_flow_W: with all drivers in phase with the wanted mode. inner_sections: how many of the sections lie between the
+    plate's ends, where nothing flows. frequency_error is relative, the other errors have the unit of their figure.
     """
 
     model: str
@@ -720,6 +731,16 @@ class TravelRecord(Part):
     flow_x_m: list[float]
     flow_W: list[float]
     standing_flow_W: list[float]
+    inner_sections: int | None = None
+    frequency_error: float | None = None
+    twr_error: float | None = None
+    alone_twr_error: float | None = None
+    best_twr_error: float | None = None
+    wavenumber_error_per_m: float | None = None
+    confinement_error_db: float | None = None
+    drive_error_V_at_1um: float | None = None
+    lost_error_W: float | None = None
+    flow_error_W: list[float | None] | None = None
     shear: ShearRecord | None = None
     board: list[PlayedPattern] | BoardFault | None = None
     tables: list[str] = []
@@ -729,7 +750,8 @@ class DrivenZone(Part):
     """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
 
     passive_db: the same of the passive face, None without one; mac: of the driven zone with the wanted shape;
-    over_rms_m_per_V: (zones, n) over the record's frequencies.
+    over_rms_m_per_V: (zones, n) over the record's frequencies. peak_error is relative, the other errors have the unit of their
+    figure.
     """
 
     centre_m: float
@@ -740,6 +762,11 @@ class DrivenZone(Part):
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
     mac: float | None = None
+    peak_error: float | None = None
+    rms_error_m_per_V: list[float | None] | None = None
+    level_error_db: list[float | None] | None = None
+    passive_error_db: float | None = None
+    mac_error: float | None = None
 
 
 class CrosstalkRecord(Part):
@@ -760,7 +787,11 @@ class CrosstalkRecord(Part):
 
 
 class LoadedModeRecord(Part):
-    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1."""
+    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1.
+
+    By its complex eigenvalue lambda = (2 pi frequency_hz)^2 (1 + i/quality_factor). free_error, frequency_error: half-widths of
+    the bars, relative; the other errors have the unit of their figure.
+    """
 
     free_hz: float
     frequency_hz: float
@@ -768,6 +799,12 @@ class LoadedModeRecord(Part):
     quality_factor: float | None
     added_loss: float
     share: float
+    free_error: float | None = None
+    frequency_error: float | None = None
+    shift_error_hz: float | None = None
+    quality_error: float | None = None
+    added_loss_error: float | None = None
+    share_error: float | None = None
 
 
 class TouchStateRecord(Part):
@@ -775,6 +812,7 @@ class TouchStateRecord(Part):
 
     finger_m: rms of u_z over the contact. friction_low, friction_high: mu over mu at rest for the two gaps; None where the
     relation says nothing. drawn_W: patches_W and dielectric_W; drawn_mW_at_1um: at an amplitude of 1 um under the finger.
+    frequency_error is relative, the other errors have the unit of their figure; the finger itself counts as given.
     """
 
     state: Literal["free", "touched", "retuned", "held", "shaped"]
@@ -795,6 +833,21 @@ class TouchStateRecord(Part):
     apparent_VA: float
     drawn_mW_at_1um: float | None
     drive_V_at_1um: float | None
+    frequency_error: float | None = None
+    drive_error_V: float | None = None
+    finger_error_m: float | None = None
+    zone_rms_error_m: float | None = None
+    passive_rms_error_m: float | None = None
+    confinement_error_db: float | None = None
+    sensor_error_V: float | None = None
+    friction_low_error: float | None = None
+    friction_high_error: float | None = None
+    patches_error_W: float | None = None
+    plate_error_W: float | None = None
+    finger_error_W: float | None = None
+    drawn_error_W: float | None = None
+    drawn_error_mW_at_1um: float | None = None
+    drive_error_V_at_1um: float | None = None
 
 
 class LoopRecord(Part):
@@ -804,6 +857,8 @@ class LoopRecord(Part):
     needed_V: float
     limit_V: float | None
     saturates: bool | None
+    sensor_error_V: float | None = None
+    needed_error_V: float | None = None
 
 
 class TouchMapRecord(Part):

@@ -78,13 +78,15 @@ def touch(document: Document) -> Rows:
 def hybrid(document: Document) -> Rows:
     """One row a frequency: of each method the level in dB, with every resonance or the pillars' alone off, and V for 1 um."""
     keys = {"confinement_db": "db", "off_db": "off_db", "rows_off_db": "rows_off_db", "volts_per_um": "volts_per_um"}
+    keys |= {"confinement_error_db": "error_db", "off_error_db": "off_error_db", "rows_off_error_db": "rows_off_error_db"}
+    keys |= {"volts_error_per_um": "volts_error_per_um"}
     return [
         {"frequency_hz": frequency}
         | {
             f"{method['method']}_{name}": method[key][place]
             for method in document["methods"]
             for key, name in keys.items()
-            if method[key] is not None
+            if method.get(key) is not None
         }
         for place, frequency in enumerate(document["frequency_hz"])
     ]
@@ -99,9 +101,19 @@ def travel(document: Document) -> Rows:
 def crosstalk(document: Document) -> Rows:
     """One row a driven zone and a measured one, counted from 1 at the lowest y."""
     return [
-        {"driven": driven, "measured": measured, "peak_hz": zone["peak_hz"], "rms_m_per_V": rms, "level_db": level}
+        {"driven": driven, "measured": measured, "peak_hz": zone["peak_hz"], "peak_error": zone.get("peak_error")}
+        | {"rms_m_per_V": rms, "rms_error_m_per_V": rms_error, "level_db": level, "level_error_db": level_error}
         for driven, zone in enumerate(document["zones"], start=1)
-        for measured, (rms, level) in enumerate(zip(zone["rms_m_per_V"], zone["level_db"], strict=True), start=1)
+        for measured, (rms, level, rms_error, level_error) in enumerate(
+            zip(
+                zone["rms_m_per_V"],
+                zone["level_db"],
+                zone.get("rms_error_m_per_V") or [None] * len(zone["level_db"]),
+                zone.get("level_error_db") or [None] * len(zone["level_db"]),
+                strict=True,
+            ),
+            start=1,
+        )
     ]
 
 

@@ -12,6 +12,7 @@ from itertools import product
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
+from solvers.driven.error_bars import Louder, Variation
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.driven_zones import peak_hz, zone_parts
 from solvers.piezo.circuit import resonances_hz
@@ -50,6 +51,11 @@ class Zones:
             fed = plate.volts(eigenvalue)
             out.append(np.concatenate([basis.amplitudes(eigenvalue, plate.loss, fed) for basis in plate.modes]))
         return np.array(out).T
+
+    def of(self, each: Variation | Louder) -> Zones:
+        """The zones of the plate within its bars."""
+        grams, shapes = each.among(self.forced, self.grams, both=True), each.among(self.forced, self.shapes)
+        return Zones(each.of(self.forced), grams, shapes)
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
         """Where the zone moves most within the band, Hz."""

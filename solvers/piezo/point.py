@@ -51,8 +51,11 @@ def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
     return total
 
 
-def face_motion(group: Group, points_m: FloatArray, axis: int = 2) -> sp.csr_array:
-    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face."""
-    contact = Contact(points_m, np.eye(len(points_m)), back=False)
+def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
+    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
+
+    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
+    """
+    contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
     parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
     return sp.csr_array(sp.hstack(parts, format="csr"))

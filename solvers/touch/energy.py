@@ -11,7 +11,7 @@ from math import pi
 
 import numpy as np
 
-from solvers.touch.touched_plate import TouchedPlate, contact_motion, rms
+from solvers.touch.touched_plate import TouchedPlate, rms
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None
         q = (basis.gain @ loads) / (basis.eigenvalue * (1.0 + 1j * touched.loss) - eigenvalue)
         modal += float(basis.eigenvalue @ np.abs(q) ** 2)
     finger = touched.finger
-    amplitude = rms(contact_motion(touched, finger, frequency_hz))
+    amplitude = rms(touched.contact_motion(frequency_hz))
     return Power(
         patches_w=0.5 * float((volts.conj() @ current).real),
         plate_w=0.5 * omega * touched.loss * plate.stiffness_unit * modal,

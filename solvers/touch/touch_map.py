@@ -1,7 +1,8 @@
 """The same finger at every place of the touch face: what it leaves of the motion, and what a sensor hears.
 
-One lattice of points carries the contacts of all places; a point and its mirror images share the residual vectors of their
-symmetry class. Each place is then a solve of the 13 points of its contact.
+One lattice of points carries the contacts of all places, as dense as finger and wave need; a point and its mirror images share
+the residual vectors of their symmetry class. Each place is then a solve of the points of its contact, whose loads are scaled by
+the roots of their weights.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ from geometry.layout import Design
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.point import face_motion
 from solvers.superelement.plate import WHOLE
-from solvers.touch.touched_plate import STEPS, TouchedPlate, rms, with_loads
+from solvers.touch import disk
+from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
 
@@ -42,11 +44,27 @@ class TouchMap:
 
 @dataclass(frozen=True)
 class Lattice:
-    """Points i spacing along x and y from the plate's centre, whose contacts lie on the plate: steps (nx,), (ny,)."""
+    """Points i spacing along x and y from the plate's centre, whose contacts lie on the plate: steps (nx,), (ny,).
+
+    steps (p, 2), weights (p,): the points of a contact about its own, and their shares of its mean.
+    """
 
     spacing_m: float
     along: IntArray
     across: IntArray
+    steps: IntArray
+    weights: FloatArray
+
+    @property
+    def reach(self) -> int:
+        """Steps from a contact's middle to its outermost point: so many lines of points at each end carry no middle."""
+        return int(self.steps.max())
+
+    @property
+    def places(self) -> tuple[IntArray, IntArray]:
+        """The lines of points that carry middles, along x and y."""
+        inner = slice(self.reach, -self.reach)
+        return self.along[inner], self.across[inner]
 
     @property
     def points_m(self) -> FloatArray:
@@ -56,16 +74,21 @@ class Lattice:
 
     def contact(self, i: int, j: int) -> IntArray:
         """Numbers of the points of the contact about point (i, j), counted from 0."""
-        return np.asarray((i + STEPS[:, 0]) * len(self.across) + j + STEPS[:, 1])
+        return np.asarray((i + self.steps[:, 0]) * len(self.across) + j + self.steps[:, 1])
 
 
-def lattice(design: Design, touched: TouchedPlate) -> Lattice:
-    """The points of all contacts that lie on the plate, clear of pillars on its touch face."""
-    finger = touched.finger
-    ends = (design.length_m / 2.0 - finger.radius_m, design.bare_touch_m - finger.radius_m)
-    counts = [int(max(end, 0.0) / finger.spacing_m) + 2 for end in ends]
+def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None) -> Lattice:
+    """The points of all contacts that lie on the plate, clear of pillars on its touch face, for waves up to a frequency
+    (default: the band's).
+    """
+    radius = touched.finger.radius_m
+    wavenumber = touched.finger.wavenumber_per_m(design, high_hz or touched.band_hz[1])
+    steps, weights, share = disk.lattice_rule(disk.steps_of(radius * wavenumber))
+    spacing, reach = share * radius, int(steps.max())
+    ends = (design.length_m / 2.0 - radius, design.bare_touch_m - radius)
+    counts = [int(max(end, 0.0) / spacing) + reach for end in ends]
     along, across = (np.arange(-count, count + 1) for count in counts)
-    return Lattice(finger.spacing_m, along, across)
+    return Lattice(spacing, along, across, steps, weights)
 
 
 def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
@@ -81,25 +104,27 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
 def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> TouchMap:
     """Every place at one frequency; a finger of nothing leaves the free plate's motion."""
     receptance = lattice_receptance(touched, points.points_m, frequency_hz)
-    count, stiffness = len(touched.plate.patches), touched.finger.stiffness_n_m(frequency_hz)
+    count, stiffness = len(touched.plate.patches), touched.finger.dynamic_stiffness(frequency_hz)
     free = touched.patch_volts(lambda: receptance[:count, :count])
-    field = receptance[count:, :count] @ free
-    nx, ny = len(points.along) - 4, len(points.across) - 4
+    field, root, reach = receptance[count:, :count] @ free, np.sqrt(points.weights), points.reach
+    x_m, y_m = (points.spacing_m * each for each in points.places)
+    nx, ny = len(x_m), len(y_m)
     moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
     heard = np.zeros((nx, ny, len(touched.sensors)), dtype=complex)
     under, change = np.zeros((nx, ny), dtype=complex), np.zeros((nx, ny), dtype=complex)
-    along = STEPS[:, 0] / (points.spacing_m * (STEPS[:, 0] ** 2).sum())
+    arms = points.spacing_m * points.steps[:, 0]
+    along = points.weights * arms / (points.weights @ arms**2)
+    scaled = np.concatenate([np.ones(count), root])
     for i, j in np.ndindex(nx, ny):
-        contact = points.contact(i + 2, j + 2)
+        contact = points.contact(i + reach, j + reach)
         chosen = np.concatenate([np.arange(count), count + contact])
-        block = receptance[np.ix_(chosen, chosen)]
+        block = scaled[:, None] * receptance[np.ix_(chosen, chosen)] * scaled
         loads = touched.loads_of(block, stiffness)
         motion = block[count:] @ loads
-        before[i, j], moved[i, j] = rms(field[contact]), rms(motion)
-        under[i, j], change[i, j] = motion.mean(), along @ (motion - field[contact])
+        before[i, j], moved[i, j] = rms(root * field[contact]), rms(motion)
+        under[i, j], change[i, j] = root @ motion, along @ (motion / root - field[contact])
         heard[i, j] = loads[touched.sensors]
-    inner = field.reshape(nx + 4, ny + 4)[2:-2, 2:-2]
-    x_m, y_m = points.spacing_m * points.along[2:-2], points.spacing_m * points.across[2:-2]
+    inner = field.reshape(nx + 2 * reach, ny + 2 * reach)[reach:-reach, reach:-reach]
     return TouchMap(frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard, under, change)
 
 

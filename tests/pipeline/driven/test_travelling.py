@@ -269,3 +269,14 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> 
     with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
         played.board_outcome(seven, QUIET, None, played=True)
     assert played.board_outcome(seven, QUIET, None, played=False) == {}
+
+
+def test_a_flow_that_no_inner_section_shows_is_said(solved: tuple[TravelRecord, Travelling]) -> None:
+    """Where patches straddle all sections but the plate's ends, 0 there by balance is no flow."""
+    record, _ = solved
+    assert record.inner_sections == len(record.flow_x_m) - 2 > 0
+    none = record.model_copy(update={"inner_sections": 0})
+    assert any("patches straddle every section between the plate's ends" in line for line in travelling.lines(none))
+    assert not any("mW flow through" in line for line in travelling.lines(none))
+    assert any("mW flow through" in line for line in travelling.lines(record))
+    assert "flow is unknown" in travelling_wave(none).alt

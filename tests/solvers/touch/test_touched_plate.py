@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from scipy.special import j1
 
 from geometry.errors import GeometryError
 from geometry.fingertips import FINGERTIPS, Fingertip
@@ -21,10 +24,11 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import face_motion
 from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.touch import disk
 from solvers.touch.energy import power
-from solvers.touch.loaded_mode import loaded_mode
+from solvers.touch.loaded_mode import known_range, loaded_mode
 from solvers.touch.touch_map import lattice, touch_map
-from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, rms
+from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, integration_error, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
@@ -32,6 +36,7 @@ BAND_HZ, QUALITY = (10e3, 30e3), 1e6
 PLACE_M, RADIUS_M = (1e-3, -2e-3), 5.5e-3  # on no mirror plane: every symmetry class moves
 PATCHES_M = ((-9e-3, -3e-3, -2e-3, 2e-3), (3e-3, 9e-3, -2e-3, 2e-3))
 SMALL_M = 2e-3
+DEGREE = 2  # of polynomials over the contact
 NOTHING, RIGID = Fingertip("nothing"), Fingertip("rigid", stiffness_n_m=1e15)
 HEAVY = Fingertip("heavy", stiffness_n_m=2e6, damping_n_s_m=20.0, mass_kg=3e-5)
 
@@ -50,15 +55,31 @@ def free(quality_factor: float = QUALITY, band_hz: tuple[float, float] = BAND_HZ
 
 
 def touched(tip: Fingertip, place: tuple[float, float] = PLACE_M, quality_factor: float = QUALITY) -> TouchedPlate:
-    return TouchedPlate(free(quality_factor), Finger(tip, place, RADIUS_M))
+    return TouchedPlate(free(quality_factor), Finger(tip, place, RADIUS_M, DEGREE))
+
+
+def rings(count: int, around: int) -> tuple[np.ndarray, np.ndarray]:
+    """A Gauss rule along the squared radius times even angles on the unit disk: points (p, 2), weights (p,)."""
+    nodes, shares = np.polynomial.legendre.leggauss(count)
+    radius, angle = np.sqrt((nodes + 1.0) / 2.0), 2.0 * np.pi * np.arange(around) / around
+    points = np.stack([np.outer(radius, np.cos(angle)), np.outer(radius, np.sin(angle))], axis=-1).reshape(-1, 2)
+    return points, np.repeat(shares / 2.0 / around, around)
+
+
+def on_disk(groups: Any, at_m: tuple[float, float], radius_m: float) -> sp.csr_array:
+    """Roots of shares of the disk times u_z at 4000 points, (points, dof): rows' rows is the mean of u_z^2 over it."""
+    points, weights = rings(40, 100)
+    moved = sp.hstack([face_motion(group, np.array(at_m) + radius_m * points) for group in groups])
+    return sp.csr_array(sp.diags_array(np.sqrt(weights)) @ moved)
 
 
 def whole(
-    plate: ForcedPlate, radius_m: float = RADIUS_M
+    plate: ForcedPlate, radius_m: float = RADIUS_M, finger: Finger | None = None
 ) -> tuple[sp.csc_array, sp.csc_array, np.ndarray, sp.csr_array]:
-    """K, M, patch loads and the contact's rows of all classes at once, scaled."""
+    """K, M, patch loads and the contact's rows of all classes at once, scaled: on 4000 points, or a finger's own moments."""
     groups = plate.plate.everything
-    rows = sp.hstack([face_motion(group, Finger(NOTHING, PLACE_M, radius_m).points_m) for group in groups]).tocsr()
+    moments = [sp.csr_array(finger.rows(group)) for group in groups] if finger else []
+    rows = sp.csr_array(sp.hstack(moments)) if finger else on_disk(groups, PLACE_M, radius_m)
     stiffness, mass = (
         sp.block_diag([getattr(group.pencil, name) for group in groups], format="csc") for name in ("stiffness", "mass")
     )
@@ -78,9 +99,9 @@ def test_no_finger_leaves_the_free_plate_digit_by_digit() -> None:
 
 @pytest.mark.parametrize("tip", [RIGID, HEAVY, FINGERTIPS["tissue"]], ids=lambda tip: tip.name)
 def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingertip) -> None:
-    """Rigid: Lagrange multipliers hold the points. Direct solves damp all modes, ours those about the band: 1/Q apart."""
+    """Rigid: Lagrange multipliers hold the moments. Direct solves damp all modes, ours those about the band: 1/Q apart."""
     plate = touched(tip)
-    stiffness, mass, loads, rows = whole(plate)
+    stiffness, mass, loads, rows = whole(plate, finger=plate.finger)
     frequency = 0.5 * sum(BAND_HZ)  # of rigid points the two terms for modes beyond the band are exact here
     eigenvalue, unit = plate.plate.scale.eigenvalue(frequency), plate.plate.stiffness_unit
     matrix = stiffness * (1.0 + 1j / QUALITY) - eigenvalue * mass
@@ -90,7 +111,7 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
         matrix = sp.block_array([[matrix, rows.T], [rows, None]], format="csc")
         direct = spla.splu(matrix).solve(np.concatenate([right, np.zeros(rows.shape[0])]))[: len(right)]
     else:
-        spring = plate.finger.stiffness_n_m(frequency) / unit
+        spring = plate.finger.dynamic_stiffness(frequency) / unit
         direct = spla.splu(sp.csc_array(matrix + spring * (rows.T @ rows))).solve(right)
     parts = [basis.columns @ basis.amplitudes(eigenvalue, plate.loss, answer) for basis in plate.modes]
     assert np.linalg.norm(np.concatenate(parts) - direct) < 20.0 / QUALITY * np.linalg.norm(direct)
@@ -102,24 +123,135 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
     assert np.linalg.norm(np.concatenate(alone) - direct) > 0.1 * np.linalg.norm(direct)  # the finger is felt
 
 
-@pytest.mark.parametrize("stiffness", [2e6, 1e8], ids=["soft", "stiff"])
-def test_the_loaded_mode_is_an_eigenvalue_of_the_whole_model(stiffness: float) -> None:
-    """Springs under the contact's points, in the matrix: of its modes the one most like the wanted one of the free plate.
+@pytest.mark.parametrize(
+    "tip",
+    [
+        Fingertip("soft", stiffness_n_m=2e6),
+        Fingertip("stiff", stiffness_n_m=1e8),
+        Fingertip("damper", damping_n_s_m=80.0),
+        HEAVY,
+    ],
+    ids=lambda tip: tip.name,
+)
+def test_the_loaded_mode_is_a_complex_eigenvalue_of_the_whole_model(tip: Fingertip) -> None:
+    """(K (1 + i/Q) + k D + i omega c D - omega^2 (M + m D)) u = 0, D the mean over 4000 points, linearised in omega.
 
-    Two terms stand for the modes beyond the band: exact in its middle, where the band is put, with a slope of zero.
+    Of its modes the one most like the free plate's target mode. Polynomials of a lower degree say what the own degree misses.
     """
+    quality, degree = 120.0, 6
     stiff, mass, _, rows = whole(free(), SMALL_M)
     scale, unit = free().plate.scale, free().plate.stiffness_unit
-    wanted = spla.eigsh(stiff, k=1, M=mass, sigma=scale.eigenvalue(free().wanted_hz()))[1]
-    springs = rows.T @ rows * (stiffness / rows.shape[0] / unit)
-    values, vectors = spla.eigsh(stiff + springs, k=8, M=mass, sigma=scale.eigenvalue(15e3))
-    best = int(np.argmax(np.abs(vectors.T @ (mass @ wanted))))
-    direct = float(scale.frequency(values[best : best + 1])[0])
-    near = free(QUALITY, (0.55 * direct, 1.45 * direct))
-    finger = Finger(Fingertip("spring", stiffness_n_m=stiffness), PLACE_M, SMALL_M)
-    mode = loaded_mode(TouchedPlate(near, finger))
-    assert mode and mode.frequency_hz == pytest.approx(direct, rel=1e-6)
-    assert mode.share > 0.5 and abs(mode.shift_hz) > 100.0
+    wanted = spla.eigsh(stiff, k=1, M=mass, sigma=scale.eigenvalue(free().wanted_hz()))[1][:, 0]
+    square, omega = rows.T @ rows / unit, 2.0 * np.pi / np.sqrt(scale.eigenvalue(1.0))  # rad/s of a scaled root of 1
+    k0 = stiff * (1.0 + 1j / quality) + tip.stiffness_n_m * square
+    c, m = tip.damping_n_s_m * omega * square, mass + tip.mass_kg * omega**2 * square
+    own, none = sp.eye_array(len(wanted), format="csc"), sp.csc_array(k0.shape)
+    first = sp.block_array([[none, own], [k0, 1j * c]], format="csc")
+    second = sp.block_array([[own, none], [none, m]], format="csc")
+    near = np.sqrt(
+        scale.eigenvalue(1.7 * free().wanted_hz() if tip.stiffness_n_m > 1e7 else 1.02 * free().wanted_hz()) + 0j
+    )
+    roots, vectors = spla.eigs(first, k=6, M=second, sigma=near)
+    held = np.abs(wanted @ (mass @ vectors[: len(wanted)])) / np.linalg.norm(vectors[: len(wanted)], axis=0)
+    best = int(np.argmax(held))
+    exact, shape = roots[best] ** 2, vectors[: len(wanted), best]
+    share = abs(wanted @ (mass @ shape)) ** 2 / (shape.conj() @ (mass @ shape)).real
+    direct_hz = float(scale.frequency(np.array(exact.real)))
+    plate = TouchedPlate(free(quality, (0.6 * direct_hz, 1.4 * direct_hz)), Finger(tip, PLACE_M, SMALL_M, degree))
+    mode, lower, rest = loaded_mode(plate), loaded_mode(plate.lesser(degree - 2)), loaded_mode(plate, None, False)
+    assert mode and lower and rest and mode.share == pytest.approx(share, rel=1e-2)
+    bar = abs(lower.eigenvalue - mode.eigenvalue) + abs(rest.eigenvalue - mode.eigenvalue) + 1e-6 * abs(exact)
+    assert abs(mode.eigenvalue - exact) <= bar < 2e-3 * abs(exact)
+    assert mode.frequency_hz == scale.frequency(np.array(mode.eigenvalue.real))
+    assert mode.quality_factor == pytest.approx(mode.eigenvalue.real / mode.eigenvalue.imag, rel=1e-12)
+    if tip.damping_n_s_m:
+        assert mode.quality_factor < 0.9 * quality
+
+
+@pytest.mark.parametrize("mass_kg", [1e-5, 1e-4, 2e-2, 1e3, 1e6])
+def test_a_mass_keeps_the_quality_factor(mass_kg: float) -> None:
+    """Loss K (1 + i/Q) and a real mass: every eigenvalue of the pencil is one of (K, M) times 1 + i/Q, whatever the mass."""
+    mode = loaded_mode(touched(Fingertip("mass", mass_kg=mass_kg), quality_factor=120.0))
+    assert mode and mode.quality_factor == pytest.approx(120.0, rel=1e-9)
+    assert abs(mode.shift_hz) > 10.0
+
+
+@pytest.mark.parametrize(
+    "tip", [HEAVY, Fingertip("m", mass_kg=1.0), Fingertip("c", damping_n_s_m=1e3)], ids=lambda tip: tip.name
+)
+def test_a_uniform_motion_is_one_oscillator(tip: Fingertip) -> None:
+    """One mode of the plate that moves the contact as a piston: (k0 (1 + i/Q) + k) + i omega c - omega^2 (m0 + m) = 0."""
+    plate, scale = touched(tip, quality_factor=50.0), free().plate.scale
+    basis = next(each for each in plate.modes if each.group.plates is free().modes[0].group.plates)
+    own, size = free(50.0).wanted_place(), len(basis.frequency_hz)
+    assert own is not None and basis.frequency_hz[own[1]] == free(50.0).wanted_hz()
+    gain = np.zeros_like(basis.gain)
+    gain[:, len(patched().patches)] = 30.0 * (np.arange(size) == own[1])  # the first polynomial is 1
+    none = np.zeros_like(basis.residual_gain[0])
+    piston = replace(basis, gain=gain, columns=0.0 * basis.columns, residual_gain=(none, none))
+    plate.modes = [piston]
+    mode = loaded_mode(plate)
+    per, unit = scale.eigenvalue(1.0) / (4.0 * np.pi**2), plate.plate.stiffness_unit  # scaled eigenvalue of 1 rad^2/s^2
+    share = unit * 30.0**2
+    k = piston.eigenvalue[own[1]] * (1.0 + 1j / 50.0) + share * tip.stiffness_n_m
+    c, m = share * tip.damping_n_s_m, per + share * tip.mass_kg
+    roots = np.roots([-m, 1j * c, k])
+    exact = per * roots[roots.real > 0.0] ** 2
+    low, high = known_range(plate)
+    if len(exact) and low < exact[0].real < high:
+        assert mode and mode.eigenvalue == pytest.approx(exact[0], rel=1e-9)
+    else:
+        assert mode is None
+
+
+WIDE = Design(40e-3, 20e-3, 1e-3, 4, ALUMINIUM, None, float("nan"), float("nan"), 0, 5e-3)
+
+
+@cache
+def wide(band_hz: tuple[float, float], quality_factor: float) -> ForcedPlate:
+    """A plate of several wavelengths."""
+    reduction = ReductionSettings(Interface(6, 1), 300e3, HexSettings(3, 4e-3, 0, 0.2), 10e-3)
+    model = PlateModel(WIDE, Reductions(WIDE.thickness_m, ALUMINIUM, None, reduction))
+    bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(PATCHES_M[0]), 0.3e-3, True)]
+    plate = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
+    return ForcedPlate(plate, WIDE, Drive((0,), (), band_hz, quality_factor))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("waves", [0.25, 0.5, 1.0])
+def test_a_disk_is_integrated_up_to_a_radius_of_one_wavelength(waves: float) -> None:
+    """Direct solves of the whole model: pressure by a finger's own moments against the mean over 4000 points.
+
+    The motion under a soft and a hard contact lies inside its bar: what a lower degree changes, what the polynomials miss.
+    """
+    tone, place, quality = 55e3, (1.5e-3, -0.5e-3), 50.0
+    forced = wide((45e3, 65e3), quality)
+    wavelength = 2.0 * np.pi / Finger(NOTHING, place, 1e-3).wavenumber_per_m(WIDE, tone)
+    groups, radius = forced.plate.everything, waves * wavelength
+    assert radius < WIDE.half_span_m - 0.5e-3
+    fine = on_disk(groups, place, radius)
+    for tip in (FINGERTIPS["tissue"], Fingertip("hard", stiffness_n_m=1e8 * waves**2)):
+        finger = Finger(tip, place, radius).following(WIDE, tone)
+        own = sp.csr_array(sp.hstack([sp.csr_array(finger.rows(group)) for group in groups]))
+        exact, ours = (direct_rms(forced, finger, rows, fine, tone) for rows in (fine, own))
+        plate = TouchedPlate(forced, finger)
+        error = 2.0 * integration_error(plate, tone)
+        others = (plate.lesser(finger.degree - 2), plate.stiffer(1.0 + error))
+        here, lower, stiffer = (rms(each.contact_motion(tone)) for each in (plate, *others))
+        bar = abs(here - lower) + abs(here - stiffer) + error * here
+        assert abs(ours - exact) <= bar < 0.05 * exact
+
+
+def direct_rms(forced: ForcedPlate, finger: Finger, rows: sp.csr_array, fine: sp.csr_array, tone: float) -> float:
+    """rms of u_z over the fine points with the finger's impedance on rows of the contact, every mode damped."""
+    groups, scale = forced.plate.everything, forced.plate.scale
+    stiffness, mass = (
+        sp.block_diag([getattr(group.pencil, name) for group in groups], format="csc") for name in ("stiffness", "mass")
+    )
+    spring = finger.dynamic_stiffness(tone) / forced.plate.stiffness_unit
+    matrix = stiffness * (1.0 + 1j * forced.loss) - scale.eigenvalue(tone) * mass + spring * (rows.T @ rows)
+    load = np.vstack([group.loads for group in groups])[:, 0].astype(complex)
+    return rms(fine @ spla.splu(sp.csc_array(matrix)).solve(load))
 
 
 @pytest.mark.parametrize("tip", [HEAVY, *FINGERTIPS.values(), RIGID], ids=lambda tip: tip.name)
@@ -131,11 +263,24 @@ def test_the_patches_give_what_plate_and_finger_take(tip: Fingertip, quality_fac
     assert balance.dielectric_w and balance.drawn_w == balance.patches_w + balance.dielectric_w
 
 
+@dataclass(frozen=True)
+class OnLattice(Finger):
+    """A finger on the points of a map's lattice, so many over the radius."""
+
+    steps: int = 2
+
+    def rows(self, group: Any, finer: int = 0) -> np.ndarray:
+        """Roots of the weights times u_z at the points."""
+        places, weights, spacing = disk.lattice_rule(self.steps)
+        moved = face_motion(group, np.array(self.at_m) + spacing * self.radius_m * places)
+        return np.asarray(np.sqrt(weights)[:, None] * moved.toarray())
+
+
 def test_a_place_of_the_map_is_a_finger_there() -> None:
     plate = TouchedPlate(free(), Finger(HEAVY, (0.0, 0.0), SMALL_M))
     grid = touch_map(plate, lattice(DESIGN, plate), 18e3)
     i, j = 1, 2  # x and y below 0, in no class's own quarter
-    there = Finger(HEAVY, (float(grid.x_m[i]), float(grid.y_m[j])), SMALL_M)
+    there = OnLattice(HEAVY, (float(grid.x_m[i]), float(grid.y_m[j])), SMALL_M)
     alone = TouchedPlate(free(), there)
     assert grid.x_m[i] < 0.0 and grid.y_m[j] < 0.0
     assert grid.touched_m[i, j] == pytest.approx(rms(contact_motion(alone, there, 18e3)), rel=1e-7)
@@ -145,13 +290,26 @@ def test_a_place_of_the_map_is_a_finger_there() -> None:
     assert np.abs(grid.y_m).max() + SMALL_M <= DESIGN.half_span_m
 
 
-def test_the_contacts_points_integrate_a_disk() -> None:
-    """Of x^a y^b up to the third degree: 1, R^2/4 of x^2 and y^2, 0 of the rest."""
-    x, y = (Finger(NOTHING, (0.0, 0.0), 1.0).points_m).T
+def test_moments_are_the_means_over_a_disk() -> None:
+    """Orthonormal in the mean, and of u = 1 + x^2: mean 5/4, mean square 1 + 2/4 + 1/8."""
+    points, weights = disk.means(6)
+    assert weights @ disk.zernike(6, points).T == pytest.approx(np.eye(disk.count_of(6)), abs=1e-12)
+    moments = weights @ (1.0 + points[:, 0] ** 2)
+    assert moments[0] == pytest.approx(1.25, rel=1e-12) and rms(moments) ** 2 == pytest.approx(1.625, rel=1e-12)
+
+
+@pytest.mark.parametrize("steps", range(2, 7))
+def test_a_lattice_s_rule_integrates_a_disk(steps: int) -> None:
+    """Of x^a y^b up to the third degree: 1, 1/4 of x^2 and y^2, 0 of the rest; a Bessel function for a wave across it."""
+    places, weights, spacing = disk.lattice_rule(steps)
+    x, y = spacing * places.T
     exact = {(0, 0): 1.0, (2, 0): 0.25, (0, 2): 0.25}
     for a in range(4):
         for b in range(4 - a):
-            assert np.mean(x**a * y**b) == pytest.approx(exact.get((a, b), 0.0), abs=1e-14)
+            assert weights @ (x**a * y**b) == pytest.approx(exact.get((a, b), 0.0), abs=1e-14)
+    assert weights.min() > 0.0 and np.hypot(x, y).max() <= 1.0
+    reach = max(k for k in np.linspace(0.1, 3.0, 30) if disk.steps_of(k / 2.0) <= steps)
+    assert weights @ np.cos(reach * x) == pytest.approx(2.0 * j1(reach) / reach, abs=disk.RULE_ENOUGH)
 
 
 def test_impedances_are_their_parts() -> None:

@@ -1,0 +1,149 @@
+"""Error bars of what a finger does: mesh, reduction and bonding of the plate, the integrals over the contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.analysis.touch_states import Session, loop_of, states_of
+from pipeline.records.record import LoadedModeRecord, LoopRecord, TouchRecord, TouchStateRecord
+from solvers.driven.error_bars import (
+    Louder,
+    Variation,
+    frequency_error,
+    frequency_errors,
+    half_widths,
+    louder,
+    variations,
+)
+from solvers.piezo.height import height_error
+from solvers.touch import disk
+from solvers.touch.loaded_mode import LoadedMode, loaded_mode
+from solvers.touch.touched_plate import integration_error
+
+STATE = {
+    "drive_V": "drive_error_V",
+    "finger_m": "finger_error_m",
+    "zone_rms_m": "zone_rms_error_m",
+    "passive_rms_m": "passive_rms_error_m",
+    "confinement_db": "confinement_error_db",
+    "sensor_V": "sensor_error_V",
+    "friction_low": "friction_low_error",
+    "friction_high": "friction_high_error",
+    "patches_W": "patches_error_W",
+    "plate_W": "plate_error_W",
+    "finger_W": "finger_error_W",
+    "drawn_W": "drawn_error_W",
+    "drawn_mW_at_1um": "drawn_error_mW_at_1um",
+    "drive_V_at_1um": "drive_error_V_at_1um",
+}
+MODE = {
+    "frequency_hz": "frequency_error",
+    "shift_hz": "shift_error_hz",
+    "quality_factor": "quality_error",
+    "added_loss": "added_loss_error",
+    "share": "share_error",
+}
+LOOP = {"sensor_V": "sensor_error_V", "needed_V": "needed_error_V"}
+PER_LOAD = ("finger_m", "zone_rms_m", "passive_rms_m", "sensor_V")  # unknown where the loads' own error is
+LOWER = 2  # degrees of the polynomials over the contact that are left out, at most, to show what further ones bring
+Figures = dict[tuple[str, str], float]
+
+
+def with_bars(record: TouchRecord, session: Session, mode: LoadedMode | None, share: float | None) -> TouchRecord:
+    """The record with the half-widths of its figures' bars; None where they are not known."""
+    nominal = _figures(session, mode)
+    errors = frequency_errors(session.touched)
+    half = _half_widths(session, mode, nominal, errors, share)
+    own = frequency_error(session.touched, session.free.free.wanted_hz() or session.peak_hz, errors)
+    bars = {key: None if np.isnan(value) else float(value) for key, value in zip(nominal, half, strict=True)}
+    loaded = _mode_bars(record.mode, bars, own) if record.mode else None
+    tuned = loaded.frequency_error if loaded else None
+    states = [_state_bars(each, bars, tuned if each.state == "retuned" else own) for each in record.states]
+    loop = record.loop and record.loop.model_copy(
+        update={error: bars.get(("loop", figure)) for figure, error in LOOP.items()}
+    )
+    return record.model_copy(update={"mode": loaded, "states": states, "loop": loop})
+
+
+def _mode_bars(
+    mode: LoadedModeRecord, bars: dict[tuple[str, str], float | None], own: float | None
+) -> LoadedModeRecord:
+    update = {error: bars.get(("mode", figure)) for figure, error in MODE.items()}
+    absolute = update["frequency_error"]
+    update["frequency_error"] = None if absolute is None else absolute / mode.frequency_hz
+    return mode.model_copy(update=update | {"free_error": own})
+
+
+def _state_bars(
+    state: TouchStateRecord, bars: dict[tuple[str, str], float | None], frequency: float | None
+) -> TouchStateRecord:
+    known = {error: bars.get((state.state, figure)) for figure, error in STATE.items()}
+    return state.model_copy(update=known | {"frequency_error": frequency})
+
+
+def _figures(session: Session, mode: LoadedMode | None) -> Figures:
+    """Every figure that has a bar, by the part of the record and its name."""
+    loop = loop_of(session)
+    figures: Figures = {}
+    for state in states_of(session, mode.frequency_hz if mode else None, loop):
+        figures |= _values(state.state, state, STATE)
+    return figures | _values("mode", mode, MODE) | _values("loop", loop, LOOP)
+
+
+def _values(part: str, of: TouchStateRecord | LoadedMode | LoopRecord | None, names: dict[str, str]) -> Figures:
+    known = {name: getattr(of, name) for name in names} if of else {}
+    return {(part, name): float(value) for name, value in known.items() if value is not None}
+
+
+def _half_widths(
+    session: Session, mode: LoadedMode | None, nominal: Figures, errors: list[FloatArray], share: float | None
+) -> FloatArray:
+    values = np.array(list(nominal.values()))
+    if share is None or not all(np.isfinite(each).all() for each in errors):
+        return np.full_like(values, np.nan)
+
+    def again(changed: Session, slopes: bool = True) -> FloatArray:
+        start = None if mode is None else loaded_mode(changed.touched, mode, slopes)
+        found = _figures(changed, start)
+        return np.array([found.get(key, np.nan) for key in nominal])
+
+    def varied(each: Variation | Louder) -> FloatArray:
+        return again(_session(session, each))
+
+    tone = session.free.free.wanted_hz() or session.peak_hz
+    half = half_widths(values, variations(session.touched, errors, tone, share), varied)
+    load = height_error(session.free.free, session.peak_hz)
+    if load is not None:
+        half = np.hypot(half, half_widths(values, louder(session.free, load), varied))
+    else:
+        half[[name in PER_LOAD for _, name in nominal]] = np.nan
+    return half + _of_contact(session, nominal, again)
+
+
+def _session(session: Session, each: Variation | Louder) -> Session:
+    free, touched = each.of(session.free), each.of(session.touched)
+    return replace(session, free=free, touched=touched, peak_hz=session.peak_hz * each.own, unknown={})
+
+
+def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatArray]) -> FloatArray:
+    """What polynomials beyond the finger's degree, the disk's own points, and modes beyond the band are worth."""
+    finger, values = session.touched.finger, np.array(list(nominal.values()))
+    if finger.tip.is_nothing:
+        return np.zeros_like(values)
+    bare = replace(session, unknown={})
+    lesser = [
+        again(replace(bare, free=session.free.lesser(lower), touched=session.touched.lesser(lower)))
+        for lower in range(finger.degree - LOWER, finger.degree)
+    ]
+    reach = finger.radius_m * finger.wavenumber_per_m(session.case.design, session.touched.band_hz[1])
+    settled = disk.left_beyond(reach, finger.degree) <= disk.ENOUGH
+    beyond = (1.0 if settled else finger.degree / 2.0) * np.max(np.abs(lesser - values), axis=0)
+    error = 2.0 * integration_error(session.touched, session.peak_hz)
+    by_rule = np.abs(again(replace(bare, touched=session.touched.stiffer(1.0 + error))) - values)
+    motion = np.array([error if name in PER_LOAD else 0.0 for _, name in nominal]) * np.abs(values)
+    rest = np.abs(again(bare, False) - values)
+    return np.asarray(beyond + by_rule + motion + rest)
