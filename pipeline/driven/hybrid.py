@@ -80,6 +80,7 @@ def solve(
         detuning=DETUNING,
         alpha=alpha,
         wanted_hz=wanted,
+        wanted_elsewhere_hz=None if wanted else tone,
         frequency_hz=tones.tolist(),
         methods=methods,
     )
@@ -172,7 +173,9 @@ def lines(record: HybridRecord) -> list[str]:
 def _at_wanted(record: HybridRecord) -> Iterator[str]:
     place = record.wanted_place
     if place is None or record.wanted_hz is None:
-        yield "the band holds no wanted mode: the levels over frequency stand alone"
+        elsewhere = record.wanted_elsewhere_hz
+        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {elsewhere / KHZ:.3f} kHz"
+        yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
         return
     yield f"at the wanted mode's peak, {record.wanted_hz / KHZ:.3f} kHz:"
     for method in record.methods:

@@ -542,7 +542,9 @@ class HybridMethod(Part):
 
 
 class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows."""
+    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows, None where
+    it lies outside the band: wanted_elsewhere_hz.
+    """
 
     model: str
     dof: int
@@ -553,6 +555,7 @@ class HybridRecord(Part):
     wanted_hz: float | None
     frequency_hz: list[float]
     methods: list[HybridMethod]
+    wanted_elsewhere_hz: float | None = None
 
     @property
     def wanted_place(self) -> int | None:
@@ -1026,6 +1029,11 @@ class Record(Part):
     def driven_db(self) -> float | None:
         """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
         return self.response.wanted_peak.confinement_db if self.response and self.response.wanted_peak else None
+
+    @property
+    def ranked_db(self) -> float | None:
+        """Confinement by which designs are ranked, dB: as the patches drive it, or of the mode alone where nothing drives it."""
+        return self.driven_db if self.response else self.confinement_db
 
     @property
     def confined(self) -> bool | None:
