@@ -127,7 +127,10 @@ def write_gains(
     from pipeline.board.gains import modal_gains
     from pipeline.models.patched_plate import forced_plate
 
-    gains = modal_gains(_about_wanted(case, forced or forced_plate(case, log), log), near_hz)
+    plate = forced or forced_plate(case, log)
+    if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
+        plate = _about_wanted(case, plate, log)
+    gains = modal_gains(plate, near_hz)
     table = table_with_gains(case, gains)
     _log_summary(case, gains, table, log)
     return write(table, folder, stem)

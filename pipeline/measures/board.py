@@ -1,4 +1,4 @@
-"""The case's mode table played by the firmware on the emulated board; with the patched plate's modes where its response was solved."""
+"""The case's mode table played by the firmware on the emulated board: the patched plate's where its response was solved."""
 
 from __future__ import annotations
 

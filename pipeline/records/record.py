@@ -542,8 +542,9 @@ class HybridMethod(Part):
 
 
 class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows, None where
-    it lies outside the band: wanted_elsewhere_hz.
+    """Confinement by rows alone, by patches alone, by both and by neither.
+
+    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz.
     """
 
     model: str
@@ -1032,7 +1033,7 @@ class Record(Part):
 
     @property
     def ranked_db(self) -> float | None:
-        """Confinement by which designs are ranked, dB: as the patches drive it, or of the mode alone where nothing drives it."""
+        """Confinement that ranks designs, dB: as the patches drive it, or of the mode where nothing drives it."""
         return self.driven_db if self.response else self.confinement_db
 
     @property

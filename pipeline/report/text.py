@@ -92,8 +92,7 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
         return None
     driven, level = "", f"{record.confinement_db:.1f}{WIDE}dB"
     if record.driven_db is not None:
-        driven, level = f"; as a mode {level}", f"{record.driven_db:.1f}{WIDE}dB"
-        driven = f" as the patches drive it{driven}"
+        driven, level = f"; driven at its own peak, {level} as a mode", f"{record.driven_db:.1f}{WIDE}dB"
     count = sum(case.record.confined is not None for case in plates(study))
     where = f", best of {count} plates" if count > 1 else ""
     note = verdict(record) + driven + where + _source(study, best)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Protocol, Self
 
@@ -249,10 +249,9 @@ class ForcedPlate:
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if self.areas_m2[1] is not None else np.full(len(tones), np.nan)
         mac = strength / np.maximum(per_area * inside, 1e-300)
-        figures = zip(tones, strength, share, mac, strict=True)
         return [
-            PlateMode(*map(float, each), group, vectors[:, i], place)
-            for i, (each, place) in enumerate(zip(figures, places, strict=True))
+            PlateMode(float(tones[i]), float(strength[i]), float(share[i]), float(mac[i]), group, vectors[:, i], place)
+            for i, place in enumerate(places)
         ]
 
     def mesh_error(self, low_hz: float, high_hz: float) -> float | None:
