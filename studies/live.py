@@ -136,7 +136,7 @@ def plates(count: int, path: str) -> None:
         live = explorer.answer(given)["plate"]
         if live.get("confinement_db") is None or len(every) == count:
             continue
-        real = compute(scene, given, live["frequency_hz"], WarningLog())
+        real = compute(scene, given, WarningLog())
         print(", ".join(f"{name} {value:g}" for name, value in given.items()), end=": ")
         print(f"{live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB, {live['status']}", end="; the plate ")
         if real.get("confinement_db") is None:

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from geometry.layout import Design
-from pipeline.analysis import wanted_search
 from pipeline.analysis.modes import PartModes
 from pipeline.records.record import ShapesRecord
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.mode_tracking import zone_coefficients
+from solvers.measures.wanted_search import weights
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
@@ -61,7 +61,7 @@ def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
     wanted = part_modes.wanted.row
     assert wanted
     among = part_modes.wanted.rows
-    strongest = np.argsort(-wanted_search.weights(among), kind="stable")[:KEPT_MODES]
+    strongest = np.argsort(-weights(among), kind="stable")[:KEPT_MODES]
     rows = [among[i] for i in sorted(strongest, key=lambda i: among[i].frequency_hz)]
     columns = [row.column for row in rows]
     touch = part_modes.model.touch(wanted.symmetry, part_modes.vectors[wanted.symmetry][:, columns])

@@ -98,7 +98,8 @@ class PartModes:
         rows = sorted(
             {row.column: row for row in (*self.rows, *part_modes.rows)}.values(), key=lambda row: row.frequency_hz
         )
-        return replace(self, rows=tuple(rows), count=part_modes.count)
+        low, high = min(self.count.low_hz, part_modes.low_hz), max(self.count.high_hz, part_modes.high_hz)
+        return replace(self, rows=tuple(rows), count=Count(low, high, len(rows), len(rows)))
 
     def index(self, row: ModeRow | None) -> int | None:
         """Return a mode's place among `rows`; None where it is not there."""

@@ -186,7 +186,7 @@ def _warn_of_wanted(forced_response: Response, log: Log) -> None:
         where = (
             f"it lies at {forced_response.wanted_hz:.1f} Hz"
             if forced_response.wanted_hz
-            else "no mode about the band has its shape"
+            else "no mode of the plate has its shape"
         )
         log.warning(
             "NO_MODE",

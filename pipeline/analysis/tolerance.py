@@ -15,7 +15,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import patched_plate
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
-from pipeline.planning import foresight
+from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.simplifications import khz
@@ -119,10 +119,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         still = plate.sample(np.zeros((count, 4)))
         nominal = _measured(still)
         if nominal.peak_hz is None:
-            raise InputError(
-                f"{case.name}: no mode about {khz(band[0])} to {khz(band[1])} has the wanted shape, which a tolerance follows: "
-                "antinode modes tells where it is; give another --band or solve.band_kHz"
-            )
+            raise InputError(_elsewhere(case, band, forced.wanted_hz()))
         summary = _shown(nominal.peak_hz, band)
         first = still.curve(summary).zone_rms_m_per_v
     log.info(_summary("nominal", nominal))
@@ -148,6 +145,17 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
     )
     _log_summary(tolerance_study, forced, band, log)
     return tolerance_study
+
+
+def _elsewhere(case: Case, band: tuple[float, float], wanted_hz: float | None) -> str:
+    """Say that a band does not hold the wanted mode, and where that lies."""
+    about = f"{khz(band[0])} to {khz(band[1])}"
+    if wanted_hz is None:
+        return f"{case.name}: no mode of the plate has the wanted shape, which a tolerance follows"
+    return (
+        f"{case.name}: the wanted mode, which a tolerance follows, lies at {khz(wanted_hz)}, outside {about}: give another "
+        "--band or solve.band_kHz"
+    )
 
 
 def _sampled(
@@ -201,7 +209,8 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
     else:
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
-            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor))
+            window = mesh_rules.search_window_hz(design)
+            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), wanted_window_hz=window)
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(

@@ -82,9 +82,8 @@ def _session(case: Case, forced: ForcedPlate, log: Log) -> Session:
     low, high = forced.band_hz
     tone = driven_hz(forced)
     if tone is None or not low <= tone <= high:
-        raise SolverError(
-            f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode: nothing is there to touch"
-        )
+        where = "no mode of the plate has its shape" if tone is None else f"it lies at {tone:.1f} Hz"
+        raise SolverError(f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode to touch: {where}")
     with log.step("modes that the finger moves"):
         finger = Finger(touch.tip, touch.at_m, touch.radius_m).following(case.design, high)
         free = TouchedPlate(forced, replace(finger, tip=Fingertip("none")))

@@ -1,8 +1,7 @@
-"""The wanted mode of a part, looked for in a window of its own: what was asked for does not decide which mode it is.
+"""The wanted mode of a part, searched by one rule (`solvers.measures.wanted_search`) whatever was asked for.
 
-The window is the one about the zone's exact thin-plate frequency, widened until it reaches past the mode found on both
-sides (`solvers.measures.wanted_mode.PAST`). Where what was asked for lies elsewhere altogether, nothing is looked for,
-and that is said.
+What was asked for decides what is listed and saves solves. Where it lies elsewhere altogether, nothing is searched, and that
+is said.
 """
 
 from __future__ import annotations
@@ -11,13 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from geometry.elements import FloatArray
 from pipeline.planning.request import Expected
 from pipeline.records.record import RivalRecord, WantedMode, WantedRecord
 from solvers.fem.eigen import Count
-from solvers.measures.wanted_mode import NONE, Status, Verdict, reaching, verdict, weight
+from solvers.measures.wanted_mode import NONE, Status, Verdict, verdict
+from solvers.measures.wanted_search import leaves_room, measures, missing_strength, search, weights
 
 if TYPE_CHECKING:
     from pipeline.analysis.mode_rows import ModeRow
@@ -30,9 +27,12 @@ SURE = (
 
 @dataclass(frozen=True)
 class Wanted:
-    """The verdict over `rows`, all modes of the wanted symmetry class from low_hz to high_hz, with their count.
+    """The wanted mode among the modes of its symmetry class.
 
-    `count` is None where nothing was looked for: then `why` says what stands against it.
+    `rows` are all modes of the class from low_hz to high_hz, `beyond` those outside that the search went through; the verdict
+    counts both, one after another. `count` covers `rows` and is None where nothing was looked for: then `why` says what stands
+    against it. missing: bound of the weight of any mode that was not computed; 0 where none was asked for. reach_hz: where all
+    modes were computed.
     """
 
     verdict: Verdict
@@ -41,6 +41,14 @@ class Wanted:
     high_hz: float
     count: Count | None
     why: str = ""
+    beyond: tuple[ModeRow, ...] = ()
+    missing: float = 0.0
+    reach_hz: tuple[float, float] | None = None
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a mode outside the searched range may rival the wanted one."""
+        return self.row is not None and leaves_room(self.missing, float(weights([self.row])[0]))
 
     @property
     def status(self) -> Status:
@@ -50,16 +58,17 @@ class Wanted:
     @property
     def row(self) -> ModeRow | None:
         """The wanted mode; None where there is none."""
-        return None if self.verdict.index is None else self.rows[self.verdict.index]
+        return None if self.verdict.index is None else (*self.rows, *self.beyond)[self.verdict.index]
 
     @property
     def rivals(self) -> tuple[ModeRow, ...]:
         """Other modes that carry the wanted shape, strongest first."""
-        return tuple(self.rows[i] for i in self.verdict.rivals)
+        every = (*self.rows, *self.beyond)
+        return tuple(every[i] for i in self.verdict.rivals)
 
     def each(self, change: Callable[[ModeRow], ModeRow]) -> Wanted:
         """The same verdict over rows that were changed one by one."""
-        return replace(self, rows=tuple(change(row) for row in self.rows))
+        return replace(self, rows=tuple(map(change, self.rows)), beyond=tuple(map(change, self.beyond)))
 
     def record(self, **more: Any) -> WantedRecord:
         """The mode, its rivals, the window, and the mode's part of the shape in it."""
@@ -77,27 +86,22 @@ def look(
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
 ) -> Wanted:
-    """Search the wanted mode from a window outwards, starting with the `rows` of its class that are already known.
+    """Search the wanted mode from a window outwards, reusing the `rows` of its class that are already known.
 
-    `solve` returns every mode of the class between two frequencies. Modes beyond the window that are known all the same have no
-    say, unless the window itself holds no mode of the wanted shape.
+    `solve` returns every mode of the class between two frequencies. The outcome is the same whatever is known.
     """
     if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
         return Wanted(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
-    ends, verdict = window_hz, NONE
-    for _ in range(ROUNDS):
-        rows, known = _completed(rows, known, ends, solve)
-        inside = _within(rows, ends)
-        verdict = _verdict(inside)
-        if verdict.index is None:
-            break
-        wider = reaching(ends, inside[verdict.index].frequency_hz)
-        if wider == ends:
-            break
-        ends = wider
-    if verdict.index is None and rows_beyond(rows, ends):
-        return look_among(rows, known)
-    return Wanted(verdict, _within(rows, ends), *ends, known)
+    found = search(window_hz, (known.low_hz, known.high_hz), rows, lambda low, high: solve(low, high)[0])
+    low, high = found.window_hz
+    inside = [low <= row.frequency_hz <= high for row in found.modes]
+    order = [i for side in (True, False) for i, own in enumerate(inside) if own is side]
+    place = {old: new for new, old in enumerate(order)}
+    index = None if found.verdict.index is None else place[found.verdict.index]
+    judged = replace(found.verdict, index=index, rivals=tuple(place[i] for i in found.verdict.rivals))
+    every, own = tuple(found.modes[i] for i in order), sum(inside)
+    count = Count(low, high, own, own)
+    return Wanted(judged, every[:own], low, high, count, "", every[own:], found.missing, found.reach_hz)
 
 
 def look_about(
@@ -119,31 +123,9 @@ def look_about(
 
 def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
     """Give the verdict over the modes at hand, where no others can be computed."""
-    return Wanted(_verdict(rows), rows, known.low_hz, known.high_hz, known)
-
-
-def rows_beyond(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> bool:
-    """Whether a mode of the wanted shape is known outside the window."""
-    return _verdict(rows).index is not None and len(_within(rows, ends)) < len(rows)
-
-
-def _within(rows: tuple[ModeRow, ...], ends: tuple[float, float]) -> tuple[ModeRow, ...]:
-    return tuple(row for row in rows if ends[0] <= row.frequency_hz <= ends[1])
-
-
-def _verdict(rows: tuple[ModeRow, ...]) -> Verdict:
-    return verdict(*_measures(rows)) if rows else NONE
-
-
-def weights(rows: tuple[ModeRow, ...]) -> FloatArray:
-    """How much of the wanted shape each mode carries, (k,)."""
-    return weight(*_measures(rows))
-
-
-def _measures(rows: tuple[ModeRow, ...]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Strength, zone share and MAC, (k,) each; NaN where not known."""
-    values = np.array([(row.strength, row.zone_share, row.mac) for row in rows], dtype=float)
-    return values[:, 0], values[:, 1], values[:, 2]
+    reach, missing = (known.low_hz, known.high_hz), missing_strength(rows)
+    judged = verdict(*measures(rows), missing=missing) if rows else NONE
+    return Wanted(judged, rows, *reach, known, missing=missing, reach_hz=reach)
 
 
 def _completed(

@@ -37,11 +37,21 @@ def verdict(wanted: Wanted, design: Design) -> list[str]:
     if wanted.status == "single":
         return [f"wanted {name} mode: {tone}, MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"]
     others = "; ".join(_named(rival) for rival in wanted.rivals)
+    how = "is split among several modes" if others or not wanted.is_open else "may be split among several modes"
     return [
-        f"The wanted {name} shape is split among several modes between {window}: strongest at {tone}, "
+        f"The wanted {name} shape {how}: strongest at {tone}, "
         f"MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
         + (f"; others: {others}" if others else _alone(row))
+        + _outside(wanted)
     ]
+
+
+def _outside(wanted: Wanted) -> str:
+    """Say what modes that were not computed may carry, where that could rival the strongest."""
+    if not wanted.is_open or wanted.reach_hz is None:
+        return ""
+    reach = f"{wanted.reach_hz[0] / 1e3:.4g} to {wanted.reach_hz[1] / 1e3:.4g} kHz"
+    return f"; modes outside the searched range of {reach} may have a strength of up to {wanted.missing:.2g}"
 
 
 def _named(row: ModeRow) -> str:

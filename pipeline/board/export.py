@@ -26,15 +26,18 @@ SAMPLE_RATE_HZ = RATE_HZ["single"]
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
 DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
 NEIGHBOURS = 6
+ABOUT = 0.2  # of the wanted mode's frequency: the band of its table where the plate was solved for another
 
 
 def table_of(case: Case, part_modes: PartModes, wanted: int) -> ModeTable:
     """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
-    kept = _nearest([row.frequency_hz for row in part_modes.rows], wanted)
+    return _table(case, [row.frequency_hz for row in part_modes.rows], wanted)
+
+
+def _table(case: Case, frequencies_hz: list[float], wanted: int) -> ModeTable:
+    kept = _nearest(frequencies_hz, wanted)
     modes = tuple(
-        Mode.from_quality_factor(
-            part_modes.rows[i].frequency_hz, case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT
-        )
+        Mode.from_quality_factor(frequencies_hz[i], case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
         for i in kept
     )
     return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(wanted))
@@ -124,10 +127,40 @@ def write_gains(
     from pipeline.board.gains import modal_gains
     from pipeline.models.patched_plate import forced_plate
 
-    gains = modal_gains(forced or forced_plate(case, log), near_hz)
+    plate = forced or forced_plate(case, log)
+    if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
+        plate = _about_wanted(case, plate, log)
+    gains = modal_gains(plate, near_hz)
     table = table_with_gains(case, gains)
     _log_summary(case, gains, table, log)
     return write(table, folder, stem)
+
+
+def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem: str = "mode_table") -> list[Path]:
+    """Write STEM.bin and STEM.h of a patched plate that was solved and has a wanted mode: with gains where a patch drives and
+    another listens, else its resonances as wired, gains unidentified.
+    """
+    from pipeline.analysis.response import driven_hz
+    from pipeline.board.gains import can_be_computed
+    from solvers.piezo.circuit import resonances_hz
+
+    if can_be_computed(case):
+        return write_gains(case, folder, log, stem, forced)
+    plate = _about_wanted(case, forced, log)
+    tone, resonances = driven_hz(plate), resonances_hz(plate)
+    assert tone is not None
+    wanted = int(np.argmin(np.abs(resonances - tone)))
+    return write(_table(case, resonances.tolist(), wanted), folder, stem)
+
+
+def _about_wanted(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
+    """The plate, solved anew about its wanted mode where that lies outside its band."""
+    from pipeline.models.patched_plate import forced_plate
+
+    tone, (low, high) = forced.wanted_hz(), forced.band_hz
+    if tone is None or low < tone < high:
+        return forced
+    return forced_plate(case, log, ((1.0 - ABOUT) * tone, (1.0 + ABOUT) * tone))
 
 
 def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:

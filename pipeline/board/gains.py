@@ -19,7 +19,7 @@ from geometry.elements import ComplexArray, FloatArray
 from pipeline.board.table_file import GAIN
 from pipeline.case.model import Case
 from solvers.errors import SolverError
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import ForcedPlate, in_phase_signs
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     values = np.concatenate([basis.eigenvalue for basis in forced.modes])
     gain = np.concatenate([basis.gain for basis in forced.modes])
     scale = forced.plate.scale.eigenvalue(1.0)
-    tone = forced.wanted_hz() or near_hz
+    tone = near_hz if forced.wanted_place() is None else forced.wanted_hz()
     if tone is None:
         raise SolverError("no mode of the plate with its patches has the wanted shape: there is none to drive")
     start = int(np.argmin(np.abs(values - scale * tone**2)))
@@ -79,7 +79,7 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
         frequency_hz=np.sqrt(mu.real[order] / scale),
         tau_s=1.0 / (2.0 * pi * root.imag[order]),
         parts=parts[order],
-        signs=forced.signs[d],
+        signs=in_phase_signs(gain[start], d)[d],
         wanted=order.index(wanted),
     )
 

@@ -124,6 +124,7 @@ def solve(
         detuning=DETUNING,
         alpha=alpha,
         wanted_hz=wanted,
+        wanted_elsewhere_hz=None if wanted else tone,
         frequency_hz=tones.tolist(),
         methods=methods,
         wanted_error=None if wanted is None else frequency_error(plates.rows, wanted, errors[id(plates.rows)]),
@@ -251,7 +252,9 @@ def lines(record: HybridRecord) -> list[str]:
 def _at_wanted(record: HybridRecord) -> Iterator[str]:
     place = record.wanted_place
     if place is None or record.wanted_hz is None:
-        yield "the band holds no wanted mode: the levels over frequency stand alone"
+        elsewhere = record.wanted_elsewhere_hz
+        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {elsewhere / KHZ:.3f} kHz"
+        yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
         return
     half = None if record.wanted_error is None else record.wanted_error * record.wanted_hz / KHZ
     yield f"at the wanted mode's peak, {with_bar(record.wanted_hz / KHZ, half, 'kHz', '.3f')}:"

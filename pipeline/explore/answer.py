@@ -319,20 +319,21 @@ def _number(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
-def compute(scene: Scene, given: dict[str, float], near_hz: float | None, log: Any) -> Document:
+def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     """The wanted mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
-    from pipeline.search.fidelity import around
+    from pipeline.planning.request import of_case
 
     case = scene.at(given)
     case = replace(case, solve=replace(case.solve, model="auto"))
     from pipeline.analysis import modes
 
-    solved = modes.solve_modes(case, around(case, near_hz), log)
+    solved = modes.solve_modes(case, of_case(case), log)
     row, bar = solved.wanted.row if solved.wanted else None, solved.bar
     if row is None:
         return {"why_not": "no mode of the wanted shape in the window"}
     return {
         "frequency_hz": row.frequency_hz,
+        "status": solved.wanted.status if solved.wanted else "none",
         "confinement_db": row.confinement_db,
         "extension_db": row.extension_db,
         "frequency_error": bar.frequency if bar else None,

@@ -155,12 +155,12 @@ class Server:
         if self._progress and self._progress.running:
             return refusal("a full plate is being solved already: wait for it", 409)
         self._progress = progress = Progress()
-        asyncio.get_running_loop().run_in_executor(self._full, self._solve, design, near, progress)
+        asyncio.get_running_loop().run_in_executor(self._full, self._solve, design, progress)
         return web.json_response({"started": True})
 
-    def _solve(self, design: dict[str, float], near: float | None, progress: Progress) -> None:
+    def _solve(self, design: dict[str, float], progress: Progress) -> None:
         try:
-            progress.result = compute(self.explorer.scene, design, near, progress)
+            progress.result = compute(self.explorer.scene, design, progress)
         except (*REFUSED, MemoryError) as fault:
             progress.result = {"why_not": " ".join(str(fault).split())}
         except Exception as fault:  # told to the page: a thread's traceback is read by nobody

@@ -1,4 +1,4 @@
-"""The case's mode table played by the firmware on the emulated board; its gains are computed where the response was."""
+"""The case's mode table played by the firmware on the emulated board: the patched plate's where its response was solved."""
 
 from __future__ import annotations
 
@@ -11,15 +11,11 @@ NAME = "closed loop on the emulated board"
 
 
 def _compute(work: Work) -> None:
-    from pipeline.board import emulation, export
-    from pipeline.board.gains import can_be_computed
+    from pipeline.board import emulation
 
-    forced = work.solved.get("forced")
     if not work.wanted:
         work.log.left_out(NAME, "no mode of the wanted shape: there is no mode table")
         return
-    if forced and can_be_computed(work.case) and forced.wanted_hz():
-        export.write_gains(work.case, work.folder, work.log, forced=forced)
     result, arrays = emulation.solve(work.folder, work.log)
     work.keep(arrays=arrays, board=result)
 

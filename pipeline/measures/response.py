@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
+from pipeline.errors import InputError
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
 from pipeline.units import MM
+
+if TYPE_CHECKING:
+    from pipeline.analysis.response import Response
 
 
 def _compute(work: Work) -> None:
@@ -26,6 +31,20 @@ def _compute(work: Work) -> None:
         beside = comparison.compare(case, result, measured, log)
         work.keep(arrays=beside.arrays, measured=beside.record)
     work.solved["forced"] = result.forced
+    _write_table(work, result)
+
+
+def _write_table(work: Work, result: Response) -> None:
+    """The patched plate's mode table, in the place of the bare one's."""
+    from pipeline.board.export import write_patched
+
+    if result.wanted_hz is None:
+        work.log.warning("TABLE", "no mode of the plate with its patches has the wanted shape: it has no mode table")
+        return
+    try:
+        write_patched(work.case, result.forced, work.folder, work.log)
+    except InputError as error:
+        work.log.warning("TABLE", error.lines[0])
 
 
 _wanted = figures_of(lambda r: r.response.wanted_peak if r.response else None)

@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.cell_cache import MatrixCache
-from pipeline.planning import foresight
+from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.records.record import MeshRecord
@@ -58,7 +58,13 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit)
-        return ForcedPlate(plate, case.design, drive, bytes_each=_demand(case, band_hz).cost.peak.bytes)
+        bytes_each = _demand(case, band_hz).cost.peak.bytes
+        return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, wanted_window_hz=_search_window_hz(case))
+
+
+def _search_window_hz(case: Case) -> tuple[float, float] | None:
+    """Where the wanted mode is searched first; None for several zones, which share no mode."""
+    return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
 
 
 def refuse_patches(case: Case, band_hz: tuple[float, float]) -> None:

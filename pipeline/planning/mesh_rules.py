@@ -252,6 +252,17 @@ def wanted_window_hz(design: Design) -> tuple[float, float]:
     return WINDOW[0] * estimate, max(WINDOW[1] * estimate, _clamped_hz(strip, design.nodal_lines))
 
 
+def search_window_hz(design: Design) -> tuple[float, float]:
+    """Window from which a plate's wanted mode is searched, Hz: the same, from the zone's frequency in its shape rigid across
+    upwards. Slower motion does not bend across the zone, however like half a sine it looks.
+    """
+    low, high = wanted_window_hz(design)
+    if design.nodal_lines < 2:  # its shape is rigid along: rigid across, it would not bend at all
+        return low, high
+    strip = _strip(design)
+    return min(low, _wanted_hz(design) - thin_plate_hz(strip, strip.across_per_m)), high
+
+
 @lru_cache(maxsize=64)
 def _clamped_hz(strip: Strip, lines: int) -> float:
     """The same of the zone between clamped sides, with shear unless it is rigid along x; 0 where its shape is not known."""

@@ -71,7 +71,7 @@ def of_case(case: Case) -> Request:
 def wanted_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
     """Window in which the wanted mode is searched first; None for parts and symmetry classes that have none."""
     own = query.part in MEASURED and query.symmetry in (None, wanted_symmetry(case.design.nodal_lines))
-    return mesh_rules.wanted_window_hz(case.design) if own else None
+    return mesh_rules.search_window_hz(case.design) if own else None
 
 
 def model_high_hz(case: Case, query: Request) -> float:

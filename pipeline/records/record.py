@@ -627,9 +627,10 @@ class HybridMethod(Part):
 
 
 class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither; wanted_hz: the peak of the plate with rows.
+    """Confinement by rows alone, by patches alone, by both and by neither.
 
-    wanted_error: half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
+    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error:
+    half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
     """
 
     model: str
@@ -642,6 +643,7 @@ class HybridRecord(Part):
     frequency_hz: list[float]
     methods: list[HybridMethod]
     wanted_error: float | None = None
+    wanted_elsewhere_hz: float | None = None
 
     @property
     def wanted_place(self) -> int | None:
@@ -1162,6 +1164,11 @@ class Record(Part):
     def driven_db(self) -> float | None:
         """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
         return self.response.wanted_peak.confinement_db if self.response and self.response.wanted_peak else None
+
+    @property
+    def ranked_db(self) -> float | None:
+        """Confinement that ranks designs, dB: as the patches drive it, or of the mode where nothing drives it."""
+        return self.driven_db if self.response else self.confinement_db
 
     @property
     def confined(self) -> bool | None:

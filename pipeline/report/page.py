@@ -205,7 +205,7 @@ def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
     drawable = [case for case in study.cases if case.record.answered and case not in twins]
     if len(drawable) <= most or most < 2:
         return [*twins, *drawable[:most]]
-    ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.confinement_db) is not None)
+    ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.ranked_db) is not None)
     best = text.best_case(study)
     picked = {name for _, name in ranked[:1]} | ({best.case_id} if best in drawable else set())
     spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))

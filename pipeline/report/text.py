@@ -73,8 +73,8 @@ def verdict(record: Record) -> str:
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:
-    """The case whose wanted mode is confined best; without any, the first that has one."""
-    levels = {case.case_id: level for case in plates(study) if (level := case.record.confinement_db) is not None}
+    """The case whose wanted mode is confined best, as driven where there are patches; without any, the first that has one."""
+    levels = {case.case_id: level for case in plates(study) if (level := case.record.ranked_db) is not None}
     best = max(levels, key=lambda name: levels[name]) if levels else None
     return next((case for case in study.cases if case.case_id == best or (best is None and case.record.wanted)), None)
 
@@ -107,11 +107,12 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
     record = best.record
     if record.confinement_db is None:
         return None
-    driven = "" if record.driven_db is None else f"; driven at its own peak {db(record.driven_db)}"
+    driven, level = "", bar(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None, "dB")
+    if record.driven_db is not None:
+        driven, level = f"; driven at its own peak, {level} as a mode", db(record.driven_db)
     count = sum(case.record.confined is not None for case in plates(study))
     where = f", best of {count} plates" if count > 1 else ""
-    level = bar(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None, "dB")
-    note = verdict(record) + where + driven + _source(study, best)
+    note = verdict(record) + driven + where + _source(study, best)
     return Card("Confined to the zone", level, note, "good" if record.confined else "bad")
 
 
@@ -182,17 +183,21 @@ def headline(study: StoredStudy) -> str:
     best = best_case(study)
     if best is None or best.record.confinement_db is None or best.record.wanted is None:
         return ""
-    ratio = 10.0 ** (best.record.confinement_db / 20.0)
-    design, wanted = best.record.design, best.record.wanted
-    tone = khz(wanted.frequency_hz, wanted.frequency_error)
+    record, peak = best.record, best.record.response.wanted_peak if best.record.response else None
+    wanted, ranked = best.record.wanted, record.confinement_db if record.ranked_db is None else record.ranked_db
+    assert ranked is not None
+    ratio = 10.0 ** (ranked / 20.0)
+    design = record.design
+    tone = khz(peak.frequency_hz) if peak else khz(wanted.frequency_hz, wanted.frequency_error)
     rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
     apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
     what = (
         f"{rows} row{'s' if rows != 1 else ''} of pillars{apart} on each side of the zone" if rows else "a bare plate"
     )
     first = "Best of this study: " if len(plates(study)) > 1 else ""
-    known = db(best.record.confinement_db, wanted.confinement_error_db)
-    level = f"{known}; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
+    as_mode = db(record.confinement_db, wanted.confinement_error_db)
+    both = f"{db(ranked)} as driven, {as_mode} as a mode" if peak else as_mode
+    level = f"{both}; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
     return (
         f"{first}{what}. At {tone} the active zone moves {ratio:.1f} times as much as the rest of the plate ({level})."
     )

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.logs import WarningLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import Request, of_case, with_defaults
+from pipeline.planning.request import of_case, with_defaults
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
 from pipeline.units import KHZ, MM
@@ -212,11 +212,12 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Drive every zone of the assembled plate; without a frequency to look near, in the case's own window."""
+    """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
     from pipeline.driven import crosstalk
 
     log = WarningLog()
-    record = crosstalk.solve(case, log, around(case, near_hz).band_hz, PEAKS)
+    band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
+    record = crosstalk.solve(case, log, band_hz, PEAKS)
     zones = record.zones
     confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
     return FidelityResult(
@@ -245,14 +246,14 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    """Solve the assembled plate or the solid; without a frequency to look near, in the case's own window."""
+    """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
     from pipeline.analysis import modes
 
     solve = replace(case.solve, model="auto")
     if fidelity == SOLID:
         solve = replace(case.solve, model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
     case = replace(case, solve=solve)
-    request = around(case, near_hz)
+    request = of_case(case)
     if near_hz and fidelity == SOLID:  # a whole mesh pays for every mode
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
@@ -263,14 +264,6 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
     errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
     return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings))
-
-
-def around(case: Case, near_hz: float | None) -> Request:
-    """Request for the plate's modes about a frequency; without one, in the case's own window."""
-    if near_hz is None:
-        return of_case(case)
-    band = _outwards(*_about(near_hz))
-    return Request("plate", band_hz=band, symmetry=case.symmetry_wanted, search=False)
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Which of a plate's modes is the wanted one, by one rule for every model: single, split among several, or none.
 
-A mode's score is its strength times its zone share (`solvers.measures.confinement`): how much of the zone's motion in
-the wanted shape it carries, and how much of its own motion stays there. Both are of the mode alone, so no window
-decides. It must look like the wanted shape (MAC) to stand for it at all.
+A mode's weight is its strength times its zone share times its MAC (`solvers.measures.confinement`): how much of the zone's
+motion in the wanted shape it carries, how much of its own motion stays there, and how much of that has the shape. It must look
+like the wanted shape to stand for it at all. Which modes are computed, `solvers.measures.wanted_search` decides.
 
 The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of each: all
 plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
@@ -14,25 +14,27 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 
 SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the wanted shape
 CLEAR = 0.8  # MAC from which one mode may carry the shape alone
 LEAD = 1.5  # over the strongest rival: by less, another design or mesh turns the two over
-MAJORITY = 0.5  # of all scores in the window: more than all others together
+MAJORITY = 0.5  # of all weights in the window: more than all others together
 PAST = 0.2  # of the wanted frequency on both sides: as far as a window has to reach before it can tell
-RIVAL = 0.25  # of the best score: others that are named
+RIVAL = 0.25  # of the best weight: others that are named
 NAMED = 3  # rivals at most
 
 Status = Literal["single", "split", "none"]
+BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Verdict:
     """The wanted mode among others: its index and its rivals', strongest first; None and () where there is none.
 
-    share: of the sum of all scores, each weighted by its MAC.
+    share: of the sum of all weights near it.
     """
 
     status: Status
@@ -54,21 +56,39 @@ def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> Flo
     return score(strength, zone_share) * np.nan_to_num(mac)
 
 
-def verdict(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> Verdict:
-    """The wanted mode by measures (k,) of every mode of its symmetry class within a window.
+def verdict(
+    strength: FloatArray, zone_share: FloatArray, mac: FloatArray, candidate: BoolArray | None = None,
+    near: BoolArray | None = None, missing: float = 0.0,
+) -> Verdict:  # fmt: skip
+    """Judge which mode of a symmetry class is the wanted one.
 
-    The strongest mode of those similar to the wanted shape; single where it is clear, leads its rivals, each counted by what
-    of it looks like the wanted shape, and carries more than all of them together.
+    The candidate of the largest weight, similar to the wanted shape. It is single where it is clear, leads by LEAD every other
+    mode, computed or not, and carries more than all others near it together.
+
+    Parameters
+    ----------
+    strength, zone_share, mac : ndarray, shape (k,)
+        Measures of every mode known.
+    candidate, near : ndarray of bool, shape (k,), optional
+        Modes that may be the wanted one; modes that its share is counted among. All by default.
+    missing : float
+        Upper bound of the weight of any mode that is not known.
+
+    Returns
+    -------
+    Verdict
+        Status, index, rivals and share.
     """
-    scores, modal_overlap = score(strength, zone_share), np.nan_to_num(mac)
-    candidates = np.where(modal_overlap >= SIMILAR, scores, 0.0)
+    modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
+    everything = np.ones(len(weights), dtype=bool)
+    candidate, near = (everything if mask is None else mask for mask in (candidate, near))
+    candidates = np.where(candidate & (modal_overlap >= SIMILAR), weights, 0.0)
     if not candidates.any():
         return NONE
     best = int(np.argmax(candidates))
-    weights = weight(strength, zone_share, mac)
-    others = np.delete(weights, best)
-    clear = modal_overlap[best] >= CLEAR and weights[best] >= LEAD * others.max(initial=0.0)
-    share = float(weights[best] / weights.sum())
+    strongest_other = max(np.delete(weights, best).max(initial=0.0), missing)
+    clear = modal_overlap[best] >= CLEAR and weights[best] >= LEAD * strongest_other
+    share = float(weights[best] / weights[near | (np.arange(len(weights)) == best)].sum())
     rivals = tuple(
         int(i) for i in np.argsort(-weights, kind="stable") if i != best and weights[i] >= RIVAL * weights[best]
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Protocol, Self
 
@@ -22,10 +22,12 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
-from solvers.measures.confinement import TouchField, measure
-from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.measures.confinement import TouchField, measure, wanted_symmetry
+from solvers.measures.wanted_mode import NONE, Verdict, verdict
+from solvers.measures.wanted_search import Found, Interval, search
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
 from solvers.piezo.patched_plate import Group
+from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
@@ -74,6 +76,22 @@ class GroupModes:
     def residual(self, eigenvalue: float) -> FloatArray:
         """What the modes beyond the band add to the receptance, (patches, patches), scaled."""
         return self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
+
+
+@dataclass(frozen=True)
+class PlateMode:
+    """A patched plate's mode: frequency in Hz, measures, group, and its motion in the group's degrees of freedom, (dof,).
+
+    place: number among the modes about the band; None beyond them.
+    """
+
+    frequency_hz: float
+    strength: float
+    zone_share: float
+    mac: float
+    group: Group
+    vector: FloatArray
+    place: int | None = None
 
 
 @dataclass(frozen=True)
@@ -148,41 +166,63 @@ class ForcedPlate:
         drive: Drive,
         margin: tuple[float, float] = MARGIN,
         bytes_each: float = 0.0,
+        wanted_window_hz: Interval | None = None,
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality_factor
-        self.margin = margin
+        self.margin, self.wanted_window_hz = margin, wanted_window_hz
         solved = partial(group_modes, band_hz=drive.band_hz, margin=margin)
         self.modes = side_by_side(solved, plate.groups, bytes_each)
-        self.signs = self._wanted_signs()
+
+    @property
+    def solved_hz(self) -> Interval:
+        """Interval about the band, Hz, whose modes are summed."""
+        return self.margin[0] * self.band_hz[0], self.margin[1] * self.band_hz[1]
 
     @cached_property
+    def target(self) -> Found[PlateMode]:
+        """Search of the patched plate's wanted mode (`solvers.measures.wanted_search`), beyond the band where it has to;
+        among the modes about the band where no window to begin with is given.
+        """
+        basis = self._wanted_basis
+        if basis is None:
+            window = self.wanted_window_hz or self.solved_hz
+            return Found(NONE, (), window, window, 0.0)
+        vectors = basis.columns[:, : len(basis.frequency_hz)]
+        own = self._measured(basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist())
+        if self.wanted_window_hz is not None:
+            return search(self.wanted_window_hz, self.solved_hz, own, partial(self._between, basis.group))
+        judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
+        return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
+
+    @property
     def verdict(self) -> Verdict:
-        """Which of the patched plate's modes is the wanted one, group after group (`solvers.measures.wanted_mode`)."""
-        parts = [self._measures(*each) for each in zip(self.modes, self._fields, self.grams, strict=True)]
-        return verdict(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        """Which of `target.modes` is the wanted one."""
+        return self.target.verdict
+
+    @property
+    def _wanted_basis(self) -> GroupModes | None:
+        """Modes of the group that holds the wanted mode's symmetry class; None where no load drives it."""
+        wanted = wanted_symmetry(self.design.nodal_lines)
+        has = (basis for basis in self.modes if {wanted, WHOLE} & set(basis.group.symmetries))
+        return next(has, None)
+
+    @property
+    def _wanted(self) -> PlateMode | None:
+        """The wanted mode; None where the plate has none."""
+        index = self.verdict.index
+        return None if index is None else self.target.modes[index]
 
     @cached_property
-    def _wanted(self) -> tuple[GroupModes, int] | None:
-        """The wanted mode's group and its number there; None when no mode about the band is the wanted one."""
-        left = self.verdict.index
-        if left is None:
-            return None
-        for basis in self.modes:
-            if left < len(basis.frequency_hz):
-                return basis, left
-            left -= len(basis.frequency_hz)
-        raise SolverError("the wanted mode is in no group of the patched plate")
-
-    def _wanted_signs(self) -> FloatArray:
+    def signs(self) -> FloatArray:
         """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none.
 
         The first driving patch that moves the mode has sign 1: an eigenvector's own sign means nothing.
         """
-        if self._wanted is None:
+        mode = self._wanted
+        if mode is None:
             return np.ones(len(self.plate.patches))
-        basis, index = self._wanted
-        return in_phase_signs(basis.gain[index], self.drivers)
+        return in_phase_signs(mode.vector @ mode.group.loads, self.drivers)
 
     def driven_by(self, volts: ComplexArray) -> Self:
         """The same plate, its drivers fed with these voltages (patches,) per volt of drive instead of +-1."""
@@ -190,23 +230,32 @@ class ForcedPlate:
         other.feed = volts
         return other
 
-    def _measures(
-        self, basis: GroupModes, fields: list[TouchField], grams: tuple[FloatArray, FloatArray]
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Strength, zone share and MAC of a group's modes, (k,) each.
+    def _between(self, group: Group, low_hz: float, high_hz: float) -> list[PlateMode]:
+        """Every mode of a group between two frequencies, measured."""
+        modes = modes_in_band(group.pencil, low_hz, high_hz, Shared(group.factorise))
+        return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
+
+    def _measured(
+        self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None]
+    ) -> list[PlateMode]:
+        """Modes of a group with their measures.
 
         Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
         """
-        count = len(basis.frequency_hz)
-        inside, outside = (np.diag(gram)[:count] for gram in grams)
-        strength = np.zeros(count)
-        for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
-            own = replace(field, values=field.values[:, :count])
-            strength += measure(own, self.design, symmetry or None).strength if count else 0.0
+        if not len(tones):
+            return []
+        fields = group.touch(vectors)
+        inside, outside = (np.diag(gram) for gram in touch_grams(fields, self.design))
+        parts = zip(group.symmetries, fields, strict=True)
+        strength = np.sum([measure(field, self.design, symmetry or None).strength for symmetry, field in parts], axis=0)
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
-        share = inside / whole if self.areas_m2[1] is not None else np.full(count, np.nan)
-        return strength, share, strength / np.maximum(per_area * inside, 1e-300)
+        share = inside / whole if self.areas_m2[1] is not None else np.full(len(tones), np.nan)
+        mac = strength / np.maximum(per_area * inside, 1e-300)
+        return [
+            PlateMode(float(tones[i]), float(strength[i]), float(share[i]), float(mac[i]), group, vectors[:, i], place)
+            for i, place in enumerate(places)
+        ]
 
     @cached_property
     def all_modes(self) -> list[GroupModes]:
@@ -221,14 +270,17 @@ class ForcedPlate:
         return np.concatenate([basis.frequency_hz for basis in self.modes])
 
     def wanted_hz(self) -> float | None:
-        """Frequency of the patched plate's wanted mode; None when no mode about the band is the wanted one."""
-        return float(self._wanted[0].frequency_hz[self._wanted[1]]) if self._wanted else None
+        """Frequency of the patched plate's wanted mode, wherever it lies; None where it has none."""
+        return self._wanted.frequency_hz if self._wanted else None
 
     def wanted_place(self) -> tuple[int, int] | None:
-        """Number of the wanted mode's group, and its own among that group's modes; None when the band holds none."""
-        if self._wanted is None:
+        """Number of the wanted mode's group, and its own among that group's modes; None where it is not among those about the
+        band.
+        """
+        mode = self._wanted
+        if mode is None or mode.place is None:
             return None
-        return next(i for i, basis in enumerate(self.modes) if basis is self._wanted[0]), self._wanted[1]
+        return next(i for i, basis in enumerate(self.modes) if basis.group is mode.group), mode.place
 
     def wanted_column(self) -> int | None:
         """Place of the wanted mode among the columns of all groups, one after another; None when the band holds none."""

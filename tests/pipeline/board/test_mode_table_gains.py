@@ -38,8 +38,19 @@ def forced(case: Case, coarsest_cells: None) -> ForcedPlate:
 
 
 @pytest.fixture(scope="module")
-def gains(forced: ForcedPlate) -> ModalGains:
-    return modal_gains(forced)
+def likest_hz(forced: ForcedPlate) -> float:
+    """The mode of the band most like the wanted one, which lies far above it."""
+    low, high = forced.band_hz
+    assert forced.wanted_place() is None and (forced.wanted_hz() or 0.0) > high
+    assert forced.wanted_window_hz is not None
+    basis = next(basis for basis in forced.modes if "AS" in basis.group.symmetries)
+    modes = forced._between(basis.group, low, high)
+    return max(modes, key=lambda mode: mode.mac).frequency_hz
+
+
+@pytest.fixture(scope="module")
+def gains(forced: ForcedPlate, likest_hz: float) -> ModalGains:
+    return modal_gains(forced, likest_hz)
 
 
 def fitted(forced: ForcedPlate, gains: ModalGains, index: int) -> complex:
@@ -63,8 +74,8 @@ def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains:
         assert error < (1e-3 if wanted else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
 
 
-def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(forced: ForcedPlate, gains: ModalGains) -> None:
-    assert 1.0 <= gains.frequency_hz[gains.wanted] / forced.wanted_hz() < 1.01
+def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(likest_hz: float, gains: ModalGains) -> None:
+    assert 1.0 <= gains.frequency_hz[gains.wanted] / likest_hz < 1.01
     assert gains.tau_s * np.pi * gains.frequency_hz == pytest.approx(300.0, rel=0.02)
     wanted = gains.parts[gains.wanted, :, 0]
     assert set(gains.signs.tolist()) == {1.0, -1.0}  # the shape bends one way on the left, the other on the right

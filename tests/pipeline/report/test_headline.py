@@ -79,7 +79,17 @@ def test_a_mode_held_but_not_as_driven_is_not_confined() -> None:
     assert level_text(driven).startswith(f"{driven.record.verdict}: ") and "dB as driven" in level_text(driven)
     assert plate(4, 3, 12.2, 10.1).record.confined is True and plate(4, 3, 9.9, 10.1).record.confined is False
     clamped = cards(StoredStudy(Path("s"), {}, (driven,)))["Confined to the zone"]
-    assert "driven at its own peak 9.3" in clamped.note.replace("\u202f", " ") and clamped.severity == "bad"
+    note, value = (words.replace("\u202f", " ") for words in (clamped.note, clamped.value))
+    assert value == "9.3 dB" and "driven at its own peak, 12.2 dB as a mode" in note and clamped.severity == "bad"
+
+
+def test_designs_with_patches_are_ranked_as_driven() -> None:
+    """The best as a mode is the worst as driven: it is no headline."""
+    study = StoredStudy(Path("s"), {}, (plate(6, 4, 17.4, 15.3), plate(5, 4, 16.0, 20.0)))
+    best = text.best_case(study)
+    assert best is study.cases[1]
+    said = text.headline(study).replace("\u202f", " ")
+    assert "20.0 dB as driven, 16.0 dB as a mode" in said and "moves 10.0 times as much" in said
 
 
 def test_without_a_wanted_mode_nothing_is_claimed() -> None:
