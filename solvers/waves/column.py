@@ -148,7 +148,7 @@ class Column:
             return forced_bars(parts, force, stiff, moved, quality_factor, error, mixed)
 
         modes = ColumnModes(tones_hz, measure_profile(own, self.design))
-        return Driven(modes, forced.confinement_db, lambda: mode_errors(self, stiff, vectors), bar_db)
+        return Driven(modes, forced.confinement_db, lambda: mode_errors(self, self.pencil(), stiff, vectors), bar_db)
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Frequencies (k,) in Hz within a window (all of them from below 0 to inf) and their vectors (dof, k); a dense solve

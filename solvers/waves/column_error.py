@@ -10,23 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import log
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from solvers.superelement.plate_error import ModeErrors, by_mesh
-
-if TYPE_CHECKING:
-    from solvers.waves.column import Column
-    from solvers.waves.evanescent import Row
+from solvers.superelement.plate_error import Assembly, ModeErrors, by_mesh
+from solvers.waves.evanescent import Row
 
 DECIBELS = 20.0 / log(10.0)
 MOST = 0.45  # relative: eigenvalues stay positive
 
 
-def mode_errors(column: Column, value: FloatArray, vectors: ComplexArray) -> ModeErrors:
-    """Estimate the errors of M-orthonormal modes (dof, k) of a column with scaled eigenvalues (k,).
+def mode_errors(
+    column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
+) -> ModeErrors:
+    """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
 
     What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
     sides brought bounds the next ones.
@@ -35,7 +34,7 @@ def mode_errors(column: Column, value: FloatArray, vectors: ComplexArray) -> Mod
     raised = np.zeros((2, len(value)))
     last = np.unique(np.concatenate([place.dofs[_last_bubbles(place.row)] for place in column.placed_cells]))
     last = last[last >= 0]
-    for matrix, total in zip(column.pencil(), raised, strict=True):
+    for matrix, total in zip(pencil, raised, strict=True):
         total += _energy(vectors[last], matrix[np.ix_(last, last)] @ vectors[last])
     moving = value > 0.0
     degrees[moving] = np.maximum(raised[0] - value * raised[1], 0.0)[moving] / (2.0 * value[moving])

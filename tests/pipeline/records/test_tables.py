@@ -76,7 +76,7 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
     assert rows[0]["count_check"] == "holds"
     assert (rows[2]["status"], rows[2]["diagnosis"]) == ("FAILED", 'no count, "31 kHz"')
     assert (rows[3]["gap_lower_hz"], rows[3]["gap_upper_hz"]) == ("163100.0", "175800.0")  # the widest
-    assert rows[3]["bending_m_2_hz"] == "32541.00" and rows[3]["dof"] == "99"
+    assert rows[3]["bending_m_2_hz"] == "32541.0" and rows[3]["dof"] == "99"
     assert (rows[4]["status"], rows[4]["diagnosis"]) == ("MISSING", "record.json is missing")
 
 
