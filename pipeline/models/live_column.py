@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import hypot, inf, pi, sqrt
+
+import numpy as np
+
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
+from solvers.analytic.plates import levy_wavenumber_per_m
+from solvers.analytic.predesign import strip_of
 from solvers.errors import SolverError
-from solvers.measures.confinement import Profile
+from solvers.measures.confinement import Confinement, Profile
+from solvers.measures.wanted_mode import Verdict, reaching, verdict
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
 from solvers.parametric.chain import Chain, Condensed
+from solvers.parametric.finite import FinitePlate, wavenumbers
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -24,6 +33,13 @@ FACE, INNER = (
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
+TRIED = 1.2  # of the window's top: column modes that are trial functions
+KNOWN = 0.6, 1.2  # of the window's ends: modes of the plate that are looked at
+CHANGES = 11  # over the error of a frequency, at which the level is looked at
+SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
+# of a frequency, by the polynomials of sides and through them over (k h)^2: each twice the most that degree 5 and three layers took
+# off in columns of plates of 1.2 to 3 mm (tests/pipeline/models/test_live_plate.py)
+SIDES, LAYERS = 0.003, 0.008
 
 
 class LiveCell:
@@ -88,13 +104,86 @@ class _Known:
 
 
 def live_modes(
-    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]
+    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float], kx_per_m: float | None = None
 ) -> tuple[FloatArray, Profile]:
-    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate.
+    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wanted wavenumber
+    unless another is given.
 
     SolverError for a design outside the box, by name.
     """
     reductions = LiveReductions(live, case.design, known, window[1])
-    column = Column(case.design, reductions, case.kx_wanted_per_m)
+    column = Column(case.design, reductions, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)
+
+
+def free_kx_per_m(design: Design) -> float:
+    """Wavenumber along the zone of the wanted mode between free ends, as the exact thin plate with pinned sides has it, rad/m."""
+    strip = strip_of(design)
+    if strip is None or design.nodal_lines < 2:
+        return 0.0
+    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+
+
+def boundary_error(design: Design) -> float:
+    """How far the column's polynomials alone may put the wanted frequency too high, relative.
+
+    Of degree 3 along a panel's sides, of degree 1 through the thickness: what these leave out of a bending wave's strain grows as
+    (k h)^2.
+    """
+    k = hypot(design.nodal_lines and (pi / (design.half_wavelength_m or inf)), pi / design.width_m)
+    return SIDES + LAYERS * (k * design.thickness_m) ** 2
+
+
+class LivePlate:
+    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the wanted one among them.
+
+    SolverError for a design outside the box, by name.
+    """
+
+    def __init__(self, case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]) -> None:
+        self.design, self.window = case.design, window
+        reductions = LiveReductions(live, case.design, known, window[1])
+        columns = [Column(case.design, reductions, float(kx)) for kx in wavenumbers(case.design)]
+        condensed: Condensed = {}
+        vectors = [Chain(column, *window, condensed).solve(-1.0, TRIED * window[1])[1] for column in columns]
+        self.plate = FinitePlate(case.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
+        self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
+
+    def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:
+        """The wanted mode where the zone alone and the rows alone would ring higher by relative changes."""
+        frequency_hz, turn, level = self.modes.detuned(zone, rows)
+        found = _verdict(frequency_hz, level, self.window)
+        if found.index is not None:
+            found = _verdict(frequency_hz, level, reaching(self.window, float(frequency_hz[found.index])))
+        return Detuned(found, frequency_hz, turn, level)
+
+    def within(self, error: float) -> list[Detuned]:
+        """The same over both sides of a relative error: zone and rows alike, and one against the other."""
+        changes = np.linspace(-error, error, CHANGES).tolist()
+        return [self.verdict(change, sign * change) for sign in (1.0, -1.0) for change in changes]
+
+
+@dataclass(frozen=True)
+class Detuned:
+    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures."""
+
+    verdict: Verdict
+    frequency_hz: FloatArray
+    turn: FloatArray
+    level: Confinement
+
+    def rival_hz(self, within: float) -> float | None:
+        """The nearest other mode that carries a share of the wanted shape, Hz; None where none lies so near, relative."""
+        at = self.verdict.index
+        if at is None:
+            return None
+        off = np.abs(self.frequency_hz / self.frequency_hz[at] - 1.0)
+        sharing = self.level.strength >= SHARING * self.level.strength[at]
+        off = np.where(sharing & (np.arange(len(off)) != at) & (off <= within), off, np.inf)
+        return float(self.frequency_hz[np.argmin(off)]) if np.isfinite(off).any() else None
+
+
+def _verdict(frequency_hz: FloatArray, level: Confinement, window: tuple[float, float]) -> Verdict:
+    inside = (frequency_hz >= window[0]) & (frequency_hz <= window[1])
+    return verdict(np.where(inside, level.strength, 0.0), level.zone_share, level.mac)

@@ -150,11 +150,14 @@ class Chain:
         return own[own % 3 != 1]
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
-        """Frequencies (k,) in Hz within a window and the column's own vectors (dof, k), as Column.solve."""
+        """Frequencies (k,) in Hz within a window (from rigid-body motions on if it begins below 0) and the column's own vectors
+        (dof, k), as Column.solve.
+        """
         last, scale, live = self.steps[-1], self.column.scale, self._end
         with one_thread():
             values, waves = eigh(last.stiffness[np.ix_(live, live)], last.mass[np.ix_(live, live)], driver="gvd")
-        inside = (values >= scale.eigenvalue(low_hz)) & (values <= scale.eigenvalue(high_hz))
+        least = -np.inf if low_hz < 0.0 else scale.eigenvalue(low_hz)
+        inside = (values >= least) & (values <= scale.eigenvalue(high_hz))
         motion = np.zeros((len(last.mass), np.count_nonzero(inside)))
         motion[live] = waves[:, inside]
         return scale.frequency(values[inside]), self._unfolded(motion)

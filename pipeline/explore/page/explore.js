@@ -1,7 +1,7 @@
 "use strict";
 const MAX_PINS = 4;
 const $ = (id) => document.getElementById(id);
-const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
+const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false, solving: false };
 
 // who answers: the program that serves the page, or without one a worker with the model that the page holds
 let worker = null;
@@ -325,9 +325,11 @@ function take(design) {
 
 async function computeFull() {
   const asked = state.shown;
+  if (state.solving) { try { await answer("full/stop", {}); } catch (fault) { $("progress").textContent = fault.message; } return; }
   if (!asked) return;
   $("real").hidden = false;
-  $("full").disabled = true;
+  state.solving = true;
+  $("full").textContent = "Stop";
   $("log").replaceChildren();
   try {
     await answer("full", { ...asked.design, near_hz: asked.plate.frequency_hz ?? null });
@@ -341,7 +343,8 @@ async function computeFull() {
   } catch (fault) {
     $("progress").textContent = fault.message;
   }
-  $("full").disabled = false;
+  state.solving = false;
+  $("full").textContent = "Compute for real";
 }
 function compared(live, real) {
   if (real.why_not) return `Full plate: ${real.why_not}.`;

@@ -5,8 +5,9 @@ from __future__ import annotations
 import http.client
 import json
 import threading
+import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -278,6 +279,41 @@ def test_another_host_or_origin_is_refused(server: Server) -> None:
     assert request(server, "GET", path, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
 
 
+HUGE = b"9" * 400
+
+
+@pytest.mark.parametrize("path", ["answer", "case", "full"])
+@pytest.mark.parametrize("name", [*OWN, "near_hz"])
+def test_a_number_of_four_hundred_digits_is_refused_by_name(server: Server, path: str, name: str) -> None:
+    body = json.dumps(OWN | {name: 0.125}).encode().replace(b"0.125", HUGE)
+    status, text, headers = request(server, "POST", f"/{server.token}/{path}", body)
+    assert status == 400 and error(text) and "content-security-policy" in headers
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Content-Encoding": "gzip"},
+        {"Content-Encoding": "deflate"},
+        {"Content-Type": "application/json; charset=klingon"},
+        {"Content-Type": "application/json; charset=utf-7"},
+        {"Content-Type": "application/json; charset=base64"},
+        {"Content-Type": "application/json; charset=\u00ff"},
+    ],
+)
+def test_odd_encodings_and_charsets_are_one_line_with_the_headers(server: Server, headers: dict[str, str]) -> None:
+    """JSON is UTF-8 whatever charset is named; what claims to be compressed and is not is refused."""
+    status, text, answered = request(server, "POST", f"/{server.token}/case", json.dumps(OWN).encode(), **headers)
+    assert "content-security-policy" in answered
+    assert (status == 400 and error(text)) if "Content-Encoding" in headers else status == 200
+
+
+def test_a_fault_of_the_program_is_one_line_with_the_headers(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server.explorer, "answer", lambda given: 1 / 0)
+    status, text, headers = request(server, "POST", f"/{server.token}/answer", json.dumps(OWN).encode())
+    assert status == 500 and "ZeroDivisionError" in error(text) and "content-security-policy" in headers
+
+
 @pytest.mark.parametrize("body", [b"", b"{", b"\xff\xfe", b"[]", b"null", b'{"height": 1e999}', b"[" * 4000])
 def test_garbage_is_refused_with_one_line(server: Server, body: bytes) -> None:
     for path in ("answer", "case", "full"):
@@ -330,27 +366,70 @@ def test_the_case_saved_is_the_design(server: Server, tmp_path: Path) -> None:
     assert case.design.pillar.height_m == pytest.approx(6.45e-3)
 
 
-def test_one_full_plate_at_a_time(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
-    go = threading.Event()
+def slow_plate(scene: Any, design: Any, near: Any, log: Any) -> dict[str, Any]:
+    """A solve that never ends."""
+    with log.step(f"near {near}"):
+        time.sleep(600.0)
+    return {}
 
-    def solved(scene: Any, design: Any, near: Any, log: Any) -> dict[str, Any]:
-        log.info(f"near {near}")
-        go.wait(20.0)
-        return {"frequency_hz": 1.0}
 
-    monkeypatch.setattr(served_module, "compute", solved)
-    path = f"/{server.token}/full"
-    assert request(server, "GET", path)[0] in (200, 404)
-    body = json.dumps(OWN | {"near_hz": 3e4}).encode()
+def quick_plate(scene: Any, design: Any, near: Any, log: Any) -> dict[str, Any]:
+    log.info(f"near {near}")
+    return {"frequency_hz": design["height"]}
+
+
+def reported(server: Server, until: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """The report of the full plate as soon as it is as asked."""
+    for _ in range(300):
+        state: dict[str, Any] = json.loads(request(server, "GET", f"/{server.token}/full")[1])
+        if until(state):
+            return state
+        time.sleep(0.1)
+    raise AssertionError(state)
+
+
+def test_one_full_plate_at_a_time_and_it_can_be_stopped(server: Server) -> None:
+    """In a process of its own: the second solve never ends, and is ended."""
+    path, body = f"/{server.token}/full", json.dumps(OWN | {"near_hz": 3e4}).encode()
+    assert request(server, "GET", path)[0] == 404
+    server.full.solve = quick_plate
+    assert request(server, "POST", path, body)[0] == 200
+    state = reported(server, lambda state: not state["running"])
+    assert state["result"] == {"frequency_hz": OWN["height"]} and state["lines"] == ["near 30000.0"]
+    assert json.loads(request(server, "POST", f"{path}/stop", b"{}")[1]) == {"stopped": False}
+    server.full.solve = slow_plate
     assert request(server, "POST", path, body)[0] == 200
     status, text, _ = request(server, "POST", path, body)
     assert status == 409 and "already" in error(text)
+    assert reported(server, lambda state: bool(state["lines"]))["lines"] == ["near 30000.0 ..."]
+    assert json.loads(request(server, "POST", f"{path}/stop", b"{}")[1]) == {"stopped": True}
+    state = reported(server, lambda state: not state["running"])
+    assert state["result"]["why_not"] and state["lines"] == ["near 30000.0 ..."]
+
+
+def test_questions_of_clients_that_left_are_not_computed(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first waits in the solver's thread; those behind it leave, and the next one is answered at once."""
+    go, begun, asked = threading.Event(), threading.Event(), []
+
+    def answered(given: dict[str, float]) -> dict[str, Any]:
+        asked.append(given["height"])
+        begun.set()
+        go.wait(20.0)
+        return {"design": given}
+
+    monkeypatch.setattr(server.explorer, "answer", answered)
+    body, own = (lambda height: json.dumps(OWN | {"height": height})), {"Host": f"127.0.0.1:{server.port}"}
+    clients = [http.client.HTTPConnection("127.0.0.1", server.port, timeout=60) for _ in range(4)]
+    for number, client in enumerate(clients):
+        client.request("POST", f"/{server.token}/answer", body(6.1 + 0.1 * number), own)
+        assert begun.wait(20.0)
+    assert request(server, "GET", f"/{server.token}/scene")[0] == 200  # the four have been read
+    for client in clients[1:]:
+        client.close()
+    assert request(server, "GET", f"/{server.token}/scene")[0] == 200  # their ends, too
     go.set()
-    for _ in range(200):
-        state = json.loads(request(server, "GET", path)[1])
-        if not state["running"]:
-            break
-    assert state["result"] == {"frequency_hz": 1.0} and state["lines"] == ["near 30000.0"]
+    assert request(server, "POST", f"/{server.token}/answer", body(6.9).encode())[0] == 200
+    assert clients[0].getresponse().status == 200 and asked == [6.1, 6.9]
 
 
 def test_a_port_in_use_is_said(server: Server) -> None:
