@@ -16,7 +16,7 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
-from pipeline.models.live_column import Detuned, LiveCell, LivePlate, boundary_error, free_kx_per_m, live_modes
+from pipeline.models.live_column import Detuned, LiveCell, LivePlate, boundary_error, end_layer, free_kx_per_m, live_modes
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
@@ -290,12 +290,13 @@ class Explorer:
         at = found.verdict.index
         if at is None:
             return {"why_not": NO_MODE}
-        frequency_hz, level = float(found.frequency_hz[at]), found.level
+        layer = end_layer(design) / 2.0  # half of it is corrected, the other half may be left
+        frequency_hz, level = float(found.frequency_hz[at]) * (1.0 - layer), found.level
         numbers = {
             name: _number(getattr(level, name)[at]) for name in ("confinement_db", "extension_db", "mac", "zone_share")
         }
-        error = boundary_error(design) + mesh_error(frequency_hz)
-        bar = Bar.over(live.within(error), frequency_hz, error, numbers["confinement_db"], found.rival_hz(NEAR * error))
+        error = boundary_error(design) + layer + mesh_error(frequency_hz)
+        bar = Bar.over(live.within(error), float(found.frequency_hz[at]), error, numbers["confinement_db"], found.rival_hz(NEAR * error))
         squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
             "frequency_hz": frequency_hz,
@@ -304,7 +305,7 @@ class Explorer:
             "status": bar.status,
             "near_hz": bar.near_hz,
             "rivals": len(found.verdict.rivals),
-            "warnings": bar.warnings(frequency_hz),
+            "warnings": bar.warnings(),
             "profile": _profile(*squares, design.half_span_m),
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
@@ -355,7 +356,7 @@ class Bar:
             bar = LEVEL_DB + max(levels[1] - level_db, level_db - levels[0])
         return cls(max(error, *tones), bar, "single" if single else "split", near_hz, error, levels)
 
-    def warnings(self, frequency_hz: float) -> list[str]:
+    def warnings(self) -> list[str]:
         """What to know before believing the level."""
         said = []
         if self.near_hz is not None and self.levels_db is not None:

@@ -12,14 +12,17 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
 from pipeline.errors import InputError
-from pipeline.explore.answer import POINTS, PROFILE, Explorer
-from pipeline.models.live_column import FACE, INNER, PANEL
+from pipeline.explore.answer import LEVEL_DB, NEAR, POINTS, PROFILE, Explorer
+from pipeline.models import live_column
+from pipeline.models.live_column import FACE, INNER, PANEL, free_kx_per_m
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
-from pipeline.search.fidelity import COLUMN, column_level_error_db, frequency_slack
-from solvers.parametric import bands, bare, chain
+from solvers.analytic.beams import free_free_mode
+from solvers.measures import wanted_mode
+from solvers.parametric import bands, bare, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
 from solvers.parametric.reduced_block import ReducedBlock
@@ -113,12 +116,22 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "window_thickness": design.thickness_m,
         "panel": PANEL,
         "reach": chain.REACH,
-        "slack": frequency_slack(COLUMN, design.nodal_lines),
-        "level_slack_db": [column_level_error_db(level, design.nodal_lines) for level in (0.0, 1.0)],
+        "finite": _finite(design),
+        "rule": {name: getattr(wanted_mode, name.upper()) for name in ("similar", "clear", "lead", "majority", "rival", "named", "past")},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
+
+
+def _finite(design: Design) -> Plain:
+    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`."""
+    return {
+        "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
+        "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
+        "tried": live_column.TRIED, "known": live_column.KNOWN, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
+        "sides": live_column.SIDES, "layers": live_column.LAYERS, "near": NEAR, "level_db": LEVEL_DB,
+    }  # fmt: skip
 
 
 def _mesh(table: MeshTable) -> Plain:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from math import hypot, inf, pi, sqrt
 
 import numpy as np
@@ -33,13 +34,15 @@ FACE, INNER = (
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
-TRIED = 1.2  # of the window's top: column modes that are trial functions
-KNOWN = 0.6, 1.2  # of the window's ends: modes of the plate that are looked at
+TRIED = 1.5  # of the window's top: column modes that are trial functions
+KNOWN = 0.6, 1.3  # of the window's ends: modes of the plate that are known
+WIDER = 0.9, 1.2  # of the window's ends: no mode is single that one beyond the window could overturn
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
 SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
 # of a frequency, by the polynomials of sides and through them over (k h)^2: each twice the most that degree 5 and three layers took
 # off in columns of plates of 1.2 to 3 mm (tests/pipeline/models/test_live_plate.py)
 SIDES, LAYERS = 0.003, 0.008
+WAVES = 0.01  # of a frequency, over the half waves between the ends: what twice as many waves took off
 
 
 class LiveCell:
@@ -126,13 +129,34 @@ def free_kx_per_m(design: Design) -> float:
 
 
 def boundary_error(design: Design) -> float:
-    """How far the column's polynomials alone may put the wanted frequency too high, relative.
+    """How far few waves and the column's polynomials may put the wanted frequency too high, relative.
 
     Of degree 3 along a panel's sides, of degree 1 through the thickness: what these leave out of a bending wave's strain grows as
-    (k h)^2.
+    (k h)^2. What few waves leave out near two ends counts over the half waves between them.
     """
-    k = hypot(design.nodal_lines and (pi / (design.half_wavelength_m or inf)), pi / design.width_m)
-    return SIDES + LAYERS * (k * design.thickness_m) ** 2
+    k2 = free_kx_per_m(design) ** 2 + (pi / design.width_m) ** 2
+    return SIDES + LAYERS * k2 * design.thickness_m**2 + WAVES / (max(design.nodal_lines, 2) - 0.5)
+
+
+def end_layer(design: Design) -> float:
+    """How far the edge layers of twist at both free ends, which no bending wave has, lower the wanted frequency at most, relative.
+
+    A plate that twists carries no shear through its edge: within 0.315 h of each end the twist's energy is missing (torsion of a
+    rectangle, timoshenko1970: J = b h^3 / 3 (1 - 0.63 h / b)). Its share of the energy of a wave cos(k x) cos(q y) is
+    2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, and four times as much at the tip of a free-free beam.
+    """
+    k2, q2 = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2
+    share = 2.0 * (1.0 - design.material.poisson) * k2 * q2 / (k2 + q2) ** 2
+    return 0.63 * 4.0 * share * design.thickness_m / design.length_m / 2.0
+
+
+def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[float], float]:
+    """Up to which frequency a column's modes at a wavenumber are trial functions, Hz: what bends near the ends has the zone's shape
+    across it and a shorter wave along it, whose frequency goes as k^2 + (pi/W)^2.
+    """
+    across = pi / design.width_m
+    own = hypot(free_kx_per_m(design), across)
+    return lambda kx: TRIED * window[1] * max(1.0, (hypot(kx, across) / own) ** 2)
 
 
 class LivePlate:
@@ -146,7 +170,8 @@ class LivePlate:
         reductions = LiveReductions(live, case.design, known, window[1])
         columns = [Column(case.design, reductions, float(kx)) for kx in wavenumbers(case.design)]
         condensed: Condensed = {}
-        vectors = [Chain(column, *window, condensed).solve(-1.0, TRIED * window[1])[1] for column in columns]
+        tried_hz = tried_up_to_hz(case.design, window)
+        vectors = [Chain(one, *window, condensed).solve(-1.0, tried_hz(one.kx))[1] for one in columns]
         self.plate = FinitePlate(case.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
         self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
 
@@ -156,6 +181,8 @@ class LivePlate:
         found = _verdict(frequency_hz, level, self.window)
         if found.index is not None:
             found = _verdict(frequency_hz, level, reaching(self.window, float(frequency_hz[found.index])))
+            wide = _verdict(frequency_hz, level, (WIDER[0] * self.window[0], WIDER[1] * self.window[1]))
+            found = replace(found, status="split") if wide.index != found.index else found
         return Detuned(found, frequency_hz, turn, level)
 
     def within(self, error: float) -> list[Detuned]:

@@ -30,7 +30,7 @@ from solvers.superelement.cell import Cell, Expansion
 from solvers.threads import one_thread
 from solvers.waves.column import Column
 
-BEYOND = 1.1  # half the longest period over the plate's length
+BEYOND = 1.2  # half the longest period over the plate's length
 MORE = 3.0  # half waves along the zone beyond the wanted mode's
 INDEPENDENT = 1e-8  # of the largest: waves that add less to the scaled mass are told apart by rounding
 STILL = 1e-9  # of the largest diagonal of the mass: at k = 0 half of the waves have no even part
