@@ -16,7 +16,15 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
-from pipeline.models.live_column import Detuned, LiveCell, LivePlate, boundary_error, end_layer, free_kx_per_m, live_modes
+from pipeline.models.live_column import (
+    Detuned,
+    LiveCell,
+    LivePlate,
+    boundary_error,
+    end_layer,
+    free_kx_per_m,
+    live_modes,
+)
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
@@ -296,7 +304,13 @@ class Explorer:
             name: _number(getattr(level, name)[at]) for name in ("confinement_db", "extension_db", "mac", "zone_share")
         }
         error = boundary_error(design) + layer + mesh_error(frequency_hz)
-        bar = Bar.over(live.within(error), float(found.frequency_hz[at]), error, numbers["confinement_db"], found.rival_hz(NEAR * error))
+        bar = Bar.over(
+            live.within(error),
+            float(found.frequency_hz[at]),
+            error,
+            numbers["confinement_db"],
+            found.rival_hz(NEAR * error),
+        )
         squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
             "frequency_hz": frequency_hz,

@@ -16,7 +16,7 @@ from geometry.layout import Design
 from pipeline.errors import InputError
 from pipeline.explore.answer import LEVEL_DB, NEAR, POINTS, PROFILE, Explorer
 from pipeline.models import live_column
-from pipeline.models.live_column import FACE, INNER, PANEL, free_kx_per_m
+from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, free_kx_per_m, half_waves
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
@@ -125,12 +125,17 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
 
 
 def _finite(design: Design) -> Plain:
-    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`."""
+    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`; sides goes with the square of a
+    thickness in m, layer with the thickness.
+    """
+    thickness = design.thickness_m
+    at_rest = live_column.SIDES + live_column.WAVES / half_waves(design.nodal_lines)
     return {
         "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
         "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
         "tried": live_column.TRIED, "known": live_column.KNOWN, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
-        "sides": live_column.SIDES, "layers": live_column.LAYERS, "near": NEAR, "level_db": LEVEL_DB,
+        "wider": live_column.WIDER, "waves": at_rest, "sides": (boundary_error(design) - at_rest) / thickness**2,
+        "layer": end_layer(design) / thickness, "near": NEAR, "level_db": LEVEL_DB,
     }  # fmt: skip
 
 

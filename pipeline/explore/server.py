@@ -197,9 +197,7 @@ def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
 
     async def run() -> None:
         # a client that leaves cancels its handler, and with it a question that still waits for its turn
-        runner = web.AppRunner(
-            server.application(), access_log=None, shutdown_timeout=1.0, handler_cancellation=True
-        )
+        runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0, handler_cancellation=True)
         await runner.setup()
         try:
             await web.SockSite(runner, sock).start()

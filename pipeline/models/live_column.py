@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot, inf, pi, sqrt
+from math import hypot, pi, sqrt
 
 import numpy as np
 
@@ -128,6 +128,11 @@ def free_kx_per_m(design: Design) -> float:
     return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
 
 
+def half_waves(nodal_lines: int) -> float:
+    """Half waves along the zone; rigid shapes count as the shortest one that bends."""
+    return max(nodal_lines, 2) - 0.5
+
+
 def boundary_error(design: Design) -> float:
     """How far few waves and the column's polynomials may put the wanted frequency too high, relative.
 
@@ -135,7 +140,7 @@ def boundary_error(design: Design) -> float:
     (k h)^2. What few waves leave out near two ends counts over the half waves between them.
     """
     k2 = free_kx_per_m(design) ** 2 + (pi / design.width_m) ** 2
-    return SIDES + LAYERS * k2 * design.thickness_m**2 + WAVES / (max(design.nodal_lines, 2) - 0.5)
+    return SIDES + LAYERS * k2 * design.thickness_m**2 + WAVES / half_waves(design.nodal_lines)
 
 
 def end_layer(design: Design) -> float:

@@ -23,8 +23,8 @@ import numpy as np
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
-from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
 from solvers.fem.assembly import Scale
+from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
 from solvers.parametric.bare import bare_cell, bare_strip
 from solvers.superelement.cell import Cell, Expansion
 from solvers.threads import one_thread
@@ -77,14 +77,20 @@ class Strip:
 class FinitePlate:
     """The plate of a design from modes (dof, k) of its column at some wavenumbers; what is condensed is exact at `about`."""
 
-    def __init__(self, design: Design, columns: Sequence[Column], vectors: Sequence[ComplexArray], about: float) -> None:
+    def __init__(
+        self, design: Design, columns: Sequence[Column], vectors: Sequence[ComplexArray], about: float
+    ) -> None:
         self.design, self.scale, self.sign = design, columns[0].scale, 1.0 - 2.0 * (design.nodal_lines % 2)
         first = columns[0].panels[0]
         self.pitch_m = first.high[0] - first.low[0]
         self.x_m = _middles(design, self.pitch_m)
         self.kx = np.concatenate([np.full(own.shape[1], one.kx) for one, own in zip(columns, vectors, strict=True)])
         self.pieces = [_piece(columns, vectors, number) for number in range(len(columns[0].placed_cells))]
-        self.strips = [self._strip(piece, about) for piece in self.pieces] if abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m else []
+        self.strips = (
+            [self._strip(piece, about) for piece in self.pieces]
+            if abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m
+            else []
+        )
 
     @property
     def _beyond_m(self) -> float:
@@ -95,12 +101,16 @@ class FinitePlate:
         """The strip of a piece's row: part of the cell that would follow, or of the last one."""
         beyond, cell = self._beyond_m, piece.cell
         width = 2.0 * abs(beyond) / self.pitch_m
-        span, x = ((-1.0, -1.0 + width), self.x_m[-1] + self.pitch_m) if beyond > 0.0 else ((1.0 - width, 1.0), self.x_m[-1])
+        span, x = (
+            ((-1.0, -1.0 + width), self.x_m[-1] + self.pitch_m) if beyond > 0.0 else ((1.0 - width, 1.0), self.x_m[-1])
+        )
         even, odd = self._along(self.kx * x)
         moved = even * piece.even + odd * piece.odd
         stiffness, mass, touch = bare_strip(cell.size_m, self.design.material, cell.interface, span)
         if not piece.bare:
-            moved = without_pillar(bare_cell(cell.size_m, self.design.material, cell.interface), moved[: cell.interface.count], about)
+            moved = without_pillar(
+                bare_cell(cell.size_m, self.design.material, cell.interface), moved[: cell.interface.count], about
+            )
         return Strip(stiffness, mass, touch, moved, (float(x), piece.middle), 2.0 if beyond > 0.0 else -2.0)
 
     @cached_property
@@ -268,10 +278,14 @@ class Faces:
     def measured(self, vectors: FloatArray) -> Confinement:
         """How well modes (n, k) hold the wanted shape, as `measure` has it of a whole plate."""
         inside, passive, beyond = (np.einsum("ik,ik->k", vectors, form @ vectors) for form in self.forms)
-        levels = [self._level_db(inside, other, area) for other, area in zip((passive, beyond), self.areas[1:], strict=True)]
+        levels = [
+            self._level_db(inside, other, area) for other, area in zip((passive, beyond), self.areas[1:], strict=True)
+        ]
         share = np.where(np.isnan(levels[0]), np.nan, inside / np.maximum(inside + passive, 1e-300))
         projection = (self.overlap @ vectors) ** 2 / self.norm
-        return Confinement(share, levels[0], projection / np.maximum(inside, 1e-300), levels[1], self.factor * projection)
+        return Confinement(
+            share, levels[0], projection / np.maximum(inside, 1e-300), levels[1], self.factor * projection
+        )
 
     def _level_db(self, inside: FloatArray, other: FloatArray, area: float) -> FloatArray:
         if min(area, self.areas[0]) <= NEGLIGIBLE * max(area, self.areas[0]):

@@ -124,8 +124,8 @@ function headline(found) {
   const numbers = [];
   if (plate.why_not) numbers.push(["Wanted mode", "none", plate.why_not]);
   else {
-    numbers.push(["Wanted frequency", `${kilo(plate.frequency_hz)} kHz`, `± ${kilo(plate.frequency_error * plate.frequency_hz)} kHz, the plate's ends are left out`]);
-    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : `${plate.confinement_db.toFixed(2)} dB`, plate.confinement_error_db === null ? "" : `± ${plate.confinement_error_db.toFixed(1)} dB, the plate's ends are left out`]);
+    numbers.push(["Wanted frequency", `${kilo(plate.frequency_hz)} kHz`, `± ${kilo(plate.frequency_error * plate.frequency_hz)} kHz${plate.status === "split" ? ", split among several modes" : ""}`]);
+    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : `${plate.confinement_db.toFixed(2)} dB`, plate.confinement_error_db === null ? "" : `± ${plate.confinement_error_db.toFixed(1)} dB${plate.near_hz === null ? "" : `, a mode at ${kilo(plate.near_hz)} kHz is near`}`]);
     if (plate.extension_db !== null) numbers.push(["Zone over extension", `${plate.extension_db.toFixed(2)} dB`, "no bar known"]);
     const decay = decayAt(found.rows, plate.frequency_hz);
     if (decay !== null) numbers.push(["Decay per row", `${decay.toFixed(2)} dB`, "at the wanted frequency and wavenumber"]);

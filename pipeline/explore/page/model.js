@@ -576,8 +576,8 @@ function middlesOf(data, design, pitch) {
   return range(0, count).map((i) => (i - (count - 1) / 2) * pitch);
 }
 function finitePlate(data, pillarCell, design, window) {
-  const { lines, tried, known, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data);
-  const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1]]));
+  const { lines, tried, known, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
+  const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
@@ -676,21 +676,23 @@ function changed(data, plate, window, zone = 0, rows = 0) {
   const { modes, vectors } = detuned(plate, zone, rows);
   let found = verdictOf(data.rule, modes, window);
   if (found) { const hz = modes[found.index].hz; found = verdictOf(data.rule, modes, [Math.min(window[0], (1 - data.rule.past) * hz), Math.max(window[1], (1 + data.rule.past) * hz)]); }
+  const [low, high] = data.finite.wider, wide = found && verdictOf(data.rule, modes, [low * window[0], high * window[1]]);
+  if (found && wide.index !== found.index) found = { ...found, status: "split" };
   return { found, modes, vectors };
 }
 function plateOf(data, pillarCell, design, window, meshError) {
   const plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors } = changed(data, plate, window);
   if (!found) return { why_not: "no mode of the wanted shape in the window" };
-  const best = modes[found.index], { sides, layers, changes, near, sharing, level_db } = data.finite, k = Math.hypot(data.kx, Math.PI / data.zone_width);
-  const error = sides + layers * (k * design.thickness) ** 2 + meshError(best.hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
+  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, level_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
+  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
   const others = each.filter((one) => one.found), wanted = others.map((one) => one.modes[one.found.index]), single = others.length === each.length && others.every((one) => one.found.status === "single");
   const frequency = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), levels = best.confinement_db === null ? null : [best.confinement_db, ...wanted.map((one) => one.confinement_db)];
   const range_db = levels && [Math.min(...levels), Math.max(...levels)], close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${(rival / 1000).toFixed(2)} kHz lies near the wanted one, whose frequency is known to ${(100 * error).toFixed(1)} %: the confinement may lie between ${range_db[0].toFixed(1)} and ${range_db[1].toFixed(1)} dB`);
   if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
-  const { hz, mac, zone_share, confinement_db, extension_db } = best;
-  return { confinement_db, extension_db, mac, zone_share, frequency_hz: hz, frequency_error: frequency, confinement_error_db: range_db && level_db + Math.max(range_db[1] - confinement_db, confinement_db - range_db[0]),
+  const { mac, zone_share, confinement_db, extension_db } = best;
+  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error: frequency, confinement_error_db: range_db && level_db + Math.max(range_db[1] - confinement_db, confinement_db - range_db[0]),
     status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
 }
 function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1
