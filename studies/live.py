@@ -140,7 +140,7 @@ class BesidePlate:
 
 
 def plates(count: int, path: str) -> int:
-    """Print how far the live mode lies from the assembled plate's, a line a design, and how many lie within; 1 unless all do."""
+    """Print how far the live mode lies from the plate's, a line a design, and how many lie within; 1 unless all do."""
     scene = Scene(load_case(path), read_toml(Path(path)), ())
     explorer = Explorer(scene, cell_model(scene.case, TerminalLog()))
     step = max(len(explorer.cloud_designs) // (SPARE * count), 1)

@@ -264,8 +264,9 @@ class Explorer:
         }
 
     def _mesh_at(self, sizes: Sizes, reaching: NDArray[np.bool_]) -> float:
-        """The largest error by the mesh of the bands that reach down to a frequency; 0 where it is not known. A plate stands as its
-        cells are meshed.
+        """The largest error by the mesh of the bands that reach down to a frequency; 0 where it is not known.
+
+        Nothing of it is corrected: the plate is made of cells as they are meshed.
         """
         by_mesh = self.model.as_meshed(sizes)
         return 0.0 if by_mesh is None else float(np.max(by_mesh[reaching], initial=0.0))
@@ -327,7 +328,7 @@ class Explorer:
 
     @one_thread()
     def estimate(self, case: Case) -> Document:
-        """Frequency and confinement of one column at the wavenumber between free ends, without bars; None where it has no such mode."""
+        """Frequency and confinement of one column at the wavenumber between free ends, without bars; None without a mode."""
         none = dict.fromkeys(("frequency_hz", "confinement_db"))
         try:
             window, kx = mesh_rules.wanted_window_hz(case.design), free_kx_per_m(case.design)
@@ -375,8 +376,9 @@ class Bar:
         said = []
         if self.near_hz is not None and self.levels_db is not None:
             said.append(
-                f"a mode of the passive plate at {self.near_hz / KHZ:.2f} kHz lies near the wanted one, whose frequency is known to "
-                f"{100.0 * self.error:.1f} %: the confinement may lie between {self.levels_db[0]:.1f} and {self.levels_db[1]:.1f} dB"
+                f"a mode of the passive plate at {self.near_hz / KHZ:.2f} kHz lies near the wanted one, whose frequency is "
+                f"known to {100.0 * self.error:.1f} %: the confinement may lie between {self.levels_db[0]:.1f} "
+                f"and {self.levels_db[1]:.1f} dB"
             )
         if self.status == "split":
             said.append("the wanted shape is split among several modes: the plate may show another one of them")

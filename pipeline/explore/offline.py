@@ -34,6 +34,7 @@ from solvers.waves.polarisation import line_gram
 Plain = dict[str, Any]
 PAGE = Path(__file__).with_name("page")
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
+RULE = "similar", "clear", "lead", "majority", "rival", "named", "past"  # constants of the wanted mode
 MAX_BYTES = 12_000_000
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
@@ -117,7 +118,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "panel": PANEL,
         "reach": chain.REACH,
         "finite": _finite(design),
-        "rule": {name: getattr(wanted_mode, name.upper()) for name in ("similar", "clear", "lead", "majority", "rival", "named", "past")},
+        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
@@ -125,8 +126,9 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
 
 
 def _finite(design: Design) -> Plain:
-    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`; sides goes with the square of a
-    thickness in m, layer with the thickness.
+    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`.
+
+    sides goes with the square of a thickness in m, layer with the thickness.
     """
     thickness = design.thickness_m
     at_rest = live_column.SIDES + live_column.WAVES / half_waves(design.nodal_lines)

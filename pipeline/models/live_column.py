@@ -39,8 +39,8 @@ KNOWN = 0.6, 1.3  # of the window's ends: modes of the plate that are known
 WIDER = 0.9, 1.2  # of the window's ends: no mode is single that one beyond the window could overturn
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
 SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
-# of a frequency, by the polynomials of sides and through them over (k h)^2: each twice the most that degree 5 and three layers took
-# off in columns of plates of 1.2 to 3 mm (tests/pipeline/models/test_live_plate.py)
+# of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
+# layers took off in columns of plates of 1.2 to 3 mm
 SIDES, LAYERS = 0.003, 0.008
 WAVES = 0.01  # of a frequency, over the half waves between the ends: what twice as many waves took off
 
@@ -121,7 +121,7 @@ def live_modes(
 
 
 def free_kx_per_m(design: Design) -> float:
-    """Wavenumber along the zone of the wanted mode between free ends, as the exact thin plate with pinned sides has it, rad/m."""
+    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m."""
     strip = strip_of(design)
     if strip is None or design.nodal_lines < 2:
         return 0.0
@@ -136,18 +136,18 @@ def half_waves(nodal_lines: int) -> float:
 def boundary_error(design: Design) -> float:
     """How far few waves and the column's polynomials may put the wanted frequency too high, relative.
 
-    Of degree 3 along a panel's sides, of degree 1 through the thickness: what these leave out of a bending wave's strain grows as
-    (k h)^2. What few waves leave out near two ends counts over the half waves between them.
+    The polynomials have degree 3 along a panel's sides and degree 1 through the thickness: what these leave out of a bending
+    wave's strain grows as (k h)^2. What few waves leave out near two ends counts over the half waves between them.
     """
     k2 = free_kx_per_m(design) ** 2 + (pi / design.width_m) ** 2
     return SIDES + LAYERS * k2 * design.thickness_m**2 + WAVES / half_waves(design.nodal_lines)
 
 
 def end_layer(design: Design) -> float:
-    """How far the edge layers of twist at both free ends, which no bending wave has, lower the wanted frequency at most, relative.
+    """How far the edge layers of twist at both free ends, which bending waves lack, lower the wanted frequency at most.
 
-    A plate that twists carries no shear through its edge: within 0.315 h of each end the twist's energy is missing (torsion of a
-    rectangle, timoshenko1970: J = b h^3 / 3 (1 - 0.63 h / b)). Its share of the energy of a wave cos(k x) cos(q y) is
+    A plate that twists carries no shear through its edge: within 0.315 h of each end the energy of twist is missing,
+    as in St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the energy of a wave cos(k x) cos(q y) is
     2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, and four times as much at the tip of a free-free beam.
     """
     k2, q2 = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2
@@ -156,8 +156,9 @@ def end_layer(design: Design) -> float:
 
 
 def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[float], float]:
-    """Up to which frequency a column's modes at a wavenumber are trial functions, Hz: what bends near the ends has the zone's shape
-    across it and a shorter wave along it, whose frequency goes as k^2 + (pi/W)^2.
+    """Up to which frequency a column's modes at a wavenumber are trial functions, Hz.
+
+    What bends near the ends has the zone's shape across it and a shorter wave along it: its frequency goes as k^2 + (pi/W)^2.
     """
     across = pi / design.width_m
     own = hypot(free_kx_per_m(design), across)

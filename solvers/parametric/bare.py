@@ -57,7 +57,7 @@ WHOLE: Span = (-1.0, 1.0)
 
 @lru_cache(maxsize=64)
 def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
-    """int f g, int f' g and int f' g' over a part of [-1, 1] of the functions along a side, and of those through the thickness."""
+    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
     s, weights = gauss(DEGREE + 2, span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))

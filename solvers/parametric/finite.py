@@ -1,10 +1,11 @@
 """A finite plate of equal columns of cells in the waves of the infinite one, both its ends free.
 
-Trial functions are the column's modes at wavenumbers k_j, multiples of pi over a length somewhat beyond the plate's, as standing
-waves even or odd in x. Ritz's method leaves the ends x = +-L/2 free of force by itself: the end correction of every wave, and
-how the ends couple waves of different k, come out of one small pencil (cosines of a longer period: boyd2002). A cell whose middle
-is at x_c moves by Re(exp(i k x_c) psi), or by the imaginary part. The mirror x -> -x makes Re psi even and Im psi odd about the
-cell's middle, so with a = Re psi' K Re psi and b = Im psi' K Im psi summed over the column
+Trial functions are the column's modes at wavenumbers k_j, multiples of pi over a length somewhat beyond the plate's, as
+standing waves even or odd in x: cosines of a longer period span what no cosines of the plate's own do at its ends.
+Ritz's method leaves the ends x = +-L/2 free of force by itself: the end correction of every wave, and how the ends couple waves of
+different k, come out of one small pencil. A cell whose middle is at x_c moves by Re(exp(i k x_c) psi), or by the imaginary part.
+The mirror x -> -x makes Re psi even and Im psi odd about the cell's middle, so with a = Re psi' K Re psi and
+b = Im psi' K Im psi summed over the column
 
     K_ij = ((a_ij + b_ij) D(k_i - k_j) +- (a_ij - b_ij) D(k_i + k_j)) / 2,    D(k) = sum_c cos(k x_c).
 
@@ -21,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.fem.assembly import Scale
 from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
@@ -40,7 +41,7 @@ def wavenumbers(design: Design) -> FloatArray:
     """Wavenumbers along x of the trial functions of the wanted mode's class, (j,) rad/m."""
     lines = design.nodal_lines
     last = ceil(BEYOND * (max(lines, 2) - 0.5 + MORE))
-    return pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1)
+    return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
 
 
 class Sample(NamedTuple):
@@ -64,7 +65,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class Strip:
-    """What lies of a plate beyond its whole cells at x > 0: motion (dof, n), weight 2 for both ends, less than 0 if it is lacking."""
+    """What a plate has beyond its whole cells at x > 0: motion (dof, n); weight 2 for both ends, -2 where it is lacking."""
 
     stiffness: FloatArray
     mass: FloatArray
@@ -128,7 +129,7 @@ class FinitePlate:
         return np.asarray((out + out.T) / 2.0)
 
     def _forms(self, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """A matrix of the cells among the trial functions, that of the zone's panels and that of the rows' cells, (n, n) each."""
+        """A matrix of all cells among the trial functions, that of the zone's and that of the rows' cells, (n, n) each."""
         parts = np.zeros((3, 3, len(self.kx), len(self.kx)))
         for number, piece in enumerate(self.pieces):
             matrix, part = getattr(piece.cell, name), self._part(piece)
@@ -198,13 +199,13 @@ class FinitePlate:
         """The integral of u_z^2 over a part of the touch face as a form (n, n), and the part's area in m2."""
         (even, odd, ends), area = np.zeros((3, len(self.kx), len(self.kx))), 0.0
         for piece in self.pieces:
-            at, weights, normal = _inside(piece.cell.touch, piece.middle, own)
+            _, weights, normal = _inside(piece.cell.touch, piece.middle, own)
             for out, motion in ((even, piece.even), (odd, piece.odd)):
                 root = np.sqrt(weights)[:, None] * (normal @ motion)
                 out += root.T @ root
             area += len(self.x_m) * float(weights.sum())
         for strip in self.strips:
-            at, weights, normal = _inside(strip.touch, strip.middle[1], own)
+            _, weights, normal = _inside(strip.touch, strip.middle[1], own)
             root = np.sqrt(weights)[:, None] * (normal @ strip.motion)
             ends += strip.weight * (root.T @ root)
             area += strip.weight * float(weights.sum())
@@ -249,8 +250,8 @@ class FiniteModes:
     faces: Faces
 
     def detuned(self, zone: float = 0.0, rows: float = 0.0) -> tuple[FloatArray, FloatArray, Confinement]:
-        """Frequencies (k,) in Hz, vectors (k, k) among the modes and their measures, where the zone alone and the rows alone would
-        ring higher by relative changes.
+        """Frequencies (k,) in Hz, vectors (k, k) among the modes and their measures, where the zone and the rows, each
+        alone, would ring higher by relative changes.
         """
         values, turn = self.values, np.eye(len(self.values))
         if zone or rows:
@@ -260,8 +261,9 @@ class FiniteModes:
 
 @dataclass(frozen=True)
 class Faces:
-    """Integrals of u_z^2 over zone, passive face and the plate beyond the last row as forms (n, n), their areas in m2, the overlap
-    with the wanted shape (n,) and the integral of its square; factor: rho h over the unit of mass.
+    """Integrals of u_z^2 over zone, passive face and the plate beyond the last row as forms (n, n), and their areas in m2.
+
+    overlap (n,): with the wanted shape, norm: the integral of its square; factor: rho h over the unit of mass.
     """
 
     forms: list[FloatArray]
@@ -323,8 +325,8 @@ def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray
 
 def _inside(
     touch: Expansion, middle: float, own: Callable[[FloatArray], BoolArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Which points of a touch face lie in a part of the plate, told by |y|; their weights, and u_z there by degrees of freedom."""
+) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Which points of a touch face lie in a part of the plate by |y|; their weights, and u_z there by degrees of freedom."""
     assert touch.weights is not None
     at = np.flatnonzero(own(np.abs(touch.points[:, 1] + middle)))
-    return at, touch.weights[at], touch.matrix[at, 0]
+    return np.asarray(at), touch.weights[at], np.asarray(touch.matrix[at, 0])
