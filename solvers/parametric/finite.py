@@ -2,9 +2,9 @@
 
 Trial functions are the column's modes at wavenumbers k_j, multiples of pi over a length somewhat beyond the plate's, as
 standing waves even or odd in x: cosines of a longer period span what no cosines of the plate's own do at its ends.
-Ritz's method leaves the ends x = +-L/2 free of force by itself: the end correction of every wave, and how the ends couple waves of
-different k, come out of one small pencil. A cell whose middle is at x_c moves by Re(exp(i k x_c) psi), or by the imaginary part.
-The mirror x -> -x makes Re psi even and Im psi odd about the cell's middle, so with a = Re psi' K Re psi and
+Ritz's method leaves the ends x = +-L/2 free of force by itself: the end correction of every wave, and how the ends couple
+waves of different k, come out of one small pencil. A cell whose middle is at x_c moves by Re(exp(i k x_c) psi), or by the
+imaginary part. The mirror x -> -x makes Re psi even and Im psi odd about the cell's middle, so with a = Re psi' K Re psi and
 b = Im psi' K Im psi summed over the column
 
     K_ij = ((a_ij + b_ij) D(k_i - k_j) +- (a_ij - b_ij) D(k_i + k_j)) / 2,    D(k) = sum_c cos(k x_c).

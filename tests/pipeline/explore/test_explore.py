@@ -334,7 +334,7 @@ def test_another_host_or_origin_is_refused(server: Server) -> None:
         {"Origin": "null"},
     )
     for headers in foreign:
-        status, text, _ = request(server, "GET", path, **headers)
+        status, text, _ = request(server, "GET", path, None, **headers)
         assert status == 403 and "own machine" in error(text)
     assert request(server, "GET", path, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
 
@@ -363,7 +363,7 @@ def test_a_number_of_four_hundred_digits_is_refused_by_name(server: Server, path
 )
 def test_odd_encodings_and_charsets_are_one_line_with_the_headers(server: Server, headers: dict[str, str]) -> None:
     """JSON is UTF-8 whatever charset is named; what claims to be compressed and is not is refused."""
-    status, text, answered = request(server, "POST", f"/{server.token}/case", json.dumps(OWN).encode(), **headers)  # type: ignore[arg-type]
+    status, text, answered = request(server, "POST", f"/{server.token}/case", json.dumps(OWN).encode(), **headers)
     assert "content-security-policy" in answered
     assert (status == 400 and error(text)) if "Content-Encoding" in headers else status == 200
 
