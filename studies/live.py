@@ -2,7 +2,7 @@
 
     python -m studies.live [DESIGNS] [CASE]    so many random designs
     python -m studies.live corners [CASE]      those of the corners of the box
-    python -m studies.live plates N [CASE]     columns beside assembled plates, N designs of the cloud
+    python -m studies.live plates N [CASE]     live answers next to assembled plates, N designs of the cloud
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
@@ -112,22 +112,35 @@ def _whole(explorer: Explorer, case: Case) -> None:
 
 @dataclass(frozen=True)
 class BesidePlate:
-    """A column's wanted mode less the assembled plate's, relative and in dB, and its bars."""
+    """A live answer less the assembled plate's, relative and in dB, both bars together, and whether a rival mode is near.
+
+    A plate that lacks the live mode is infinitely far off.
+    """
 
     frequency: float
     level_db: float
     frequency_bar: float
     level_bar_db: float
+    near: bool
 
     @classmethod
     def of(cls, live: Document, real: Document) -> BesidePlate:
         """From both answers."""
+        bars, near = (live["frequency_error"], live["confinement_error_db"]), live["near_hz"] is not None
+        if real.get("confinement_db") is None:
+            return cls(np.inf, np.inf, *bars, near)
         off = live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"]
-        return cls(*off, live["frequency_error"], live["confinement_error_db"])
+        own = [real.get(name) or 0.0 for name in ("frequency_error", "confinement_error_db")]
+        return cls(*off, bars[0] + own[0], bars[1] + own[1], near)
+
+    @property
+    def within(self) -> tuple[bool, bool]:
+        """Whether frequency and level lie within their bars."""
+        return abs(self.frequency) <= self.frequency_bar, abs(self.level_db) <= self.level_bar_db
 
 
-def plates(count: int, path: str) -> None:
-    """Print how far the column's wanted mode lies from the assembled plate's, a line a design, and what holds of most."""
+def plates(count: int, path: str) -> int:
+    """Print how far the live mode lies from the plate's, a line a design, and how many lie within; 1 unless all do."""
     scene = Scene(load_case(path), read_toml(Path(path)), ())
     explorer = Explorer(scene, cell_model(scene.case, TerminalLog()))
     step = max(len(explorer.cloud_designs) // (SPARE * count), 1)
@@ -136,22 +149,33 @@ def plates(count: int, path: str) -> None:
         live = explorer.answer(given)["plate"]
         if live.get("confinement_db") is None or len(every) == count:
             continue
-        real = compute(scene, given, WarningLog())
-        print(", ".join(f"{name} {value:g}" for name, value in given.items()), end=": ")
-        print(f"{live['frequency_hz']:.0f} Hz, {live['confinement_db']:.1f} dB, {live['status']}", end="; the plate ")
-        if real.get("confinement_db") is None:
-            print("has no such mode", flush=True)
-            continue
-        every.append(BesidePlate.of(live, real))
-        print(f"{real['frequency_hz']:.0f} Hz, {real['confinement_db']:.1f} dB", flush=True)
-    tones, levels = (np.abs([getattr(one, name) for one in every]) for name in ("frequency", "level_db"))
-    bars = [[getattr(one, name) for one in every] for name in ("frequency_bar", "level_bar_db")]
-    print(
-        f"{(tones <= bars[0]).sum()} of {len(every)} frequencies and {(levels <= bars[1]).sum()} levels within their bars"
+        every.append(BesidePlate.of(live, compute(scene, given, WarningLog())))
+        print(_line(given, live, every[-1]), flush=True)
+    print(summary(every))
+    return 0 if all(all(one.within) for one in every) else 1
+
+
+def _line(given: dict[str, float], live: Document, one: BesidePlate) -> str:
+    design = ", ".join(f"{name} {value:g}" for name, value in given.items())
+    bars = f"+-{live['frequency_error']:.2%}, {live['confinement_db']:.1f} dB +-{live['confinement_error_db']:.1f}"
+    own = f"{design}: {live['frequency_hz']:.0f} Hz {bars}, {live['status']}{', a mode is near' if one.near else ''}"
+    if not np.isfinite(one.frequency):
+        return f"{own}; the plate has no such mode"
+    return f"{own}; off by {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if all(one.within) else ', OUTSIDE'}"
+
+
+def summary(every: list[BesidePlate]) -> str:
+    """How many lie within their bars, the median level bar away from resonances, and the worst of each."""
+    tones, levels = np.sum([one.within for one in every], axis=0)
+    away = [one.level_bar_db for one in every if not one.near]
+    lacking = sum(not np.isfinite(one.frequency) for one in every)
+    found = [one for one in every if np.isfinite(one.frequency)]
+    worst = [max((abs(getattr(one, name)) for one in found), default=np.nan) for name in ("frequency", "level_db")]
+    return (
+        f"{tones} of {len(every)} frequencies and {levels} levels within their bars; {lacking} plates lack the mode\n"
+        f"median bar of a level: {np.median(away) if away else np.nan:.2f} dB of {len(away)} plates away from a resonance\n"
+        f"worst: {worst[0]:.2%} and {worst[1]:.2f} dB"
     )
-    for share in (0.5, 0.9, 0.95, 1.0):
-        off, level = np.quantile(tones, share), np.quantile(levels, share)
-        print(f"{share:.0%} of {len(every)} plates: within {off:.2%} and {level:.2f} dB")
 
 
 def picture(path: str) -> None:
@@ -194,8 +218,7 @@ def picture(path: str) -> None:
 if __name__ == "__main__":
     words = sys.argv[1:]
     if words[:1] == ["plates"]:
-        plates(int(words[1]), words[2] if len(words) > 2 else str(STUDIES / "three-rows.toml"))
-        raise SystemExit
+        raise SystemExit(plates(int(words[1]), words[2] if len(words) > 2 else str(STUDIES / "three-rows.toml")))
     if words[:1] == ["picture"]:
         picture(words[1] if len(words) > 1 else str(STUDIES / "three-rows.toml"))
         raise SystemExit

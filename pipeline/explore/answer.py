@@ -3,24 +3,33 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
-from pipeline.models.live_column import LiveCell, live_modes
+from pipeline.models.live_column import (
+    Detuned,
+    LiveCell,
+    LivePlate,
+    boundary_error,
+    end_layer,
+    free_kx_per_m,
+    live_modes,
+)
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
-from pipeline.search.fidelity import COLUMN, column_level_error_db, frequency_slack
 from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, MM
+from pipeline.units import GRAM, KHZ, MM
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
@@ -33,6 +42,9 @@ from solvers.waves.polarisation import label_of
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
+NO_MODE = "no mode of the wanted shape in the window"
+LEVEL_DB = 0.3  # what few waves leave of a level: half a percent more or less of them moved none further
+NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
 @dataclass(frozen=True)
@@ -138,10 +150,10 @@ def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, floa
     if not isinstance(given, dict) or set(given) != set(limits):
         raise InputError(f"a design has the numbers {', '.join(limits)} and nothing else")
     said = []
-    for name, value in given.items():
+    for name, own in given.items():
         key, unit, low, high = limits[name].key, limits[name].unit, limits[name].low, limits[name].high
-        good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not good:
+        value = _float(own)
+        if not math.isfinite(value):
             said.append(f"{key} must be a number")
         elif not low <= value <= high:
             said.append(f"{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}".rstrip())
@@ -150,6 +162,16 @@ def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, floa
     if said:
         raise InputError(said)
     return {name: float(given[name]) for name in limits}
+
+
+def _float(value: Any) -> float:
+    """A number of a request; nan for whatever is none, or too large for one."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
 
 
 class Explorer:
@@ -176,9 +198,9 @@ class Explorer:
         document: Document = {"design": given, "warnings": self._warnings(case), "bands": self._bands(sizes)}
         window = mesh_rules.wanted_window_hz(design)
         document["rows"] = self._decay(case, sizes, window)
-        document["plate"] = self.plate(case)
-        if "frequency_error" in document["plate"]:
-            document["plate"]["frequency_error"] += self._mesh_at(sizes, document)
+        lowest_hz = np.min(document["bands"]["frequency_hz"], axis=0)
+        document["plate"] = self.plate(case, lambda hz: self._mesh_at(sizes, lowest_hz <= hz))
+        document["warnings"] += document["plate"].pop("warnings", [])
         return document
 
     @cached_property
@@ -205,9 +227,7 @@ class Explorer:
         out = []
         for design in self.cloud_designs[first : first + min(count, BATCH)]:
             case = self.scene.at(design)
-            plate = self.plate(case)
-            known = {name: plate.get(name) for name in ("frequency_hz", "confinement_db")}
-            out.append({"design": design, "mass_g": mass_kg(case.design) / GRAM} | known)
+            out.append({"design": design, "mass_g": mass_kg(case.design) / GRAM} | self.estimate(case))
         return out
 
     def _warnings(self, case: Case) -> list[str]:
@@ -243,13 +263,13 @@ class Explorer:
             "gaps": gaps,
         }
 
-    def _mesh_at(self, sizes: Sizes, document: Document) -> float:
-        """The largest error by the mesh of the bands that reach down to the wanted frequency; 0 where it is not known. A column
-        stands as its cells are meshed.
+    def _mesh_at(self, sizes: Sizes, reaching: NDArray[np.bool_]) -> float:
+        """The largest error by the mesh of the bands that reach down to a frequency; 0 where it is not known.
+
+        Nothing of it is corrected: the plate is made of cells as they are meshed.
         """
         by_mesh = self.model.as_meshed(sizes)
-        low = np.min(document["bands"]["frequency_hz"], axis=0) <= document["plate"]["frequency_hz"]
-        return 0.0 if by_mesh is None else float(np.max(by_mesh[low], initial=0.0))
+        return 0.0 if by_mesh is None else float(np.max(by_mesh[reaching], initial=0.0))
 
     def _decay(self, case: Case, sizes: Sizes, window: tuple[float, float]) -> Document:
         """dB per row of the flexural wave that decays least at the wanted wavenumber, None where all are too steep."""
@@ -265,34 +285,104 @@ class Explorer:
         }
 
     @one_thread()
-    def plate(self, case: Case) -> Document:
-        """The wanted mode of a case's column, or `why_not`."""
+    def plate(self, case: Case, mesh_error: Callable[[float], float] = lambda hz: 0.0) -> Document:
+        """The wanted mode of a case's plate with its bars, or `why_not`; mesh_error: of the cells at a frequency, relative."""
         try:
-            return self._column(case, mesh_rules.wanted_window_hz(case.design))
+            return self._plate(case, mesh_rules.wanted_window_hz(case.design), mesh_error)
         except (SolverError, InputError) as fault:
             return {"why_not": " ".join(str(fault).split())}
 
-    def _column(self, case: Case, window: tuple[float, float]) -> Document:
+    def _plate(self, case: Case, window: tuple[float, float], mesh_error: Callable[[float], float]) -> Document:
         design = case.design
-        frequency_hz, profile = live_modes(case, self._live, self._bare, window)
-        level = measure_profile(profile, design)
-        at = level.wanted.index if len(frequency_hz) else None
+        live = LivePlate(case, self._live, self._bare, window)
+        found = live.verdict()
+        at = found.verdict.index
         if at is None:
-            return {"why_not": "no mode of the wanted shape in the window"}
+            return {"why_not": NO_MODE}
+        layer = end_layer(design) / 2.0  # half of it is corrected, the other half may be left
+        frequency_hz, level = float(found.frequency_hz[at]) * (1.0 - layer), found.level
         numbers = {
             name: _number(getattr(level, name)[at]) for name in ("confinement_db", "extension_db", "mac", "zone_share")
         }
-        squares = np.abs(profile.values[:, at]) ** 2
+        error = boundary_error(design) + layer + mesh_error(frequency_hz)
+        bar = Bar.over(
+            live.within(error),
+            float(found.frequency_hz[at]),
+            error,
+            numbers["confinement_db"],
+            found.rival_hz(NEAR * error),
+        )
+        squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
-            "frequency_hz": float(frequency_hz[at]),
-            "frequency_error": frequency_slack(COLUMN, design.nodal_lines),
-            "confinement_error_db": column_level_error_db(numbers["confinement_db"], design.nodal_lines),
-            "status": level.wanted.status,
-            "rivals": len(level.wanted.rivals),
-            "profile": _profile(profile.y_m, profile.weights, squares, design.half_span_m),
+            "frequency_hz": frequency_hz,
+            "frequency_error": bar.frequency,
+            "confinement_error_db": bar.level_db,
+            "status": bar.status,
+            "near_hz": bar.near_hz,
+            "rivals": len(found.verdict.rivals),
+            "warnings": bar.warnings(),
+            "profile": _profile(*squares, design.half_span_m),
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
         }
+
+    @one_thread()
+    def estimate(self, case: Case) -> Document:
+        """Frequency and confinement of one column at the wavenumber between free ends, without bars; None without a mode."""
+        none = dict.fromkeys(("frequency_hz", "confinement_db"))
+        try:
+            window, kx = mesh_rules.wanted_window_hz(case.design), free_kx_per_m(case.design)
+            frequency_hz, profile = live_modes(case, self._live, self._bare, window, kx)
+        except (SolverError, InputError):
+            return none
+        level = measure_profile(profile, case.design)
+        at = level.wanted.index if len(frequency_hz) else None
+        if at is None:
+            return none
+        return {"frequency_hz": float(frequency_hz[at]), "confinement_db": _number(level.confinement_db[at])}
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What the wanted mode may be off by: relative frequency and level in dB (None without a passive part), over all changes of
+    zone's and rows' frequencies within their error; near_hz: another mode that carries some of the wanted shape so near that
+    these changes turn the level over, None where there is none.
+    """
+
+    frequency: float
+    level_db: float | None
+    status: str
+    near_hz: float | None
+    error: float
+    levels_db: tuple[float, float] | None
+
+    @classmethod
+    def over(
+        cls, changed: list[Detuned], frequency_hz: float, error: float, level_db: float | None, near_hz: float | None
+    ) -> Bar:
+        """From the verdicts over changes within an error."""
+        known = [one for one in changed if one.verdict.index is not None]
+        tones = [abs(float(one.frequency_hz[one.verdict.index]) / frequency_hz - 1.0) for one in known]
+        single = len(known) == len(changed) and all(one.verdict.status == "single" for one in known)
+        bar, levels = None, None
+        if level_db is not None:
+            every = [level_db, *(float(one.level.confinement_db[one.verdict.index]) for one in known)]
+            levels = min(every), max(every)
+            bar = LEVEL_DB + max(levels[1] - level_db, level_db - levels[0])
+        return cls(max(error, *tones), bar, "single" if single else "split", near_hz, error, levels)
+
+    def warnings(self) -> list[str]:
+        """What to know before believing the level."""
+        said = []
+        if self.near_hz is not None and self.levels_db is not None:
+            said.append(
+                f"a mode of the passive plate at {self.near_hz / KHZ:.2f} kHz lies near the wanted one, whose frequency is "
+                f"known to {100.0 * self.error:.1f} %: the confinement may lie between {self.levels_db[0]:.1f} "
+                f"and {self.levels_db[1]:.1f} dB"
+            )
+        if self.status == "split":
+            said.append("the wanted shape is split among several modes: the plate may show another one of them")
+        return said
 
 
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:

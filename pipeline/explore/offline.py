@@ -12,14 +12,17 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
 from pipeline.errors import InputError
-from pipeline.explore.answer import POINTS, PROFILE, Explorer
-from pipeline.models.live_column import FACE, INNER, PANEL
+from pipeline.explore.answer import LEVEL_DB, NEAR, POINTS, PROFILE, Explorer
+from pipeline.models import live_column
+from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, free_kx_per_m, half_waves
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
-from pipeline.search.fidelity import COLUMN, column_level_error_db, frequency_slack
-from solvers.parametric import bands, bare, chain
+from solvers.analytic.beams import free_free_mode
+from solvers.measures import wanted_mode
+from solvers.parametric import bands, bare, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
 from solvers.parametric.reduced_block import ReducedBlock
@@ -31,6 +34,7 @@ from solvers.waves.polarisation import line_gram
 Plain = dict[str, Any]
 PAGE = Path(__file__).with_name("page")
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
+RULE = "similar", "clear", "lead", "majority", "rival", "named", "past"  # constants of the wanted mode
 MAX_BYTES = 12_000_000
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
@@ -113,12 +117,28 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "window_thickness": design.thickness_m,
         "panel": PANEL,
         "reach": chain.REACH,
-        "slack": frequency_slack(COLUMN, design.nodal_lines),
-        "level_slack_db": [column_level_error_db(level, design.nodal_lines) for level in (0.0, 1.0)],
+        "finite": _finite(design),
+        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
+
+
+def _finite(design: Design) -> Plain:
+    """What the finite plate and its bars are made with: `solvers.parametric.finite`, `pipeline.models.live_column`.
+
+    sides goes with the square of a thickness in m, layer with the thickness.
+    """
+    thickness = design.thickness_m
+    at_rest = live_column.SIDES + live_column.WAVES / half_waves(design.nodal_lines)
+    return {
+        "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
+        "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
+        "tried": live_column.TRIED, "known": live_column.KNOWN, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
+        "wider": live_column.WIDER, "waves": at_rest, "sides": (boundary_error(design) - at_rest) / thickness**2,
+        "layer": end_layer(design) / thickness, "near": NEAR, "level_db": LEVEL_DB,
+    }  # fmt: skip
 
 
 def _mesh(table: MeshTable) -> Plain:

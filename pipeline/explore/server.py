@@ -6,18 +6,19 @@ import asyncio
 import json
 import secrets
 import socket
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from aiohttp import web
+from aiohttp import ClientPayloadError, web
+from aiohttp.http_exceptions import BadHttpMessage
 
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
-from pipeline.explore.answer import BATCH, Document, Explorer, compute, read_design
+from pipeline.explore.answer import BATCH, Explorer, read_design
 from pipeline.explore.beside import Beside
+from pipeline.explore.full_plate import FullPlate
 from solvers.errors import SolverError
 
 HOST = "127.0.0.1"
@@ -40,36 +41,9 @@ REFUSED = (InputError, SolverError, MeshError, GeometryError)
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
-class Progress:
-    """A log whose lines a page asks for."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-        self.result: Document | None = None
-        self.running = True
-
-    def info(self, text: str, id: str = "") -> None:
-        """A fact."""
-        self.lines.append(text)
-
-    def warning(self, id: str, text: str) -> None:
-        """Something to know before believing the numbers."""
-        self.lines.append(f"warning {id}: {text}")
-
-    def left_out(self, what: str, why: str) -> None:
-        """Something that the scene does not need."""
-        self.lines.append(f"left out {what}: {why}")
-
-    @contextmanager
-    def step(self, name: str) -> Iterator[None]:
-        """A step begins."""
-        self.lines.append(f"{name} ...")
-        yield
-
-
 class Server:
-    """Answers of one explorer under one token. Designs are solved one at a time, full plates beside them, one at a time too;
-    every other part of the cloud in a process of its own.
+    """Answers of one explorer under one token. Designs are solved one at a time, full plates in a process of their own, one at
+    a time too, and every other part of the cloud in another process.
     """
 
     def __init__(self, explorer: Explorer, token: str | None = None) -> None:
@@ -77,9 +51,8 @@ class Server:
         self.token = token or secrets.token_urlsafe(16)
         self.port = 0
         self._live = ThreadPoolExecutor(1, "live")
-        self._full = ThreadPoolExecutor(1, "full")
+        self.full = FullPlate(explorer.scene)
         self._beside, self._asks_beside = Beside(explorer), ThreadPoolExecutor(1, "beside")
-        self._progress: Progress | None = None
 
     def application(self) -> web.Application:
         """The routes, all under the token."""
@@ -92,6 +65,7 @@ class Server:
         app.router.add_post(f"{base}/case", self._case)
         app.router.add_post(f"{base}/full", self._start)
         app.router.add_get(f"{base}/full", self._report)
+        app.router.add_post(f"{base}/full/stop", self._stop)
         return app
 
     @property
@@ -138,7 +112,8 @@ class Server:
         return web.json_response(document, dumps=_dumps)
 
     def close(self) -> None:
-        """End the process beside."""
+        """End both processes."""
+        self.full.stop()
         self._beside.close()
 
     async def _case(self, request: web.Request) -> web.StreamResponse:
@@ -148,33 +123,23 @@ class Server:
 
     async def _start(self, request: web.Request) -> web.StreamResponse:
         given = await _json(request)
-        near = given.pop("near_hz", None) if isinstance(given, dict) else None
         design = read_design(given, self.explorer.scene.limits)
-        if near is not None and not (isinstance(near, int | float) and 0.0 < near < 1e9):
-            raise InputError("near_hz must be a frequency in Hz")
-        if self._progress and self._progress.running:
-            return refusal("a full plate is being solved already: wait for it", 409)
-        self._progress = progress = Progress()
-        asyncio.get_running_loop().run_in_executor(self._full, self._solve, design, progress)
+        if self.full.running:
+            return refusal("a full plate is being solved already: wait for it, or stop it", 409)
+        self.full.start(design)
         return web.json_response({"started": True})
 
-    def _solve(self, design: dict[str, float], progress: Progress) -> None:
-        try:
-            progress.result = compute(self.explorer.scene, design, progress)
-        except (*REFUSED, MemoryError) as fault:
-            progress.result = {"why_not": " ".join(str(fault).split())}
-        except Exception as fault:  # told to the page: a thread's traceback is read by nobody
-            progress.result = {"why_not": f"{type(fault).__name__}: {' '.join(str(fault).split())}"}
-        finally:
-            progress.running = False
+    async def _stop(self, request: web.Request) -> web.StreamResponse:
+        stopped = self.full.running
+        if stopped:
+            await asyncio.get_running_loop().run_in_executor(None, self.full.stop)
+        return web.json_response({"stopped": stopped})
 
     async def _report(self, request: web.Request) -> web.StreamResponse:
-        progress = self._progress
-        if progress is None:
+        report = self.full.report()
+        if report is None:
             return refusal("no full plate has been asked for", 404)
-        return web.json_response(
-            {"running": progress.running, "lines": progress.lines[-12:], "result": progress.result}, dumps=_dumps
-        )
+        return web.json_response(report, dumps=_dumps)
 
 
 def refusal(text: str, status: int) -> web.Response:
@@ -192,12 +157,17 @@ async def _or_one_line(request: web.Request, handler: Handler) -> web.StreamResp
         return refusal(f"a request holds at most {MAX_BYTES} bytes", 413)
     except web.HTTPException as fault:
         return refusal(f"nothing here: {fault.reason}", fault.status)
+    except Exception as fault:  # one line with the headers of every answer, instead of aiohttp's own page
+        return refusal(f"unexpected {type(fault).__name__}: {' '.join(str(fault).split())}", 500)
 
 
 async def _json(request: web.Request) -> Any:
+    """A request's body as JSON, which is UTF-8 whatever charset is named. InputError for any other."""
     try:
-        return json.loads(await request.text())
-    except (ValueError, RecursionError) as fault:
+        return json.loads(await request.read())
+    except web.HTTPRequestEntityTooLarge:
+        raise
+    except (ValueError, RecursionError, BadHttpMessage, ClientPayloadError, web.RequestPayloadError) as fault:
         raise InputError("a request must be a design as JSON") from fault
 
 
@@ -223,7 +193,8 @@ def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
     server.port = sock.getsockname()[1]
 
     async def run() -> None:
-        runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0)
+        # a client that leaves cancels its handler, and with it a question that still waits for its turn
+        runner = web.AppRunner(server.application(), access_log=None, shutdown_timeout=1.0, handler_cancellation=True)
         await runner.setup()
         try:
             await web.SockSite(runner, sock).start()

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import hypot, pi, sqrt
+
+import numpy as np
+
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
+from solvers.analytic.plates import levy_wavenumber_per_m
+from solvers.analytic.predesign import strip_of
 from solvers.errors import SolverError
-from solvers.measures.confinement import Profile
+from solvers.measures.confinement import Confinement, Profile
+from solvers.measures.wanted_mode import Verdict, reaching, verdict
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
 from solvers.parametric.chain import Chain, Condensed
+from solvers.parametric.finite import FinitePlate, wavenumbers
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -24,6 +34,15 @@ FACE, INNER = (
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
+TRIED = 1.5  # of the window's top: column modes that are trial functions
+KNOWN = 0.6, 1.3  # of the window's ends: modes of the plate that are known
+WIDER = 0.9, 1.2  # of the window's ends: no mode is single that one beyond the window could overturn
+CHANGES = 11  # over the error of a frequency, at which the level is looked at
+SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
+# of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
+# layers took off in columns of plates of 1.2 to 3 mm
+SIDES, LAYERS = 0.003, 0.008
+WAVES = 0.01  # of a frequency, over the half waves between the ends: what twice as many waves took off
 
 
 class LiveCell:
@@ -88,13 +107,116 @@ class _Known:
 
 
 def live_modes(
-    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]
+    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float], kx_per_m: float | None = None
 ) -> tuple[FloatArray, Profile]:
-    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate.
+    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wanted wavenumber
+    unless another is given.
 
     SolverError for a design outside the box, by name.
     """
     reductions = LiveReductions(live, case.design, known, window[1])
-    column = Column(case.design, reductions, case.kx_wanted_per_m)
+    column = Column(case.design, reductions, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
     frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)
+
+
+def free_kx_per_m(design: Design) -> float:
+    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m."""
+    strip = strip_of(design)
+    if strip is None or design.nodal_lines < 2:
+        return 0.0
+    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+
+
+def half_waves(nodal_lines: int) -> float:
+    """Half waves along the zone; rigid shapes count as the shortest one that bends."""
+    return max(nodal_lines, 2) - 0.5
+
+
+def boundary_error(design: Design) -> float:
+    """How far few waves and the column's polynomials may put the wanted frequency too high, relative.
+
+    The polynomials have degree 3 along a panel's sides and degree 1 through the thickness: what these leave out of a bending
+    wave's strain grows as (k h)^2. What few waves leave out near two ends counts over the half waves between them.
+    """
+    k2 = free_kx_per_m(design) ** 2 + (pi / design.width_m) ** 2
+    return SIDES + LAYERS * k2 * design.thickness_m**2 + WAVES / half_waves(design.nodal_lines)
+
+
+def end_layer(design: Design) -> float:
+    """How far the edge layers of twist at both free ends, which bending waves lack, lower the wanted frequency at most.
+
+    A plate that twists carries no shear through its edge: within 0.315 h of each end the energy of twist is missing, as in
+    St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the energy of a wave cos(k x) cos(q y) is
+    2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, and four times as much at the tip of a free-free beam.
+    """
+    k2, q2 = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2
+    share = 2.0 * (1.0 - design.material.poisson) * k2 * q2 / (k2 + q2) ** 2
+    return 0.63 * 4.0 * share * design.thickness_m / design.length_m / 2.0
+
+
+def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[float], float]:
+    """Up to which frequency a column's modes at a wavenumber are trial functions, Hz.
+
+    What bends near the ends has the zone's shape across it and a shorter wave along it: its frequency goes as k^2 + (pi/W)^2.
+    """
+    across = pi / design.width_m
+    own = hypot(free_kx_per_m(design), across)
+    return lambda kx: TRIED * window[1] * max(1.0, (hypot(kx, across) / own) ** 2)
+
+
+class LivePlate:
+    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the wanted one among them.
+
+    SolverError for a design outside the box, by name.
+    """
+
+    def __init__(self, case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]) -> None:
+        self.design, self.window = case.design, window
+        reductions = LiveReductions(live, case.design, known, window[1])
+        columns = [Column(case.design, reductions, float(kx)) for kx in wavenumbers(case.design)]
+        condensed: Condensed = {}
+        tried_hz = tried_up_to_hz(case.design, window)
+        vectors = [Chain(one, *window, condensed).solve(-1.0, tried_hz(one.kx))[1] for one in columns]
+        self.plate = FinitePlate(case.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
+        self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
+
+    def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:
+        """The wanted mode where the zone alone and the rows alone would ring higher by relative changes."""
+        frequency_hz, turn, level = self.modes.detuned(zone, rows)
+        found = _verdict(frequency_hz, level, self.window)
+        if found.index is not None:
+            found = _verdict(frequency_hz, level, reaching(self.window, float(frequency_hz[found.index])))
+            wide = _verdict(frequency_hz, level, (WIDER[0] * self.window[0], WIDER[1] * self.window[1]))
+            found = replace(found, status="split") if wide.index != found.index else found
+        return Detuned(found, frequency_hz, turn, level)
+
+    def within(self, error: float) -> list[Detuned]:
+        """The same over both sides of a relative error: zone and rows alike, and one against the other."""
+        changes = np.linspace(-error, error, CHANGES).tolist()
+        return [self.verdict(change, sign * change) for sign in (1.0, -1.0) for change in changes]
+
+
+@dataclass(frozen=True)
+class Detuned:
+    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures."""
+
+    verdict: Verdict
+    frequency_hz: FloatArray
+    turn: FloatArray
+    level: Confinement
+
+    def rival_hz(self, within: float) -> float | None:
+        """The nearest other mode that carries a share of the wanted shape, Hz; None where none lies so near, relative."""
+        at = self.verdict.index
+        if at is None:
+            return None
+        off = np.abs(self.frequency_hz / self.frequency_hz[at] - 1.0)
+        sharing = self.level.strength >= SHARING * self.level.strength[at]
+        off = np.where(sharing & (np.arange(len(off)) != at) & (off <= within), off, np.inf)
+        return float(self.frequency_hz[np.argmin(off)]) if np.isfinite(off).any() else None
+
+
+def _verdict(frequency_hz: FloatArray, level: Confinement, window: tuple[float, float]) -> Verdict:
+    inside = (frequency_hz >= window[0]) & (frequency_hz <= window[1])
+    return verdict(np.where(inside, level.strength, 0.0), level.zone_share, level.mac)

@@ -6,6 +6,7 @@ they are the interface's own, so that the panel joins any cell. Sizes enter as s
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
@@ -50,22 +51,33 @@ def line_values(s: FloatArray, derived: bool) -> tuple[FloatArray, FloatArray]:
     return np.asarray(np.hstack([hats, bubbles]), dtype=float), np.asarray(slopes, dtype=float)
 
 
-@lru_cache(maxsize=1)
-def line_integrals() -> tuple[tuple[FloatArray, ...], ...]:
-    """int f g, int f' g and int f' g' over [-1, 1] of the functions along a side, and of those through the thickness."""
-    s, weights = legendre.leggauss(DEGREE + 2)
+Span = tuple[float, float]
+WHOLE: Span = (-1.0, 1.0)
+
+
+@lru_cache(maxsize=64)
+def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
+    """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
+    s, weights = gauss(DEGREE + 2, span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
     return tuple(tuple(one[i].T @ (weights[:, None] * other[i]) for one, other in pairs) for i in (0, 1))
 
 
+def gauss(count: int, span: Span) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights on a part of [-1, 1]."""
+    s, weights = legendre.leggauss(count)
+    half = (span[1] - span[0]) / 2.0
+    return span[0] + half * (s + 1.0), half * weights
+
+
 @lru_cache(maxsize=4)
-def _reference(face: Interface) -> tuple[FloatArray, FloatArray]:
-    """int d_j f d_l g over [-1, 1]^3, (9, n, n) in the order of TRIPLES, and int f g, (n, n)."""
+def _reference(face: Interface, span: Span = WHOLE) -> tuple[FloatArray, FloatArray]:
+    """int d_j f d_l g over span x [-1, 1]^2, (9, n, n) in the order of TRIPLES, and int f g, (n, n)."""
     chosen = functions(face)
 
     def line(axis: int, one: bool, other: bool) -> FloatArray:
-        square, slope, both = line_integrals()[axis == 2]
+        square, slope, both = line_integrals(span if axis == 0 else WHOLE)[axis == 2]
         whole = both if one and other else slope if one else slope.T if other else square
         return np.asarray(whole[np.ix_(chosen[:, axis], chosen[:, axis])])
 
@@ -76,10 +88,12 @@ def _reference(face: Interface) -> tuple[FloatArray, FloatArray]:
 
 
 def bare_matrices(
-    size_m: tuple[float, float, float], material: Material, face: Interface
+    size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray]:
-    """K and M (3 n, 3 n) of a panel among all its functions, component fastest, in units of its thickness."""
-    gradients, square = _reference(face)
+    """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
+    fastest, in units of its thickness.
+    """
+    gradients, square = _reference(face, span)
     stretch = np.array(size_m) / size_m[2] / 2.0
     volume = float(np.prod(stretch))
     tensor = elasticity(material) / material.young_pa
@@ -90,13 +104,48 @@ def bare_matrices(
     return stiffness.reshape(count, count), mass
 
 
+@dataclass(frozen=True)
+class _Inside:
+    """Eigenvalues (m,), modes (m, m) and parity (m, 2) of a panel's inside, and what it answers to the boundary, (m, b)."""
+
+    values: FloatArray
+    modes: FloatArray
+    parity: IntArray
+    static: FloatArray
+
+    @property
+    def shapes(self) -> FloatArray:
+        """The panel's functions by its degrees of freedom [boundary, modes], (b + m, b + m)."""
+        m, b = self.static.shape
+        return np.block([[np.eye(b), np.zeros((b, m))], [self.static, self.modes]])
+
+
 @lru_cache(maxsize=64)
-def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
-    """The panel's cell; every mode of its inside is kept."""
+def _inside(size_m: tuple[float, float, float], material: Material, face: Interface) -> _Inside:
     stiffness, mass = bare_matrices(size_m, material, face)
     b = face.count
     values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
     static = -modes @ ((modes.T @ stiffness[b:, :b]) / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
+    return _Inside(values, modes, parity, static)
+
+
+@lru_cache(maxsize=64)
+def bare_strip(
+    size_m: tuple[float, float, float], material: Material, face: Interface, span: Span
+) -> tuple[FloatArray, FloatArray, Expansion]:
+    """K, M and touch face of what lies within a span of [-1, 1] along x, in the degrees of freedom of the panel's cell."""
+    shapes = _inside(size_m, material, face).shapes
+    stiffness, mass = (shapes.T @ matrix @ shapes for matrix in bare_matrices(size_m, material, face, span))
+    touch = _touch(size_m, face, span)
+    return stiffness, mass, Expansion(touch.points, (touch.matrix[:, 0] @ shapes[2::3])[:, None], touch.weights)
+
+
+@lru_cache(maxsize=64)
+def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
+    """The panel's cell; every mode of its inside is kept."""
+    stiffness, mass = bare_matrices(size_m, material, face)
+    b, inside = face.count, _inside(size_m, material, face)
+    values, modes, parity, static = inside.values, inside.modes, inside.parity, inside.static
     moving = mass[b:, :b] + mass[b:, b:] @ static
     scale = Scale(size_m[2], material.young_pa, material.density_kg_m3)
     k, m = np.zeros((2, *stiffness.shape))
@@ -105,9 +154,8 @@ def bare_cell(size_m: tuple[float, float, float], material: Material, face: Inte
     m[b:, :b] = modes.T @ moving
     m[:b, b:] = m[b:, :b].T
     k[b:, b:], m[b:, b:] = np.diag(values), np.eye(len(values))
-    shapes = np.block([[np.eye(b), np.zeros((b, len(values)))], [static, modes]])
     touch = _touch(size_m, face)
-    touch = Expansion(touch.points, (touch.matrix[:, 0] @ shapes[2::3])[:, None], touch.weights)
+    touch = Expansion(touch.points, (touch.matrix[:, 0] @ inside.shapes[2::3])[:, None], touch.weights)
     none = Expansion(np.empty((0, 3)), np.empty((0, 3, len(k))), facets=np.empty((0, 4), dtype=np.int64))
     return Cell(
         (k + k.T) / 2.0, (m + m.T) / 2.0, np.zeros_like(m), face, scale, size_m, scale.frequency(values), parity,
@@ -128,12 +176,12 @@ def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[Fl
     return values, modes, parity
 
 
-def _touch(size_m: tuple[float, float, float], face: Interface) -> Expansion:
+def _touch(size_m: tuple[float, float, float], face: Interface, span: Span = WHOLE) -> Expansion:
     """The scalar functions (q, 1, n) at Gauss points of the touch face z = 0."""
-    s, weights = legendre.leggauss(POINTS)
-    flat, (_, through) = line_values(s, False)[0], line_values(np.array([-1.0]), False)
+    (s, along), (t, across) = gauss(POINTS, span), gauss(POINTS, WHOLE)
+    flat, (_, through) = [line_values(one, False)[0] for one in (s, t)], line_values(np.array([-1.0]), False)
     x, y = (part.ravel() for part in np.meshgrid(np.arange(POINTS), np.arange(POINTS), indexing="ij"))
     chosen = functions(face)
-    matrix = flat[x][:, chosen[:, 0]] * flat[y][:, chosen[:, 1]] * through[0, chosen[:, 2]]
-    points = np.column_stack([s[x] * size_m[0] / 2.0, s[y] * size_m[1] / 2.0, np.zeros(len(x))])
-    return Expansion(points, matrix[:, None], weights[x] * weights[y] * size_m[0] * size_m[1] / 4.0)
+    matrix = flat[0][x][:, chosen[:, 0]] * flat[1][y][:, chosen[:, 1]] * through[0, chosen[:, 2]]
+    points = np.column_stack([s[x] * size_m[0] / 2.0, t[y] * size_m[1] / 2.0, np.zeros(len(x))])
+    return Expansion(points, matrix[:, None], along[x] * across[y] * size_m[0] * size_m[1] / 4.0)

@@ -150,12 +150,24 @@ class Chain:
         return own[own % 3 != 1]
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
-        """Frequencies (k,) in Hz within a window and the column's own vectors (dof, k), as Column.solve."""
-        last, scale = self.steps[-1], self.column.scale
+        """Frequencies (k,) in Hz within a window (from rigid-body motions on if it begins below 0) and the column's own vectors
+        (dof, k), as Column.solve.
+        """
+        last, scale, live = self.steps[-1], self.column.scale, self._end
         with one_thread():
-            values, waves = eigh(last.stiffness, last.mass, driver="gvd")
-        inside = (values >= scale.eigenvalue(low_hz)) & (values <= scale.eigenvalue(high_hz))
-        return scale.frequency(values[inside]), self._unfolded(waves[:, inside])
+            values, waves = eigh(last.stiffness[np.ix_(live, live)], last.mass[np.ix_(live, live)], driver="gvd")
+        least = -np.inf if low_hz < 0.0 else scale.eigenvalue(low_hz)
+        inside = (values >= least) & (values <= scale.eigenvalue(high_hz))
+        motion = np.zeros((len(last.mass), np.count_nonzero(inside)))
+        motion[live] = waves[:, inside]
+        return scale.frequency(values[inside]), self._unfolded(motion)
+
+    @property
+    def _end(self) -> IntArray:
+        """Unknowns of the last step that move: nothing follows the side of a panel whose foot stands at the plate's edge."""
+        upper = self.column.placed_cells[-1].dofs[self.edge : 2 * self.edge] >= 0
+        modes = len(self.steps[-1].mass) - self.edge
+        return np.flatnonzero(np.concatenate([upper, np.ones(modes, dtype=bool)]))
 
     def _unfolded(self, motion: FloatArray) -> ComplexArray:
         out = np.zeros((self.column.dof, motion.shape[1]), dtype=complex)

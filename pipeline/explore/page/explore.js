@@ -1,7 +1,7 @@
 "use strict";
 const MAX_PINS = 4;
 const $ = (id) => document.getElementById(id);
-const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false };
+const state = { limits: {}, design: {}, shown: null, before: null, undo: [], pins: [], asking: false, again: false, solving: false };
 
 // who answers: the program that serves the page, or without one a worker with the model that the page holds
 let worker = null;
@@ -147,8 +147,8 @@ function headline(found) {
   const numbers = [];
   if (plate.why_not) numbers.push(["Wanted mode", "none", plate.why_not]);
   else {
-    numbers.push(["Wanted frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}, the plate's ends are left out`]);
-    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}, the plate's ends are left out`]);
+    numbers.push(["Wanted frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}${plate.status === "split" ? ", split among several modes" : ""}`]);
+    numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}${plate.near_hz === null ? "" : `, a mode at ${frequency(plate.near_hz, null)} is near`}`]);
     if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, null), "no bar known"]);
     const decay = decayAt(found.rows, plate.frequency_hz);
     if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the wanted frequency and wavenumber"]);
@@ -348,12 +348,14 @@ function take(design) {
 
 async function computeFull() {
   const asked = state.shown;
+  if (state.solving) { try { await answer("full/stop", {}); } catch (fault) { $("progress").textContent = fault.message; } return; }
   if (!asked) return;
   $("real").hidden = false;
-  $("full").disabled = true;
+  state.solving = true;
+  $("full").textContent = "Stop";
   $("log").replaceChildren();
   try {
-    await answer("full", { ...asked.design, near_hz: asked.plate.frequency_hz ?? null });
+    await answer("full", { ...asked.design });
     for (;;) {
       const told = await answer("full");
       $("log").replaceChildren(...told.lines.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
@@ -364,7 +366,8 @@ async function computeFull() {
   } catch (fault) {
     $("progress").textContent = fault.message;
   }
-  $("full").disabled = false;
+  state.solving = false;
+  $("full").textContent = "Compute for real";
 }
 function compared(live, real) {
   if (real.why_not) return `Full plate: ${real.why_not}.`;

@@ -1,6 +1,6 @@
 // The live answer without Python: solvers/parametric and pipeline/explore/answer.py over the same stored matrices.
 "use strict";
-const BESIDE = 0.1, FLAT = 1e-3, SAFETY = 2, STEEPEST_DB = 100, PROPAGATING = 1e-7, FELT = 0.25, TINY = 1e-150;
+const BESIDE = 0.1, FLAT = 1e-3, SAFETY = 2, STEEPEST_DB = 100, PROPAGATING = 1e-7, FELT = 0.25, TINY = 1e-150, DEGREE = 5;
 const zeros = (n) => new Float64Array(n);
 
 // dense matrices: { n rows, m columns, a row by row }
@@ -376,11 +376,28 @@ function touchPlaces(data, sizes, images) {
   const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0]) * stretch(at[1]));
   return { points, weights: images.flatMap(() => own) };
 }
-function bareCell(data, width, depth, thickness) { // solvers/parametric/bare.py
-  const { lines, functions, lambda, mu } = data.bare, n = functions.length;
+function alongSide(s) { // two hats and integrated Legendre polynomials, and their slopes
+  const p = [1, s], values = [(1 - s) / 2, (1 + s) / 2], slopes = [-0.5, 0.5];
+  for (let d = 2; d <= DEGREE; d++) {
+    p.push(((2 * d - 1) * s * p[d - 1] - (d - 1) * p[d - 2]) / d);
+    values.push((p[d] - p[d - 2]) / Math.sqrt(2 * (2 * d - 1))); slopes.push(p[d - 1] * Math.sqrt((2 * d - 1) / 2));
+  }
+  return { values, slopes };
+}
+function spanLines(data, [low, high]) { // int f g, f' g and f' g' over a part of [-1, 1], by Gauss
+  const n = DEGREE + 1, out = [mat(n, n), mat(n, n), mat(n, n)];
+  data.bare.gauss.forEach((s, q) => {
+    const { values: f, slopes: d } = alongSide(low + (high - low) * (s + 1) / 2), w = data.bare.weights[q] * (high - low) / 2;
+    for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { out[0].a[i * n + j] += w * f[i] * f[j]; out[1].a[i * n + j] += w * d[i] * f[j]; out[2].a[i * n + j] += w * d[i] * d[j]; }
+  });
+  return out;
+}
+function bareCell(data, width, depth, thickness, span = null) { // solvers/parametric/bare.py; of what lies within a span along x alone
+  const { functions, lambda, mu } = data.bare, n = functions.length, along = span ? spanLines(data, span) : data.bare.lines[0];
+  const lines = [along, data.bare.lines[0], data.bare.lines[1]];
   const stretch = [width / thickness / 2, depth / thickness / 2, 0.5], volume = stretch[0] * stretch[1] * stretch[2];
   const k = mat(3 * n, 3 * n), m = mat(3 * n, 3 * n), g = zeros(9);
-  const line = (axis, kind, a, b) => { const x = lines[axis === 2 ? 1 : 0][kind]; return x.a[a * x.m + b]; }; // kinds: ff, df, dd
+  const line = (axis, kind, a, b) => { const x = lines[axis][kind]; return x.a[a * x.m + b]; }; // kinds: ff, df, dd
   for (let f = 0; f < n; f++)
     for (let o = 0; o < n; o++) {
       const p = functions[f], q = functions[o], flat = [0, 1, 2].map((axis) => line(axis, 0, p[axis], q[axis]));
@@ -402,11 +419,20 @@ function bareCell(data, width, depth, thickness) { // solvers/parametric/bare.py
   const { gauss, weights, flatValues, bottom } = data.bare, s = gauss.length, touch = mat(s * s, 3 * n), points = [], areas = [];
   for (let x = 0; x < s; x++)
     for (let y = 0; y < s; y++) {
-      points.push([gauss[x] * width / 2, gauss[y] * depth / 2]); areas.push(weights[x] * weights[y] * width * depth / 4);
-      functions.forEach(([i, j, r], f) => { touch.a[(x * s + y) * 3 * n + 3 * f + 2] = flatValues.a[x * flatValues.m + i] * flatValues.a[y * flatValues.m + j] * bottom[r]; });
+      const [low, high] = span || [-1, 1], at = low + (high - low) * (gauss[x] + 1) / 2, flat = alongSide(at).values;
+      points.push([at * width / 2, gauss[y] * depth / 2]); areas.push(weights[x] * (high - low) / 2 * weights[y] * width * depth / 4);
+      functions.forEach(([i, j, r], f) => { touch.a[(x * s + y) * 3 * n + 3 * f + 2] = flat[i] * flatValues.a[y * flatValues.m + j] * bottom[r]; });
     }
-  return { k, m, odd, width, points, weights: areas, touch };
+  return { k, m, odd, width, depth, points, weights: areas, touch };
 }
+function condensedBare(data, width, depth, thickness, about) { // its inside, stiff far beyond the window, answers as at `about`
+  const raw = bareCell(data, width, depth, thickness), b = data.face.count, n = raw.k.n, d = plus(raw.k, raw.m, -about);
+  const still = solved(cholesky(block(d, b, n, b, n)), block(d, b, n, 0, b)), shapes = mat(n, b);
+  for (let i = 0; i < b; i++) shapes.a[i * b + i] = 1;
+  for (let i = 0; i < still.a.length; i++) shapes.a[b * b + i] = -still.a[i];
+  return { ...among(raw, shapes), shapes };
+}
+function among(cell, shapes) { return { ...cell, odd: [], k: halfSum(mulT(shapes, mul(cell.k, shapes))), m: halfSum(mulT(shapes, mul(cell.m, shapes))), touch: mul(cell.touch, shapes) }; }
 function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
   const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cell.width / 2;
   const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
@@ -458,17 +484,18 @@ function columnPanels(data, design) { // solvers/waves/column.py and solvers/sup
   if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
   return { lines, feet, end };
 }
-function columnOf(data, pillarRow, design, window) {
+function columnOf(data, pillarCell, design, window, kx, cells = new Map(), within = window) { // cells: kept from one wavenumber to the next
   const { lines, feet, end } = columnPanels(data, design), angular = data.angular * data.reference[0] / design.thickness, value = (hz) => (2 * Math.PI * hz / angular) ** 2;
   const top = value(data.reach * window[1]), about = value((window[0] + window[1]) / 2), e = data.face.edge, known = new Map();
   const width = design.rows ? design.pitch : data.panel * design.thickness;
   const places = feet.map((foot, i) => {
     const depth = lines[i + 1] - lines[i], key = foot ? "foot" : depth.toFixed(10);
+    if (!cells.has(key)) cells.set(key, foot ? pillarCell() : condensedBare(data, width, depth, design.thickness, about));
     if (!known.has(key)) {
-      const row = foot ? pillarRow() : realRow(data, bareCell(data, width, depth, design.thickness), data.kx);
+      const row = realRow(data, cells.get(key), kx);
       known.set(key, { row, short: condense(row.k, row.m, 2 * e, top, about) });
     }
-    return { ...known.get(key), middle: (lines[i] + lines[i + 1]) / 2 };
+    return { ...known.get(key), foot, depth, middle: (lines[i] + lines[i + 1]) / 2 };
   });
   const free = range(0, e).filter((i) => i % 3 !== 1), steps = [];
   places.forEach(({ short }, number) => {
@@ -483,11 +510,11 @@ function columnOf(data, pillarRow, design, window) {
     steps.push(condense(whole("k"), whole("m"), e, top, about));
   });
   const last = steps[steps.length - 1], { values, vectors } = symmetricPencil(last.k, last.m, true);
-  const inside = range(0, values.length).filter((i) => values[i] >= value(window[0]) && values[i] <= value(window[1]));
-  const frequency = inside.map((i) => Math.sqrt(values[i]) * angular / (2 * Math.PI));
-  return { frequency, profile: profileOf(data, places, steps, picked(vectors, range(0, vectors.n), inside), free), half_span: end };
+  const least = within[0] < 0 ? -Infinity : value(within[0]), inside = range(0, values.length).filter((i) => values[i] >= least && values[i] <= value(within[1]));
+  const frequency = inside.map((i) => Math.sqrt(Math.max(values[i], 0)) * angular / (2 * Math.PI));
+  return { frequency, motions: motionsOf(data, places, steps, picked(vectors, range(0, vectors.n), inside), free), half_span: end, width, angular };
 }
-function profileOf(data, places, steps, motion, free) {
+function motionsOf(data, places, steps, motion, free) { // of every cell, the outermost first: real and imaginary part (dof, modes)
   const e = data.face.edge, out = [];
   for (let number = places.length - 1; number >= 0; number--) {
     const { row, short, middle } = places[number], step = steps[number], count = motion.m, upper = block(motion, 0, e, 0, count), behind = mul(step.inside, motion);
@@ -498,17 +525,22 @@ function profileOf(data, places, steps, motion, free) {
     row.rows.forEach((entries, r) => entries.forEach(([at, a, b]) => {
       for (let c = 0; c < count; c++) { const v = whole.a[r * count + c]; re.a[at * count + c] += a * v; im.a[at * count + c] += b * v; }
     }));
-    const x = mul(row.cell.touch, re), y = mul(row.cell.touch, im);
-    row.cell.points.forEach((point, i) => out.push({ x: point[0], y: point[1] + middle, weight: row.cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
+    out.push({ cell: row.cell, foot: places[number].foot, depth: places[number].depth, middle, re, im });
     motion = below(lower, block(behind, own.length + modes, behind.n, 0, count));
   }
   return out;
 }
+function profileOf(motions) { // u_z on the touch face
+  return motions.flatMap(({ cell, middle, re, im }) => {
+    const x = mul(cell.touch, re), y = mul(cell.touch, im), count = re.m;
+    return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
+  });
+}
 function measured(data, found, design) { // solvers/measures: confinement.py, wanted_mode.py
   const half = data.zone_width / 2, beyond = found.half_span - design.extension, unit = data.plate_density * design.thickness ** 3;
-  const modes = found.frequency.map((hz, c) => {
+  const places = profileOf(found.motions), modes = found.frequency.map((hz, c) => {
     let inside = 0, all = 0, active = 0, passive = 0, passiveArea = 0, far = 0, farArea = 0, own = 0, re = 0, im = 0;
-    for (const p of found.profile) {
+    for (const p of places) {
       const square = p.re[c] ** 2 + p.im[c] ** 2, y = Math.abs(p.y);
       all += p.weight * square;
       if (y < half) {
@@ -529,18 +561,152 @@ function measured(data, found, design) { // solvers/measures: confinement.py, wa
   const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
   return { ...best, rivals: Math.min(rivals, 3) };
 }
-function levelError(data, level) { // of a column: pipeline/search/fidelity.py
-  const [least, at] = data.level_slack_db;
-  return level === null ? null : least + (at - least) * Math.abs(level);
+// ---- the finite plate: solvers/parametric/finite.py, pipeline/models/live_column.py ----
+function wavenumbersOf(data) {
+  const { beyond, more, lines } = data.finite, last = Math.ceil(beyond * (Math.max(lines, 2) - 0.5 + more));
+  return range(lines % 2, last + 1).map((j) => Math.PI / (beyond * data.zone_length) * j);
 }
-function plateOf(data, pillarRow, design, window) {
-  const found = columnOf(data, pillarRow, design, window), best = measured(data, found, design);
-  if (!best) return { why_not: "no mode of the wanted shape in the window" };
-  const slots = data.profile, end = found.half_span, area = zeros(slots), square = zeros(slots);
-  for (const p of found.profile) { const slot = Math.min(Math.floor(Math.abs(p.y) / end * slots), slots - 1); area[slot] += p.weight; square[slot] += p.weight * (p.re[best.c] ** 2 + p.im[best.c] ** 2); }
+function wantedAlong(data, x) { // the free-free beam's shape, even or odd about the middle
+  const { lines, kappa } = data.finite, s = x / data.zone_length;
+  if (lines < 2) return lines ? s : 1;
+  return lines % 2 ? Math.sin(kappa * s) / Math.sin(kappa / 2) + Math.sinh(kappa * s) / Math.sinh(kappa / 2) : Math.cos(kappa * s) / Math.cos(kappa / 2) + Math.cosh(kappa * s) / Math.cosh(kappa / 2);
+}
+function middlesOf(data, design, pitch) {
+  const foot = data.foot.footprint * design.side, count = design.rows ? Math.floor((data.zone_length - foot) / pitch * (1 + 1e-9) + 1e-9) + 1 : Math.max(Math.round(data.zone_length / pitch), 1);
+  return range(0, count).map((i) => (i - (count - 1) / 2) * pitch);
+}
+function finitePlate(data, pillarCell, design, window) {
+  const { lines, tried, known, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
+  const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
+  const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
+  const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
+  const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
+  const pieces = columns[0].motions.map((place, number) => ({ ...place, even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
+    part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
+  const over = (data.zone_length - xs.length * pitch) / 2, wide = 2 * Math.abs(over) / pitch, last = xs[xs.length - 1];
+  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about));
+  const weight = over > 0 ? 2 : -2, kernels = kernelsOf(kx, xs, odd);
+  const whole = (parts) => { // a form of the plate from even and odd ones of the column and that of the strips
+    const out = mat(n, n);
+    for (let i = 0; i < n * n; i++) out.a[i] = ((parts[0].a[i] + parts[1].a[i]) * kernels.apart[i] + (parts[0].a[i] - parts[1].a[i]) * kernels.together[i]) / 2 + parts[2].a[i];
+    return halfSum(out);
+  };
+  const form = (chosen, of) => { // of(cell) acts on degrees of freedom
+    const parts = [mat(n, n), mat(n, n), mat(n, n)], add = (to, more, factor) => { for (let i = 0; i < n * n; i++) to.a[i] += factor * more.a[i]; };
+    pieces.forEach((piece, number) => {
+      if (!chosen(piece)) return;
+      add(parts[0], of(piece.cell, piece.even, piece.middle), 1); add(parts[1], of(piece.cell, piece.odd, piece.middle), 1);
+      if (strips) add(parts[2], of(strips[number].cell, strips[number].motion, piece.middle), weight);
+    });
+    return whole(parts);
+  };
+  const stiff = [0, 1, 2].map((part) => form((piece) => piece.part === part, (cell, u) => mulT(u, mul(cell.k, u))));
+  const k = plus(plus(stiff[0], stiff[1]), stiff[2]), m = form(() => true, (cell, u) => mulT(u, mul(cell.m, u)));
+  const largest = Math.max(...range(0, n).map((i) => m.a[i * (n + 1)])), size = range(0, n).map((i) => m.a[i * (n + 1)] > still * largest ? 1 / Math.sqrt(m.a[i * (n + 1)]) : 0);
+  const both = (x) => transposed(scaledColumns(transposed(scaledColumns(x, size)), size)), mass = symmetricEigen(both(m), true);
+  const kept = range(0, n).filter((i) => mass.values[i] > independent * mass.values[n - 1]);
+  const basis = scaledColumns(picked(mass.vectors, range(0, n), kept), kept.map((i) => 1 / Math.sqrt(mass.values[i])));
+  for (let i = 0; i < n; i++) for (let j = 0; j < basis.m; j++) basis.a[i * basis.m + j] *= size[i];
+  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] >= value(known[0] * window[0]) && own.values[i] <= value(known[1] * window[1]));
+  const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => mulT(vectors, mul(x, vectors));
+  const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last: over > 0 ? last + pitch : last, beyond: end - design.extension });
+  return { values: inside.map((i) => own.values[i]), zone: among(stiff[1]), rows: among(stiff[2]), vectors, pieces, xs, kx, along, end, angular,
+    faces: { ...faces, forms: faces.forms.map(among), overlap: mulT({ n, m: 1, a: faces.overlap }, vectors).a } };
+}
+function kernelsOf(kx, xs, odd) {
+  const n = kx.length, apart = zeros(n * n), together = zeros(n * n), kept = new Map();
+  const sum = (k) => { const key = Math.abs(k).toFixed(6); if (!kept.has(key)) kept.set(key, xs.reduce((s, x) => s + Math.cos(k * x), 0)); return kept.get(key); };
+  for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { apart[i * n + j] = sum(kx[i] - kx[j]); together[i * n + j] = (odd ? -1 : 1) * sum(kx[i] + kx[j]); }
+  return { apart, together };
+}
+function stripOf(data, design, piece, pitch, kx, along, span, x, about) { // of the plate beyond its whole cells, or lacking in the last ones
+  const n = kx.length, { shapes } = piece.foot ? condensedBare(data, pitch, piece.depth, design.thickness, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
+  for (let i = 0; i < moved.n; i++) for (let j = 0; j < n; j++) moved.a[i * n + j] = at[j][0] * piece.even.a[i * n + j] + at[j][1] * piece.odd.a[i * n + j];
+  return { cell: among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), motion: moved };
+}
+function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last, beyond }) {
+  const n = kx.length, half = data.zone_width / 2, parts = [(y) => y < half, (y) => y >= half, (y) => y > beyond], areas = [0, 0, 0], overlap = zeros(n);
+  const forms = parts.map((own) => form(() => true, (cell, u, middle) => {
+    const at = range(0, cell.points.length).filter((i) => own(Math.abs(cell.points[i][1] + middle))), moved = mul(picked(cell.touch, at, range(0, cell.touch.m)), u);
+    at.forEach((i, r) => { const root = Math.sqrt(cell.weights[i]); for (let c = 0; c < n; c++) moved.a[r * n + c] *= root; });
+    return mulT(moved, moved);
+  }));
+  let norm = 0;
+  const gather = (cell, middle, motions, places, factor) => cell.points.forEach((point, i) => {
+    const y = point[1] + middle;
+    parts.forEach((own, part) => { if (own(Math.abs(y))) areas[part] += factor * places.length * cell.weights[i]; });
+    if (!parts[0](Math.abs(y))) return;
+    const across = Math.sin(Math.PI * (y + half) / data.zone_width), row = mul(block(cell.touch, i, i + 1, 0, cell.touch.m), motions[0]).a, other = motions[1] && mul(block(cell.touch, i, i + 1, 0, cell.touch.m), motions[1]).a;
+    for (const x of places) {
+      const shape = across * wantedAlong(data, x + point[0]), w = factor * cell.weights[i] * shape;
+      norm += w * shape;
+      for (let c = 0; c < n; c++) { if (!other) { overlap[c] += w * row[c]; continue; } const [even, odd] = along(kx[c], x); overlap[c] += w * (even * row[c] + odd * other[c]); }
+    }
+  });
+  pieces.forEach((piece, number) => {
+    gather(piece.cell, piece.middle, [piece.even, piece.odd], xs, 1);
+    if (strips) gather(strips[number].cell, piece.middle, [strips[number].motion], [last], weight);
+  });
+  return { forms, areas, overlap, norm, factor: 1 / design.thickness ** 2 };
+}
+function detuned(plate, zone, rows) { // frequencies and measures where zone and rows alone ring higher by relative changes
+  const n = plate.values.length, k = mat(n, n);
+  for (let i = 0; i < n * n; i++) k.a[i] = 2 * (zone * plate.zone.a[i] + rows * plate.rows.a[i]);
+  plate.values.forEach((v, i) => { k.a[i * (n + 1)] += v; });
+  const { values, vectors } = symmetricEigen(k, true), { forms, areas, overlap, norm, factor } = plate.faces;
+  const squares = forms.map((form) => { const moved = mul(form, vectors); return range(0, n).map((c) => { let s = 0; for (let i = 0; i < n; i++) s += vectors.a[i * n + c] * moved.a[i * n + c]; return s; }); });
+  const level = (c, part) => Math.min(areas[0], areas[part]) <= 1e-9 * Math.max(areas[0], areas[part]) ? null : 10 * Math.log10(squares[0][c] * areas[part] / (areas[0] * squares[part][c]));
+  const modes = range(0, n).map((c) => {
+    const confinement = level(c, 1), along = mulT({ n, m: 1, a: overlap }, block(vectors, 0, n, c, c + 1)).a[0] ** 2 / norm;
+    return { hz: Math.sqrt(Math.max(values[c], 0)) * plate.angular / (2 * Math.PI), confinement_db: confinement, extension_db: level(c, 2), mac: along / squares[0][c], strength: factor * along,
+      zone_share: confinement === null ? null : squares[0][c] / (squares[0][c] + squares[1][c]) };
+  });
+  return { modes, vectors };
+}
+function verdictOf(rule, modes, [low, high]) { // solvers/measures/wanted_mode.py
+  const { similar, clear, lead, majority, rival, named } = rule, score = modes.map((one) => one.hz >= low && one.hz <= high ? one.strength * (one.zone_share === null ? 1 : one.zone_share) : 0);
+  let best = -1;
+  modes.forEach((one, i) => { if (one.mac >= similar && score[i] > 0 && (best < 0 || score[i] > score[best])) best = i; });
+  if (best < 0) return null;
+  const weights = modes.map((one, i) => score[i] * one.mac), others = weights.filter((_, i) => i !== best), own = weights[best];
+  const single = modes[best].mac >= clear && own >= lead * Math.max(0, ...others) && own >= majority * weights.reduce((a, b) => a + b, 0);
+  return { index: best, status: single ? "single" : "split", rivals: Math.min(others.filter((w) => w >= rival * own).length, named) };
+}
+function changed(data, plate, window, zone = 0, rows = 0) {
+  const { modes, vectors } = detuned(plate, zone, rows);
+  let found = verdictOf(data.rule, modes, window);
+  if (found) { const hz = modes[found.index].hz; found = verdictOf(data.rule, modes, [Math.min(window[0], (1 - data.rule.past) * hz), Math.max(window[1], (1 + data.rule.past) * hz)]); }
+  const [low, high] = data.finite.wider, wide = found && verdictOf(data.rule, modes, [low * window[0], high * window[1]]);
+  if (found && wide.index !== found.index) found = { ...found, status: "split" };
+  return { found, modes, vectors };
+}
+function plateOf(data, pillarCell, design, window, meshError) {
+  const plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors } = changed(data, plate, window);
+  if (!found) return { why_not: "no mode of the wanted shape in the window" };
+  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, level_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
+  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
+  const others = each.filter((one) => one.found), wanted = others.map((one) => one.modes[one.found.index]), single = others.length === each.length && others.every((one) => one.found.status === "single");
+  const frequency = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), levels = best.confinement_db === null ? null : [best.confinement_db, ...wanted.map((one) => one.confinement_db)];
+  const range_db = levels && [Math.min(...levels), Math.max(...levels)], close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
+  const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
+  if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${(rival / 1000).toFixed(2)} kHz lies near the wanted one, whose frequency is known to ${(100 * error).toFixed(1)} %: the confinement may lie between ${range_db[0].toFixed(1)} and ${range_db[1].toFixed(1)} dB`);
+  if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
+  const { mac, zone_share, confinement_db, extension_db } = best;
+  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error: frequency, confinement_error_db: range_db && level_db + Math.max(range_db[1] - confinement_db, confinement_db - range_db[0]),
+    status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
+}
+function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1
+  const slots = data.profile, area = zeros(slots), square = zeros(slots), { pieces, xs, kx, along, end } = plate, phases = xs.map((x) => kx.map((k, i) => { const [even, odd] = along(k, x); return [even * mode[i], odd * mode[i]]; }));
+  for (const { cell, middle, even, odd } of pieces) {
+    const e = mul(cell.touch, even), o = mul(cell.touch, odd), n = kx.length;
+    cell.points.forEach((point, i) => {
+      const slot = Math.min(Math.floor(Math.abs(point[1] + middle) / end * slots), slots - 1);
+      const mean = phases.reduce((sum, row) => { let u = 0; for (let c = 0; c < n; c++) u += row[c][0] * e.a[i * n + c] + row[c][1] * o.a[i * n + c]; return sum + u * u; }, 0) / xs.length;
+      area[slot] += cell.weights[i]; square[slot] += cell.weights[i] * mean;
+    });
+  }
   const full = range(0, slots).filter((i) => area[i] > 0), level = full.map((i) => Math.sqrt(square[i] / area[i])), high = Math.max(...level);
-  return { confinement_db: best.confinement_db, extension_db: best.extension_db, mac: best.mac, zone_share: best.zone_share, frequency_hz: best.hz, frequency_error: data.slack, confinement_error_db: levelError(data, best.confinement_db), rivals: best.rivals,
-    profile: { y_mm: full.map((i) => 1e3 * (i + 0.5) / slots * end), level: level.map((v) => v / high) }, half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * end };
+  return { y_mm: full.map((i) => 1e3 * (i + 0.5) / slots * end), level: level.map((v) => v / high) };
 }
 
 // ---- decay per row: solvers/waves/evanescent.py, polarisation.py ----
@@ -654,15 +820,15 @@ function massOf(data, design) { // pipeline/search/limits.py, kg
 }
 function cloudOf(data, first) {
   let last = null; // plates with the same cell come one after another
-  const rowOf = (sizes) => () => {
-    if (!last || last.key !== sizes.join()) last = { key: sizes.join(), row: realRow(data, joinedCell(data, prepared(data, sizes, data.face_inner.modes), sizes), data.kx) };
-    return last.row;
+  const cellOf = (sizes) => () => {
+    if (!last || last.key !== sizes.join()) last = { key: sizes.join(), cell: joinedCell(data, prepared(data, sizes, data.face_inner.modes), sizes) };
+    return last.cell;
   };
   return data.cloud.slice(first, first + data.batch).map((given) => {
     const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g: 1e3 * massOf(data, design), frequency_hz: null, confinement_db: null };
     const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
     try {
-      const best = measured(data, columnOf(data, rowOf(sizes), design, window), design);
+      const best = measured(data, columnOf(data, cellOf(sizes), design, window, data.finite.free_kx), design);
       if (best) Object.assign(out, { frequency_hz: best.hz, confinement_db: best.confinement_db });
     } catch { /* no live answer for this one */ }
     return out;
@@ -675,8 +841,10 @@ function answerOf(data, given) {
   const sizes = [design.thickness, design.height, design.side, design.pitch], ready = prepared(data, sizes);
   const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
   let kept = null;
-  const pillarRow = () => kept = kept || realRow(data, joinedCell(data, ready, sizes), data.kx);
-  const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, pillarRow(), design, window) };
-  try { out.plate = plateOf(data, pillarRow, design, window); if (out.plate.frequency_hz) out.plate.frequency_error += meshAt(out.bands, out.plate.frequency_hz); } catch (fault) { out.plate = { why_not: fault.message }; }
+  const pillarCell = () => kept = kept || joinedCell(data, ready, sizes);
+  const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, realRow(data, pillarCell(), data.kx), design, window) };
+  try { out.plate = plateOf(data, pillarCell, design, window, (hz) => meshAt(out.bands, hz)); } catch (fault) { out.plate = { why_not: fault.message }; }
+  out.warnings.push(...(out.plate.warnings || []));
+  delete out.plate.warnings;
   return out;
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -74,3 +76,15 @@ def test_the_condensed_column_has_the_columns_modes() -> None:
     assert at is not None and levels[1].wanted.index == at
     assert condensed_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
     assert levels[1].confinement_db[at] == pytest.approx(levels[0].confinement_db[at], abs=0.02)
+
+
+@pytest.mark.parametrize("extension_mm", [0.0, 0.5, 1.0])
+def test_a_row_at_the_plates_edge_is_condensed_too(extension_mm: float) -> None:
+    """The last cell is cut by the edge, and no polynomial follows its outer side: as the dense solve has it."""
+    design = replace(DESIGN, rows=1, extension_m=1e-3 * extension_mm)
+    column = Column(design, reductions(), 7.5 * np.pi / design.length_m)
+    wanted_hz, wanted = column.solve(*WINDOW)
+    condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
+    assert len(wanted_hz) and condensed_hz == pytest.approx(wanted_hz, rel=5e-3)
+    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (wanted, condensed)]
+    assert levels[1] == pytest.approx(levels[0], abs=0.1)
