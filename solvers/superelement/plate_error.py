@@ -2,7 +2,9 @@
 
 Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
-last degree, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the next ones.
+last degree along the sides, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the
+next ones. Further degrees through the thickness e, which a thick plate's cells know (`Cell.further`), lower it by
+r'(K_ee - l M_ee)^-1 r, r = (K_e - l M_e)u, to second order in what they couple.
 
 The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
@@ -17,23 +19,28 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.fem.coarser import smooth_half_width
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.superelement.cell import Cell
+from solvers.superelement.cell import Cell, with_further
 from solvers.superelement.plate import AssembledPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
 # ten bands of a lattice do, and bend its bare panels in shorter waves. Of ten plates of seed 7 of `python -m
 # studies.error_bars` 99 of 100 modes lie within
 AT_RIMS, AWAY = 0.5, 0.06
+# of the rise without the last degree through the thickness what further ones bring to a plate thin for its waves: its free
+# edges' boundary layers, sin(pi z / t) at their slowest, leave these 0.01 to 0.025 (test_ritz_blocks)
+EDGE_LAYER = 0.03
 
 
 @dataclass(frozen=True)
 class ModeErrors:
-    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes and by the degrees left out.
+    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes, by the degrees along the sides and
+    by those through the thickness that are left out.
 
     Infinite from the lowest mode on that may have been left out: nothing is known there. taken: how far the finest mesh's own
     frequency lies above the reported one; mesh: half-width of the bar by the mesh, NaN where no coarser mesh tells it.
@@ -41,13 +48,19 @@ class ModeErrors:
 
     modes: FloatArray
     degrees: FloatArray
+    through: FloatArray
     taken: FloatArray
     mesh: FloatArray
 
     @property
+    def by_degrees(self) -> FloatArray:
+        """By the degrees left out, in either direction."""
+        return self.degrees + self.through
+
+    @property
     def total(self) -> FloatArray:
-        """By both truncations."""
-        return self.modes + self.degrees
+        """By all truncations."""
+        return self.modes + self.by_degrees
 
 
 def mode_errors(
@@ -72,9 +85,13 @@ def mode_errors(
         ]
         return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
-    return ModeErrors(
-        _by_modes(plate, value, vectors), rise(_dofs(plate, _last_bubbles)), *by_mesh(plate, value, vectors, rims)
+    through = (
+        _by_further(plate, value, vectors)
+        if all(cell.further for cell in plate.cells)
+        else EDGE_LAYER * rise(_dofs(plate, _last_layer))
     )
+    along = rise(_dofs(plate, _last_bubbles))
+    return ModeErrors(_by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 
 def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
@@ -120,6 +137,38 @@ def _lost(edge_hz: float, cell: Cell) -> FloatArray:
     return cell.on_boundary((cell.dropped_hz == edge_hz) * cell.dropped)
 
 
+def _by_further(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+    """Half of r' (K_ee - l M_ee)^-1 r over the modes' l, e the further functions of the cells and l the largest, (k,).
+
+    Infinite where those have modes of their own below.
+    """
+    if not len(value):
+        return np.zeros(0)
+    wide = AssembledPlate(
+        plate.tiling, {key: with_further(cell) for key, cell in plate.grid.cells.items()}, plate.symmetry
+    )
+    pencil, place = wide.pencil(), _places(plate, wide)
+    fresh = np.setdiff1d(np.arange(wide.dof), place)
+    stiffness, mass = (sp.csr_array(matrix)[fresh] for matrix in (pencil.stiffness, pencil.mass))
+    force = stiffness[:, place] @ vectors - (mass[:, place] @ vectors) * value
+    own = sp.csc_array((stiffness - value.max() * mass)[:, fresh])
+    factor = Factoriser()(own)
+    if factor.negative:
+        return np.full_like(value, np.inf)
+    return _energy(force, factor.solve(force)) / (2.0 * value)
+
+
+def _places(plate: AssembledPlate, wide: AssembledPlate) -> IntArray:
+    """Where the plate's degrees of freedom stand among those with further functions, (dof,)."""
+    out = np.empty(plate.dof, dtype=np.int64)
+    for one, other in zip(plate.placed_cells, wide.placed_cells, strict=True):
+        own = other.cell.interface.within(one.cell.interface)
+        local = np.concatenate([own, np.arange(other.cell.interface.count, other.cell.dof)])
+        live = one.coefficient != 0.0
+        out[one.dofs[live]] = other.dofs[local][live]
+    return out
+
+
 def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
     """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
     chosen = np.zeros(plate.dof, dtype=bool)
@@ -137,19 +186,28 @@ def _last_bubbles(cell: Cell) -> IntArray:
     return np.concatenate([face.side(index)[first:] for index in range(4)])
 
 
+def _last_layer(cell: Cell) -> IntArray:
+    """The boundary functions of the highest degree through the thickness."""
+    face = cell.interface
+    return np.flatnonzero(np.arange(face.count) // 3 % face.layers == face.through)
+
+
 def more_below(
     plate: AssembledPlate,
     pencil: SymmetricPencil,
     edge_hz: float,
     reduced: int | None = None,
     factorise: Factoriser | None = None,
+    degrees: float = 0.0,
 ) -> int | None:
     """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
-    the symbolic analysis of the pencil's earlier solves.
+    the symbolic analysis of the pencil's earlier solves; degrees: how far, relative, the degrees left out may put a mode of
+    the meshes below the one that stands for it.
     """
-    value = pencil.scale.eigenvalue(edge_hz)
+    beyond_hz = edge_hz * (1.0 + degrees)
+    value = pencil.scale.eigenvalue(beyond_hz)
     if not all(np.isfinite(placed_cell.cell.residual.growth(value)) for placed_cell in plate.placed_cells):
         return None
 
@@ -160,4 +218,4 @@ def more_below(
         (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
     )
     own = count_below(pencil, edge_hz, factorise) if reduced is None else reduced
-    return count_below(softer, edge_hz, factorise) - own
+    return count_below(softer, beyond_hz, factorise) - own
