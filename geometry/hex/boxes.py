@@ -93,7 +93,7 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 class HexSettings:
     """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
 
-    `through` is how many elements at least lie through the thickness of a plate with pillars, layers not counted; the
+    `through` is how many elements at least lie through the thickness of a plate, layers not counted; the
     `skipped` innermost layers are left out, which nests the mesh in the one that has them. `least` elements at least lie
     between two lines that the scene prescribes.
     """
@@ -313,7 +313,7 @@ def _plate_with_pillars(
     """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
     stands = tuple(each for each in stands if len(each.centres))
     if not stands:
-        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.grading)
+        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.through_grading(thickness_m))
     for breaks, column in ((x, 0), (y, 1)):
         low, high = min(breaks), max(breaks)
         for each in stands:

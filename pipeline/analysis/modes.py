@@ -56,6 +56,7 @@ from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
+DEEPER = 3  # reductions refined at most: all but the first raise the degree through the thickness
 PASSES = 4  # meshed or reduced anew for what was found, at most
 
 
@@ -160,10 +161,15 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
     estimate = _error_estimate(part_modes, errors)
-    finer = refine_reduction(choice, estimate, case, log) if estimate else None
-    if finer:
+    for again in range(DEEPER):
+        finer = refine_reduction(choice, estimate, case, log) if estimate else None
+        if finer is None or (again and not _is_deeper(finer, choice)):
+            break
         with refused(log):
             (part_modes, errors), choice = _solved(case, query, finer, log), finer
+        if choice is not finer:
+            break
+        estimate = _error_estimate(part_modes, errors)
     choice, (part_modes, errors) = on_finer_meshes(
         (choice, (part_modes, errors)),
         lambda solved: (_decisive(*solved), 0.0),
@@ -189,6 +195,12 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
         reduction_error=estimate.worst if estimate else None,
         expected_error=expected,
     )
+
+
+def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:
+    """Whether a finer reduction has a higher degree through the thickness."""
+    own, other = choice.reduction, finer.reduction
+    return own is not None and other is not None and other.interface.through > own.interface.through
 
 
 def _decisive(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> float | None:
@@ -296,7 +308,9 @@ def _within_reach(
         highest = max((row.frequency_hz for row in solved[0].all_rows(query.search)), default=0.0)
         error = _decisive(*solved)
         met = error is not None and error <= case.solve.accuracy  # whatever was measured on another design
-        higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(choice, highest, log)
+        higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(
+            choice, highest, case.design, log
+        )
         if higher is None:
             break
         solved, choice = _solved(case, query, higher, log, coarse), higher
@@ -394,10 +408,10 @@ class _Class:
         none = np.zeros(self.vectors.shape[1])
         assert isinstance(self.pencil, Pencil)
         if not len(none):
-            return ModeErrors(none, none, none, none)
+            return ModeErrors(none, none, none, none, none)
         with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
             values = np.array([self.pencil.scale.eigenvalue(tone) for tone in self.tones])
-            return ModeErrors(none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
+            return ModeErrors(none, none, none, *coarser.errors(self.symmetry, self.pencil, self.vectors, values))
 
     def more_below(self, edge_hz: float) -> int | None:
         """How many modes the meshes may have below a frequency beyond the reduced plate's own; None without a bound."""
@@ -406,8 +420,9 @@ class _Class:
         if edge_hz not in self._more:
             known = self.count.below if self.count.high_hz == edge_hz else None
             reduced = None if known is None else known + self.count.expected
+            off = MARGIN * float(self.errors.by_degrees.max(initial=0.0)) if self.errors else 0.0
             self._more[edge_hz] = self.model.more_below(
-                self.symmetry, self.pencil, edge_hz, reduced, self.shared.factorise
+                self.symmetry, self.pencil, edge_hz, reduced, self.shared.factorise, off
             )
         return self._more[edge_hz]
 
@@ -472,15 +487,16 @@ def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors])
 
     Without a wanted mode the worst one stands for it.
     """
-    every = [np.vstack([each.modes, each.degrees]) for each in errors.values() if len(each.modes)]
+    every = [np.vstack([each.modes, each.degrees, each.through]) for each in errors.values() if len(each.modes)]
     if not every or not isinstance(part_modes.model, PlateModel):
         return None
     together = np.hstack(every)
     worst = together[:, int(np.argmax(together.sum(axis=0)))]
     row = part_modes.wanted.row if part_modes.wanted else None
     own = errors[row.symmetry] if row else None
-    mine = (own.modes[row.column], own.degrees[row.column]) if row and own else worst
-    return ErrorEstimate(float(worst.sum()), *(float(value) for value in mine))
+    mine = (own.modes, own.degrees, own.through) if row and own else worst[:, None]
+    column = row.column if row and own else 0
+    return ErrorEstimate(float(worst.sum()), *(float(each[column]) for each in mine))
 
 
 def _bar(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -192,7 +192,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
         design.thickness_m,
         design.material,
         design.pillar,
-        choice.reduction,
+        replace(choice.reduction, further=0),
         CellCache(),
         reach_m=reach,
         parametric_cache=ParametricCellCache(),

@@ -15,12 +15,12 @@ from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
 from solvers.fem.assembly import Scale
-from solvers.superelement.cell import Cell, Expansion, MeshError
+from solvers.superelement.cell import Cell, Expansion, Further, MeshError
 from solvers.superelement.interface import Interface
 from solvers.variation.parametric_cell import CellFamily, nodes_of
 
 MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
-PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError}
+PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError, "further": Further}
 PARTS |= dict.fromkeys(("touch", "skin", "bare"), Expansion)
 OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
 

@@ -73,7 +73,7 @@ class WholeCell:
         none, taken = np.zeros(count), self.shares.taken * layer
         best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
         lowest = np.argsort(best, kind="stable")[:count]
-        return best[lowest], ModeErrors(none, none, taken[lowest], half[lowest])
+        return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])
 
     def _risen(
         self,

@@ -261,7 +261,7 @@ def _assembled(
     mean = _mean_functions(design, kinds, nx * ny)
     reducing = Cost()
     for body, functions, copies in kinds:
-        reducing = reducing.then(_reduction(body, reduction.interface, functions, copies))
+        reducing = reducing.then(_reduction(body, reduction.ample, functions, copies))
     across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
     face = reduction.interface
     fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
@@ -295,7 +295,7 @@ def _beside(classes: int, solve: Cost) -> float:
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
     """Bytes that reducing the costliest kind of panel takes at its peak."""
     kinds = _panel_kinds(design, reduction, choice)
-    return max(_reduction(body, reduction.interface, functions, copies).peak.bytes for body, functions, copies in kinds)
+    return max(_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds)
 
 
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
-from math import ceil, inf, sqrt
+from math import ceil, inf, pi, prod, sqrt
 
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
@@ -32,6 +32,13 @@ LOCKED = (
 )
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
 REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for
+SHORT_REACH = 4.0  # the same beyond the first thickness-shear resonance, where waves are short in every direction
+# the degree through the thickness: of every plate at least, at most, and how many further ones tell what they would bring
+THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
+# of the first thickness-shear resonance: to plates of lower modes further degrees bring less than a tenth of what their
+# fixed-interface modes leave out (test_ritz_blocks)
+THIN_TO = 0.25
+SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 # by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it
@@ -132,6 +139,15 @@ def good_to_hz(part: str, design: Design) -> float:
     return ELEMENT * _shear_speed(design) / size
 
 
+def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
+    """The mesh level of a plate meshed whole; elements of one without feet are no longer than half a shear wave."""
+    level = mesh_level("whole", accuracy)
+    if design.pillar or high_hz <= 0.0:
+        return level
+    longest = _shear_speed(design) / high_hz / 2.0
+    return replace(level, share=min(level.share, longest / (2.0 * design.thickness_m)))
+
+
 def zone_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
     """Elements of the bare strip for modes up to a frequency: its clamped faces are singular edges."""
     longest = min(design.line_spacing_m * 2.0 / 3.0, design.width_m / ACROSS)
@@ -163,8 +179,13 @@ def cell_mesh(design: Design, row: MeshLevel) -> HexSettings:
 
 
 def with_nodes_for(face: Interface, mesh: HexSettings) -> HexSettings:
-    """The mesh of a cell with a node through the plate for each degree, as the one without its layers needs it, too."""
-    return replace(mesh, through=max(mesh.through, 2)) if face.through > COARSEST else mesh
+    """The mesh of a cell with a node through the plate for each degree, as the ones without its layers and of one order less
+    need it, too.
+    """
+    if face.through <= COARSEST:
+        return mesh
+    plain, lower = ceil(face.through / mesh.order), ceil(face.through / (mesh.order - 1)) - bool(mesh.layers)
+    return replace(mesh, through=max(mesh.through, 2, plain, lower))
 
 
 def cell_settings(design: Design, accuracy: float) -> HexSettings:
@@ -207,15 +228,38 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
 
 
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
-    """Reduction of a plate's panels: REACH times the highest frequency bounds the fixed-interface modes."""
+    """Reduction of a plate's panels for modes up to a frequency, Hz; further degrees through the thickness with it where the
+    plate is not thin for their waves.
+    """
     longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
     limits = next(each for least, each in ALONG.items() if accuracy >= least)
     along = next((degree for degree, limit in limits.items() if share <= limit), 6)
+    face = Interface(along, degree_through(design, accuracy, high_hz))
+    further = 0 if high_hz < THIN_TO * shear_cutoff_hz(design) else FURTHER
     mesh = cell_mesh(design, cell_level(accuracy))
-    return ReductionSettings(
-        Interface(along, 3), REACH * high_hz, mesh, 3.0 * design.thickness_m, bare_size_m(design, mesh.order)
-    )
+    longest, size = 3.0 * design.thickness_m, bare_size_m(design, mesh.order)
+    reduction = ReductionSettings(face, cutoff_to_hz(design, high_hz), mesh, longest, size, further)
+    return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
+
+
+def cutoff_to_hz(design: Design, high_hz: float) -> float:
+    """Up to where a plate's panels keep fixed-interface modes for modes up to a frequency, Hz."""
+    return max(REACH * min(high_hz, shear_cutoff_hz(design)), SHORT_REACH * high_hz)
+
+
+def degree_through(design: Design, accuracy: float, high_hz: float) -> int:
+    """The degree through the thickness whose polynomials miss little of a shear wave of a frequency, Hz, that crosses it.
+
+    Degree n has (2n + 1) j_n(x)^2 of the energy of exp(i x s) on [-1, 1], j_n the spherical Bessel function, at most
+    x^n / (2n + 1)!!, x the wavenumber times half the thickness. Each solve's own estimate checks it.
+    """
+    phase = pi / 2.0 * high_hz / shear_cutoff_hz(design)
+
+    def missed(degree: int) -> float:
+        return (2 * degree + 1) * (phase**degree / prod(range(1, 2 * degree + 2, 2))) ** 2
+
+    return next((n for n in range(THROUGH, MAX_THROUGH) if SEEN * missed(n + 1) <= accuracy), MAX_THROUGH)
 
 
 def bare_size_m(design: Design, order: int) -> float | None:

@@ -124,7 +124,7 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.hexahedra(case, "plate")
     taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
     if case.solve.model == SOLID:
-        level = mesh_rules.mesh_level("whole", accuracy)
+        level = mesh_rules.whole_level(design, accuracy, high_hz)
         hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
         return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")

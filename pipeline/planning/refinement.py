@@ -30,6 +30,7 @@ MAX_REFINEMENTS = 2  # finer meshes for the accuracy, at most
 EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges too hopeful are taken once more
 AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little
 SHORTER = (0.5, 0.9)  # least and largest factor on the edges of tetrahedra at once
+TRIALS = 12  # of shorter elements, until there are more of them
 STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 Built = TypeVar("Built")
 
@@ -48,6 +49,13 @@ def higher_degree(reduction: ReductionSettings) -> ReductionSettings:
     return replace(reduction, interface=Interface(face.along + 1, face.through))
 
 
+def higher_through(reduction: ReductionSettings) -> ReductionSettings:
+    """Raise the degree of the boundary functions through the thickness by one, with nodes enough for it."""
+    face = reduction.interface
+    finer = replace(reduction, interface=Interface(face.along, face.through + 1), further=mesh_rules.FURTHER)
+    return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.ample, finer.hexahedra))
+
+
 def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> str:
     """Describe in words what finer reduction settings change."""
     words = []
@@ -55,25 +63,29 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
         words.append(
             f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {reduction.top_hz / 1e6:.2f}"
         )
-    if finer.interface != reduction.interface:
-        words.append(f"degree {finer.interface.along} along the sides instead of {reduction.interface.along}")
+    own, face = reduction.interface, finer.interface
+    if face.along != own.along:
+        words.append(f"degree {face.along} along the sides instead of {own.along}")
+    if face.through != own.through:
+        words.append(f"degree {face.through} through the thickness instead of {own.through}")
     return ", ".join(words)
 
 
 @dataclass(frozen=True)
 class ErrorEstimate:
     """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the wanted one that
-    by modes and by degrees left out.
+    by modes, by degrees along the sides and by those through the thickness left out.
     """
 
     worst: float
     modes: float
     degrees: float
+    through: float = 0.0
 
     @property
     def total(self) -> float:
-        """By both truncations."""
-        return self.modes + self.degrees
+        """By all truncations."""
+        return self.modes + self.degrees + self.through
 
 
 def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log) -> ModelChoice | None:
@@ -81,14 +93,16 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
     total, accuracy = MARGIN * estimate.total, case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
-    share = accuracy / MARGIN / 2.0
-    finer = higher_degree(choice.reduction) if estimate.degrees > share else choice.reduction
+    share, finer = accuracy / MARGIN / 2.0, choice.reduction
+    if estimate.degrees + estimate.through > share:
+        is_thick = estimate.through > estimate.degrees and finer.interface.through < mesh_rules.MAX_THROUGH
+        finer = higher_through(finer) if is_thick else higher_degree(finer)
     finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
         f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: "
         f"{describe_change(choice.reduction, finer)}"
     )
-    return replace(choice, reduction=finer)
+    return replace(choice, reduction=finer, hexahedra=choice.hexahedra and finer.hexahedra)
 
 
 def on_finer_meshes(
@@ -125,7 +139,7 @@ def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case:
     if error is None or error < truncated or error + truncated <= accuracy:
         return None
     edges, left = choice.edge_m is not None, max(accuracy - truncated, accuracy / 4.0)
-    finer = _shorter_edges(choice, error, left) if edges else _next_level(choice, case)
+    finer = _shorter_edges(choice, error, left) if edges else _finer_boxes(choice, case, error, left)
     if finer:
         by = "its stresses" if edges else "coarser meshes"
         log.info(f"within {error:.2%} by the mesh, as {by} tell, {accuracy:.2%} wanted: {finer.mesh}")
@@ -148,6 +162,31 @@ def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
     return finer if more > own else _next_level(finer, case)
 
 
+def _finer_boxes(choice: ModelChoice, case: Case, error: float, wanted: float) -> ModelChoice | None:
+    """The next mesh level of hexahedra; shorter elements of a plate meshed whole after the finest one, or without feet, whose
+    rims the levels are about.
+    """
+    is_bare = choice.part == "plate" and choice.reduction is None and case.design.pillar is None
+    return (None if is_bare else _next_level(choice, case)) or _shorter(choice, case, error, wanted)
+
+
+def _shorter(choice: ModelChoice, case: Case, error: float, wanted: float) -> ModelChoice | None:
+    """A plate meshed whole, beyond the finest level: elements as short as an error asks for that goes as their length to twice
+    their order, or another layer at the rims of feet; None for other parts.
+    """
+    level, design = choice.mesh_level, case.design
+    if choice.part != "plate" or choice.reduction is not None or level is None:
+        return None
+    factor, own = (AIM * wanted / error) ** (0.5 / level.order), foresight.whole_mesh(case, choice).dofs
+    factor = SHORTER[1] if design.pillar else min(max(factor, SHORTER[0]), SHORTER[1])
+    for _ in range(TRIALS):  # sizes round to whole elements
+        level = replace(level, share=factor * level.share, layers=level.layers + bool(design.pillar))
+        finer = replace(choice, hexahedra=mesh_rules.cell_mesh(design, level), mesh_level=level)
+        if foresight.whole_mesh(case, finer).dofs > own:
+            return finer
+    return None
+
+
 def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
     if choice.mesh_level is None:
         return None
@@ -161,7 +200,7 @@ def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
     mesh = own(design, level, choice.good_to_hz) if own else mesh_rules.cell_mesh(design, level)
     reduction = choice.reduction
     if reduction is not None:
-        mesh = mesh_rules.with_nodes_for(reduction.interface, mesh)
+        mesh = mesh_rules.with_nodes_for(reduction.ample, mesh)
         reduction = replace(reduction, hexahedra=mesh)
     return replace(choice, hexahedra=mesh, mesh_level=level, reduction=reduction)
 
@@ -181,13 +220,14 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
     return model_choice_of(case, choice.part, highest_hz)
 
 
-def raise_cutoff(choice: ModelChoice, highest_hz: float, log: Log) -> ModelChoice | None:
+def raise_cutoff(choice: ModelChoice, highest_hz: float, design: Design, log: Log) -> ModelChoice | None:
     """Raise a plate's cut-off for the highest mode computed, where it was made for lower ones; else None."""
-    if choice.reduction is None or choice.reduction.top_hz >= mesh_rules.REACH * highest_hz * (1.0 - SHORT):
+    top_hz = mesh_rules.cutoff_to_hz(design, highest_hz)
+    if choice.reduction is None or choice.reduction.top_hz >= top_hz * (1.0 - SHORT):
         return None
-    made_for = choice.reduction.top_hz / mesh_rules.REACH
+    made_for = highest_hz * choice.reduction.top_hz / top_hz
     log.info(f"modes up to {khz(round(highest_hz))}: cells reduced for {khz(round(made_for))}, reduced again")
-    return replace(choice, reduction=replace(choice.reduction, top_hz=mesh_rules.REACH * highest_hz))
+    return replace(choice, reduction=replace(choice.reduction, top_hz=top_hz))
 
 
 @contextmanager

@@ -26,7 +26,7 @@ from solvers.fem.recovery import StressRecovery
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell
+from solvers.superelement.cell import Cell, CellBuilder, Coarser, SymmetryClass, reduce_cell, restricted
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.nested import extrapolated, recovered
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
@@ -91,7 +91,8 @@ class Reductions:
             better = self._recovered if mesh.kind == TETRAHEDRA else None
         else:
             mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
-        return reduce_cell(self.system(mesh), reduction.interface, reduction.top_hz, panel.halved, panel.free, better)
+        cell = reduce_cell(self.system(mesh), reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
+        return restricted(cell, reduction.interface) if reduction.further else cell
 
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
         """The cell less what the stresses of its tetrahedra tell of its mesh."""
@@ -139,7 +140,7 @@ class Reductions:
 
         def nested(fine: PatchedMesh, other: HexSettings) -> Nested[CellBuilder]:
             coarse = self._mesh(panel, other)
-            builder = CellBuilder(self.system(coarse.mesh), reduction.interface, panel.halved, panel.free)
+            builder = CellBuilder(self.system(coarse.mesh), reduction.ample, panel.halved, panel.free)
             return Nested(builder, transfer(coarse, fine))
 
         def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
@@ -161,11 +162,14 @@ class Reductions:
         is singular. Elements of one order less have enough nodes, too, along the sides and through the plate. Of a panel that
         is halved along both axes half as many are meshed.
         """
-        settings, face = self.reduction.hexahedra, self.reduction.interface
+        settings, face = self.reduction.hexahedra, self.reduction.ample
         order = min(max(settings.order, face.through + 1), HIGHEST)
         along, through = ceil(face.along / (order - 1)), ceil(face.through / (order - 1))
-        least = max(ceil(along / 2) if panel.halved == (0, 1) else along, through)
-        return replace(settings, order=order, size_m=self.reduction.bare_size_m or settings.size_m, least=least)
+        least, size = (
+            ceil(along / 2) if panel.halved == (0, 1) else along,
+            self.reduction.bare_size_m or settings.size_m,
+        )
+        return replace(settings, order=order, size_m=size, least=least, through=max(least, through))
 
     def _key(self, panel: Panel) -> str:
         pillar = self.pillar_of(panel) if panel.foot else None
@@ -232,9 +236,10 @@ class PlateModel:
         edge_hz: float,
         reduced: int | None = None,
         factorise: Factoriser | None = None,
+        degrees: float = 0.0,
     ) -> int | None:
         """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
-        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced, factorise)
+        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced, factorise, degrees)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

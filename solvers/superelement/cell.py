@@ -7,7 +7,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Protocol
@@ -60,6 +60,10 @@ class Expansion:
         rule = facet_quadrature(self.points, self.facets, self.order, lines_m)
         return SurfaceRule(rule.points, rule.weights, normal, rule.interpolation)
 
+    def kept(self, keep: IntArray) -> Expansion:
+        """The same from some of the degrees of freedom."""
+        return replace(self, matrix=self.matrix[..., keep])
+
 
 @dataclass(frozen=True)
 class SurfaceRule:
@@ -107,6 +111,11 @@ class MeshError:
         """What the two changes tell."""
         return Shares(self.taken, self.spread, self.edge, doubt=SHADE if self.edge else 0.0, order=self.order)
 
+    def kept(self, keep: IntArray) -> MeshError:
+        """The same for some of the degrees of freedom."""
+        names = ("layer_stiffness", "layer_mass", "order_stiffness", "order_mass")
+        return replace(self, **{name: getattr(self, name)[np.ix_(keep, keep)] for name in names})
+
     def changes(self, vectors: FloatArray | ComplexArray, eigenvalue: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Relative rise of frequencies, (k,) each, on the mesh without the layer and on that of one order less.
 
@@ -118,6 +127,15 @@ class MeshError:
             return np.asarray((stiff - eigenvalue * heavy) / (2.0 * eigenvalue))
 
         return rise(self.layer_stiffness, self.layer_mass), rise(self.order_stiffness, self.order_mass)
+
+
+@dataclass(frozen=True)
+class Further:
+    """K_r and M_r, (m, m) each, of a cell with boundary functions of higher degrees through the thickness, up to `through`."""
+
+    through: int
+    stiffness: FloatArray
+    mass: FloatArray
 
 
 @dataclass(frozen=True)
@@ -148,6 +166,7 @@ class Cell:
     mesh_dof: int
     mesh_error: MeshError | None = None
     bare: Expansion | None = None
+    further: Further | None = None
 
     @property
     def dof(self) -> int:
@@ -164,6 +183,36 @@ class Cell:
         out = np.zeros_like(self.mass)
         out[: len(matrix), : len(matrix)] = matrix
         return out
+
+
+def restricted(cell: Cell, face: Interface) -> Cell:
+    """The same cell with the boundary functions of a lower interface alone; the others stay known as `further`.
+
+    Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
+    """
+    own = cell.interface.within(face)
+    keep = np.concatenate([own, np.arange(cell.interface.count, cell.dof)])
+    square = np.ix_(keep, keep)
+    matrices = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
+    fields = {name: each and each.kept(keep) for name in ("touch", "skin", "bare") if (each := getattr(cell, name))}
+    further = Further(cell.interface.through, cell.stiffness, cell.mass)
+    error = cell.mesh_error and cell.mesh_error.kept(keep)
+    return replace(
+        cell,
+        **matrices,
+        **fields,
+        interface=face,
+        dropped=cell.dropped[np.ix_(own, own)],
+        mesh_error=error,
+        further=further,
+    )
+
+
+def with_further(cell: Cell) -> Cell:
+    """The cell with its further boundary functions among the others; of its fields at points nothing is known there."""
+    assert cell.further
+    face, further = replace(cell.interface, through=cell.further.through), cell.further
+    return replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, mesh_error=None, further=None)
 
 
 Coarser = Callable[[Cell, "CellBuilder", "list[SymmetryClass]"], Cell]  # takes the mesh's error away, by a coarser mesh

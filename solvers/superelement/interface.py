@@ -6,7 +6,7 @@ Legendre polynomials through the thickness. Opposite sides carry the same functi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -137,7 +137,8 @@ def bubble_functions(s: FloatArray, degree: int) -> FloatArray:
 class ReductionSettings:
     """How a panel is reduced: boundary degrees, fixed-interface modes up to top_hz, mesh, longest bare panel (m).
 
-    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot.
+    bare_size_m: elements of panels without a pillar, where they may be longer than those about a foot. further: so many more
+    degrees through the thickness are reduced with them, to estimate what they would bring; no plate is assembled of those.
     """
 
     interface: Interface
@@ -145,3 +146,9 @@ class ReductionSettings:
     hexahedra: HexSettings
     max_edge_m: float = 6e-3
     bare_size_m: float | None = None
+    further: int = 0
+
+    @property
+    def ample(self) -> Interface:
+        """The boundary functions with those that only estimate what is left out."""
+        return replace(self.interface, through=self.interface.through + self.further)

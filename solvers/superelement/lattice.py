@@ -19,7 +19,7 @@ from scipy.linalg import LinAlgError, eigh
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.c2_symmetry import C2Symmetry, c2_symmetry
-from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
@@ -215,10 +215,11 @@ class Lattice:
                 fixed_parity=cell.fixed_parity[within],
                 dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
                 dropped=dropped[np.ix_(own, own)],
-                touch=_kept(cell.touch, keep),
-                skin=_kept(cell.skin, keep),
+                touch=cell.touch.kept(keep),
+                skin=cell.skin.kept(keep),
                 mesh_error=None,
                 bare=None,
+                further=None,
             )
         )
 
@@ -252,7 +253,3 @@ def boundary_phases(face: Interface, phase: FloatArray) -> ComplexArray:
 def _times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
     """A real matrix times complex vectors, without a complex copy of the matrix."""
     return np.asarray(matrix @ vectors.real + 1j * (matrix @ vectors.imag))
-
-
-def _kept(field: Expansion, keep: IntArray) -> Expansion:
-    return replace(field, matrix=field.matrix[..., keep])

@@ -2,7 +2,9 @@
 
 Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
 cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
-last degree, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the next ones.
+last degree along the sides, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the
+next ones. Further degrees through the thickness e, which a thick plate's cells know (`Cell.further`), lower it by
+r'(K_ee - l M_ee)^-1 r, r = (K_e - l M_e)u, to second order in what they couple.
 
 The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
 N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
@@ -18,12 +20,13 @@ from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
+import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.fem.coarser import smooth_half_width
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.superelement.cell import Cell
+from solvers.superelement.cell import Cell, with_further
 from solvers.superelement.plate import AssembledPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
@@ -31,11 +34,15 @@ from solvers.superelement.plate import AssembledPlate
 # studies.error_bars` 99 of 100 modes lie within
 AT_RIMS, AWAY = 0.5, 0.06
 MARGIN = 2.0  # single modes may lie somewhat above the estimate by truncation, the worst of a class never did
+# of the rise without the last degree through the thickness what further ones bring to a plate thin for its waves: its free
+# edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
+EDGE_LAYER = 0.03
 
 
 @dataclass(frozen=True)
 class ModeErrors:
-    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes and by the degrees left out.
+    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes, by the degrees along the sides and
+    by those through the thickness that are left out.
 
     Infinite from the lowest mode on that may have been left out: nothing is known there. taken: how far the finest mesh's own
     frequency lies above the reported one; mesh: half-width of the bar by the mesh, NaN where no coarser mesh tells it.
@@ -43,13 +50,19 @@ class ModeErrors:
 
     modes: FloatArray
     degrees: FloatArray
+    through: FloatArray
     taken: FloatArray
     mesh: FloatArray
 
     @property
+    def by_degrees(self) -> FloatArray:
+        """By the degrees left out, in either direction."""
+        return self.degrees + self.through
+
+    @property
     def total(self) -> FloatArray:
-        """By both truncations."""
-        return self.modes + self.degrees
+        """By all truncations."""
+        return self.modes + self.by_degrees
 
 
 def mode_errors(
@@ -60,8 +73,12 @@ def mode_errors(
     rims: of the half-width that the rims' singularities have.
     """
     value = _energy(vectors, pencil.stiffness @ vectors)
-    degrees = by_degrees(pencil, vectors, last_degree(plate))
-    return ModeErrors(by_modes(plate, value, vectors), degrees, *by_mesh(plate, value, vectors, rims))
+    along = by_degrees(pencil, vectors, last_degree(plate))
+    if all(cell.further for cell in plate.cells):
+        through = _by_further(plate, value, vectors)
+    else:
+        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, _last_layer))
+    return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 
 def by_degrees(pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, last: BoolArray) -> FloatArray:
@@ -135,6 +152,38 @@ def _lost(edge_hz: float, cell: Cell) -> FloatArray:
     return cell.on_boundary((cell.dropped_hz == edge_hz) * cell.dropped)
 
 
+def _by_further(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+    """Half of r' (K_ee - l M_ee)^-1 r over the modes' l, e the further functions of the cells and l the largest, (k,).
+
+    Infinite where those have modes of their own below.
+    """
+    if not len(value):
+        return np.zeros(0)
+    wide = AssembledPlate(
+        plate.tiling, {key: with_further(cell) for key, cell in plate.grid.cells.items()}, plate.symmetry
+    )
+    pencil, place = wide.pencil(), _places(plate, wide)
+    fresh = np.setdiff1d(np.arange(wide.dof), place)
+    stiffness, mass = (sp.csr_array(matrix)[fresh] for matrix in (pencil.stiffness, pencil.mass))
+    force = stiffness[:, place] @ vectors - (mass[:, place] @ vectors) * value
+    own = sp.csc_array((stiffness - value.max() * mass)[:, fresh])
+    factor = Factoriser()(own)
+    if factor.negative:
+        return np.full_like(value, np.inf)
+    return _energy(force, factor.solve(force)) / (2.0 * value)
+
+
+def _places(plate: AssembledPlate, wide: AssembledPlate) -> IntArray:
+    """Where the plate's degrees of freedom stand among those with further functions, (dof,)."""
+    out = np.empty(plate.dof, dtype=np.int64)
+    for one, other in zip(plate.placed_cells, wide.placed_cells, strict=True):
+        own = other.cell.interface.within(one.cell.interface)
+        local = np.concatenate([own, np.arange(other.cell.interface.count, other.cell.dof)])
+        live = one.coefficient != 0.0
+        out[one.dofs[live]] = other.dofs[local][live]
+    return out
+
+
 def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
     """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
     chosen = np.zeros(plate.dof, dtype=bool)
@@ -157,19 +206,28 @@ def _last_bubbles(cell: Cell) -> IntArray:
     return np.concatenate([face.side(index)[first:] for index in range(4)])
 
 
+def _last_layer(cell: Cell) -> IntArray:
+    """The boundary functions of the highest degree through the thickness."""
+    face = cell.interface
+    return np.flatnonzero(np.arange(face.count) // 3 % face.layers == face.through)
+
+
 def more_below(
     plate: AssembledPlate,
     pencil: SymmetricPencil,
     edge_hz: float,
     reduced: int | None = None,
     factorise: Factoriser | None = None,
+    degrees: float = 0.0,
 ) -> int | None:
     """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
 
     `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
-    the symbolic analysis of the pencil's earlier solves.
+    the symbolic analysis of the pencil's earlier solves; degrees: how far, relative, the degrees left out may put a mode of
+    the meshes below the one that stands for it.
     """
-    value = pencil.scale.eigenvalue(edge_hz)
+    beyond_hz = edge_hz * (1.0 + degrees)
+    value = pencil.scale.eigenvalue(beyond_hz)
     if not all(np.isfinite(placed_cell.cell.residual.growth(value)) for placed_cell in plate.placed_cells):
         return None
 
@@ -180,4 +238,4 @@ def more_below(
         (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
     )
     own = count_below(pencil, edge_hz, factorise) if reduced is None else reduced
-    return count_below(softer, edge_hz, factorise) - own
+    return count_below(softer, beyond_hz, factorise) - own

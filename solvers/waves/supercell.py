@@ -54,9 +54,9 @@ class Supercell:
             values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
         tones = self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
-        moving, errors_of = tones > STILL * tones[-1], np.zeros((4, len(tones)))
+        moving, errors_of = tones > STILL * tones[-1], np.zeros((5, len(tones)))
         errors = mode_errors(self.plate, self.pencil, turn @ waves[:, moving], rims=1.0)
-        errors_of[:, moving] = errors.modes, errors.degrees, errors.taken, errors.mesh
+        errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
         return tones, ModeErrors(*errors_of)
 
 

@@ -110,7 +110,7 @@ def test_cells_serve_somewhat_above_what_they_were_reduced_for_and_no_further() 
     choice = model_choice_of(case(0.003), "plate", BAND_HZ[1])
     assert choice.reduction is not None
     made_for = choice.reduction.top_hz / mesh_rules.REACH
-    assert refinement.raise_cutoff(choice, made_for * 1.1, RecordingLog()) is None
-    again = refinement.raise_cutoff(choice, made_for * 1.3, RecordingLog())
+    assert refinement.raise_cutoff(choice, made_for * 1.1, case(0.003).design, RecordingLog()) is None
+    again = refinement.raise_cutoff(choice, made_for * 1.3, case(0.003).design, RecordingLog())
     assert again is not None and again.reduction is not None
     assert again.reduction.top_hz == pytest.approx(mesh_rules.REACH * made_for * 1.3)
