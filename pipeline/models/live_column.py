@@ -147,8 +147,8 @@ def end_layer(design: Design) -> float:
     """How far the edge layers of twist at both free ends, which bending waves lack, lower the wanted frequency at most.
 
     A plate that twists carries no shear through its edge: within 0.315 h of each end the energy of twist is missing, as in
-    St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the energy of a wave cos(k x) cos(q y) is
-    2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, and four times as much at the tip of a free-free beam.
+    St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the
+    energy of a wave cos(k x) cos(q y) is 2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, four times as much at the tip of a free-free beam.
     """
     k2, q2 = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2
     share = 2.0 * (1.0 - design.material.poisson) * k2 * q2 / (k2 + q2) ** 2

@@ -143,7 +143,7 @@ class CutFacet:
         found = [np.array([0.0, 1.0])]
         for t in (np.zeros_like(nodes), piece.top(nodes)):
             y = self.y(piece, nodes, t)
-            fitted = chebyshev.chebfit(2.0 * nodes - 1.0, y, degree)
+            fitted = np.asarray(chebyshev.chebfit(2.0 * nodes - 1.0, y, degree), dtype=np.float64)
             found += [_roots(fitted, float(line)) for line in lines]
         return np.unique(np.concatenate(found))
 

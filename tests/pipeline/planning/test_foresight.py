@@ -221,7 +221,11 @@ def test_a_soft_pillar_s_many_functions_are_told(
         raise Begun
 
     monkeypatch.setattr("pipeline.analysis.bands.lattice_model", begin)
-    for more, text in (([], 0), (["--set", SOFT], 0), (["--set", SOFT, "--set", "bands.count=80", "--set", "solve.accuracy=0.003"], 1)):
+    for more, text in (
+        ([], 0),
+        (["--set", SOFT], 0),
+        (["--set", SOFT, "--set", "bands.count=80", "--set", "solve.accuracy=0.003"], 1),
+    ):
         main(["bands", SMALL, *more, "--quiet"])
         assert capsys.readouterr().err.count("warning MANY_FUNCTIONS") == text
 

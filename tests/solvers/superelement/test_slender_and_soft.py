@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import pi, sqrt, tan
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from geometry.hex.boxes import HexSettings, Panel, panel_boxes
 from geometry.hex.boxes import hex_mesh as mesh_of
@@ -42,23 +40,6 @@ def test_the_residual_flexibility_of_slender_rods_is_no_rounding() -> None:
     free = few._solve(np.zeros(2), 20)[1]
     largest = edge * np.linalg.eigvalsh(few._flexibility(np.zeros(2), free))[-1]
     assert 0.0 < largest <= 1.0  # the modes left out move no more mass than there is
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("height_m", [160e-3, 400e-3, 610e-3])
-def test_gaps_of_rods_end_where_plate_and_rod_balance(height_m: float) -> None:
-    """m_plate + m_rod tan(kL) / (kL) = 0 with k = w / sqrt(E / rho); the plate and the foot yield a little."""
-    lattice = rods(height_m, 60e3, 24, Interface(4, 3))
-    waves = lattice.waves(np.zeros(2), 40)
-    plate_kg, rod_kg = PITCH_M**2 * THICK_M, WIDE_M**2 * height_m
-    speed = sqrt(ALUMINIUM.young_pa / ALUMINIUM.density_kg_m3)
-    for branch in (0, 1):
-        low, high = (branch + 0.5) * pi, (branch + 1.0) * pi
-        x = brentq(lambda x: plate_kg + rod_kg * tan(x) / x, low * (1.0 + 1e-9), high)
-        exact_hz = x * speed / (2.0 * pi * height_m)
-        nearest = int(np.abs(waves.frequency_hz - exact_hz).argmin())
-        assert -3e-3 < waves.frequency_hz[nearest] / exact_hz - 1.0 < 3e-4
-        assert waves.by_modes[nearest] < 1e-4
 
 
 def test_the_scalar_root_is_found_from_above() -> None:
