@@ -413,7 +413,8 @@ def _raw_mesh(reading: _Reading, file: str) -> RawMesh:
     by_type: dict[str, list[int]] = {}
     for number, (cell_type, _) in model.elements.items():
         by_type.setdefault(cell_type, []).append(number)
-    blocks, rows = [], {}
+    blocks: list[tuple[str, IntArray]] = []
+    rows: dict[int, tuple[int, int]] = {}
     for cell_type, numbers in by_type.items():
         if cell_type == "line":
             continue

@@ -324,7 +324,9 @@ def _raw_mesh(read: _File, file: str) -> RawMesh:
     tags = read.tags[order]
     if len(tags) > 1 and (np.diff(tags) == 0).any():
         raise MeshFileError(f"{file}: node {tags[:-1][np.diff(tags) == 0][0]} is given twice")
-    blocks, cell_groups, node_groups = [], {}, {}
+    blocks: list[tuple[str, IntArray]] = []
+    cell_groups: dict[str, dict[int, IntArray]] = {}
+    node_groups: dict[str, IntArray] = {}
     dimensions = {name: dimension for name, dimension, _ in TYPES.values()}
     named = _group_names(read, dimensions)
     for name, parts in read.cells.items():

@@ -118,7 +118,7 @@ def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, Complex]:
     frequency, values = frequency[above], NORMAL[_direction(response)] * values[above]
     if int(response["ordinate_spec_data_type"]) == ACCELERATION:
         values = values / -((2.0 * np.pi * frequency) ** 2)
-    return frequency, values
+    return frequency, np.asarray(values, dtype=complex)
 
 
 def _quantity(response: dict[str, Any], path: Path) -> Quantity:

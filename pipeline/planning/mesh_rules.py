@@ -36,7 +36,7 @@ SHORT_REACH = 4.0  # the same beyond the first thickness-shear resonance, where 
 # the degree through the thickness: of every plate at least, at most, and how many further ones tell what they would bring
 THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
 # of the first thickness-shear resonance: to plates of lower modes further degrees bring less than a tenth of what their
-# fixed-interface modes leave out (test_ritz_blocks)
+# fixed-interface modes leave out
 THIN_TO = 0.25
 SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised

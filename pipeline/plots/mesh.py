@@ -42,9 +42,8 @@ def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigur
 def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
     """What is rendered, by name: the whole plate, and each mesh's skin coloured by the quality of its faces."""
     design, faces = case.record.design, skin_faces(arrays, "surface")
-    points = arrays.get("surface_points")
-    plain = None
-    if design and faces is not None:
+    points, plain = arrays.get("surface_points"), None
+    if design and faces is not None and points is not None:
         plain = Surface(points, with_sides(points, faces, design.thickness_m))
     skins = {"plate hex": "mesh", "plate tet": "tet", "cell hex": "cell", "cell tet": "cell_tet"}
     return {"geometry": plain, **{name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}}

@@ -99,10 +99,10 @@ def _block(material: Material, axes: list[_Axis], kept: list[list[IntArray]], i:
 
 def _product(axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int, left: int, right: int) -> FloatArray:
     """Integral of d_left f d_right g over the block, f and g the functions of the displacements i and j."""
-    out = np.ones((1, 1))
+    out: FloatArray = np.ones((1, 1))
     for axis, one in enumerate(axes):
         same = np.eye(len(one.slopes))
         kinds = {(1, 1): one.slopes, (1, 0): one.mixed, (0, 1): one.mixed.T, (0, 0): same}
         matrix = kinds[left == axis, right == axis]
-        out = np.kron(out, matrix[np.ix_(kept[i][axis], kept[j][axis])])
+        out = np.asarray(np.kron(out, matrix[np.ix_(kept[i][axis], kept[j][axis])]))
     return np.asarray(out)

@@ -8,14 +8,14 @@ resonance; each d_ij adds d_ij s_j / (l_i (1 + i/Q) - l) to that of mode i, of w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import log
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from solvers.superelement.plate_error import Assembly, ModeErrors, by_mesh
+from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh
 from solvers.waves.evanescent import Row
 
 DECIBELS = 20.0 / log(10.0)
@@ -30,20 +30,37 @@ def mode_errors(
     What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
     sides brought bounds the next ones.
     """
-    modes, degrees = np.zeros_like(value), np.zeros_like(value)
-    raised = np.zeros((2, len(value)))
-    last = np.unique(np.concatenate([place.dofs[_last_bubbles(place.row)] for place in column.placed_cells]))
-    last = last[last >= 0]
-    for matrix, total in zip(pencil, raised, strict=True):
-        total += _energy(vectors[last], matrix[np.ix_(last, last)] @ vectors[last])
-    moving = value > 0.0
-    degrees[moving] = np.maximum(raised[0] - value * raised[1], 0.0)[moving] / (2.0 * value[moving])
+    modes = np.zeros_like(value)
     for place in column.placed_cells:
         local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
         with np.errstate(invalid="ignore"):
             growth = place.cell.residual.growth(value)
             modes += 0.5 * value * growth * _energy(local, place.row.flexibility @ local)
-    return ModeErrors(np.nan_to_num(modes, nan=np.inf, posinf=np.inf), degrees, *by_mesh(column, value, vectors, 1.0))
+    modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
+    along, layer = (_brought(column, pencil, value, vectors, part) for part in (_last_bubbles, _last_layer))
+    return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))
+
+
+def _brought(
+    column: Assembly,
+    pencil: Sequence[ComplexArray],
+    value: FloatArray,
+    vectors: ComplexArray,
+    part: Callable[[Row], IntArray],
+) -> FloatArray:
+    """Relative rise of each frequency without some functions of every row, to first order, (k,)."""
+    where = np.unique(np.concatenate([place.dofs[part(place.row)] for place in column.placed_cells]))
+    where = where[where >= 0]
+    stiff, heavy = (_energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
+    moving, rise = value > 0.0, np.zeros_like(value)
+    rise[moving] = np.maximum(stiff - value * heavy, 0.0)[moving] / (2.0 * value[moving])
+    return rise
+
+
+def _last_layer(row: Row) -> IntArray:
+    """The functions of the highest degree through the thickness, among [lower, upper, inner]."""
+    face = row.cell.interface
+    return np.flatnonzero(np.arange(2 * row.edge + face.side_block) // 3 % face.layers == face.through)
 
 
 def _last_bubbles(row: Row) -> IntArray:
