@@ -275,7 +275,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
         bars[own.symmetry, own.column] = part_modes.bar.confinement_db
 
     def with_bar(row: ModeRow) -> ModeRow:
-        return row.model_copy(update={"confinement_error_db": bars[row.symmetry, row.column]})
+        return row.model_copy(update={"confinement_error_db": bars.get((row.symmetry, row.column))})
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
     return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)
