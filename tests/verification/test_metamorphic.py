@@ -105,7 +105,7 @@ class Scaling:
             "_kg": self.density * self.length**3,
             "_N_s_m": self.length**2,  # of a fingertip's area
         }
-        if key in ("zone_rms_m", "passive_rms_m", "finger_m"):  # driven by so many volts
+        if key.replace("_error", "") in ("zone_rms_m", "passive_rms_m", "finger_m"):  # driven by so many volts
             return 1.0
         return next((factor for unit, factor in units.items() if key.endswith(unit)), self._of_metres(key))
 
