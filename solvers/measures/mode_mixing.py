@@ -31,7 +31,7 @@ class Overlaps:
         """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
 
         A stiffness too high by d >= 0 with d_jj <= 2 error w_j^2 has |d_ij| <= 2 error w_i w_j, and adds to mode i of its
-        neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij / A_ii - P_ij / P_ii)
+        neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij/A_ii - P_ij/P_ii)
         with the overlaps A and P. Neighbours add up by their squares.
 
         Parameters
