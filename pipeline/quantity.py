@@ -191,9 +191,10 @@ def percent(error: float | None, space: str = " ") -> str:
     """Format a relative bar in percent with two digits.
 
     >>> from pipeline.quantity import percent
-    >>> percent(0.00113), percent(1.2e-6), percent(None)
-    ('0.11 %', '0.00012 %', '–')
+    >>> percent(0.00113), percent(0.000997), percent(1.2e-6), percent(None)
+    ('0.11 %', '0.10 %', '0.00012 %', '–')
     """
     if error is None or not isfinite(error):
         return UNKNOWN
-    return f"{_fixed(100.0 * error, 1 - _exponent(100.0 * error))}{space}%"
+    shown = float(f"{100.0 * error:.1e}")  # two digits, of 0.0996 too: 0.10
+    return f"{_fixed(shown, 1 - _exponent(shown))}{space}%"

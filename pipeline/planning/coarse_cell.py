@@ -9,15 +9,17 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from math import ceil, pi, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
 from geometry.hex.panels import square_of
 from geometry.layout import Design, region_materials
-from solvers.fem.assembly import System, assemble
-from solvers.fem.eigen import PlainPencil, count_below
-from solvers.waves.bloch import BlochCell
+
+if TYPE_CHECKING:
+    from solvers.fem.assembly import System
+    from solvers.fem.eigen import PlainPencil
 
 ORDER = 3
 STEP = 1.2  # factor within which the highest band is found
@@ -53,6 +55,8 @@ class CoarseCell:
 
     @cached_property
     def _system(self) -> System:
+        from solvers.fem.assembly import assemble  # slow to import, and plans that ask for no bands need none
+
         settings = coarse_settings(self.design, self.count)
         settings = replace(settings, size_m=max(settings.size_m, max(self.design.cell_m) / MANY))
         mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
@@ -61,6 +65,8 @@ class CoarseCell:
     @cached_property
     def _waves(self) -> PlainPencil:
         """K and M at the zone's corner, where all phases are real and every band counts once."""
+        from solvers.waves.bloch import BlochCell
+
         return BlochCell(self._system, *self.design.cell_m).pencil(pi / np.array(self.design.cell_m))[0]
 
     def bands_end_hz(self, below_hz: float) -> float:
@@ -73,6 +79,8 @@ class CoarseCell:
         return self._ends_hz[below_hz]
 
     def _bisected_hz(self, below_hz: float) -> float:
+        from solvers.fem.eigen import count_below
+
         low, high, found = 0.0, below_hz, count_below(self._waves, below_hz)
         while found >= self.count and high > STEP * low:
             middle = sqrt(low * high) if low else high * sqrt(self.count / found) / STEP

@@ -109,7 +109,7 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
     """Words with units for a head, and rows of figures with the digits that their bars allow; None stays None."""
     unit = frequency_unit(head, rows)
     known = {name: _in_unit(form, unit) if name.endswith("_hz") else form for name in head for form in [named(name)[1]]}
-    read = [name for name in head if not OF_A_BAND.fullmatch(name)]
+    read = [name for at, name in enumerate(head) if not (OF_A_BAND.fullmatch(name) or _is_empty_bar(name, at, rows))]
     words = [f"{named(name)[0]} ({known[name].unit})" if known[name].unit else named(name)[0] for name in read]
     bars = {name: bar_of(name, head) for name in head}
     largest = max(
@@ -133,13 +133,21 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
     return words, [[cell(name, row) for name in read] for row in named_rows]
 
 
+def _is_empty_bar(name: str, at: int, rows: Sequence[Sequence[Any]]) -> bool:
+    return "error" in name and len(rows) > 0 and all(row[at] is None for row in rows)
+
+
 def _in_unit(form: Form, unit: Unit) -> Form:
     return form._replace(unit=unit.symbol, factor=1.0 / unit.size)
 
 
 def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
-    """Head and rows without the columns that nobody reads or that have no meaning here: nothing in any row."""
-    some = [at for at in range(len(head)) if not rows or any(row[at] is not None for row in rows)]
+    """Head and rows without the columns that nobody reads or that have no meaning here: nothing in any row.
+
+    An empty column of bars stays: its figures have no estimate, and the digits of such.
+    """
+    bars = {bar_of(name, head) for name in head}
+    some = [at for at in range(len(head)) if not rows or head[at] in bars or any(row[at] is not None for row in rows)]
     kept = [at for at in some if head[at] not in UNREAD]
     return [head[at] for at in kept], [[row[at] for at in kept] for row in rows]
 

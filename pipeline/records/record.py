@@ -355,8 +355,9 @@ class BandsRecord(Open):
     @property
     def where_gaps_are_known(self) -> str:
         """Where a complete gap would have been found."""
-        count = len(self.points[0].frequencies_hz)
-        return f"along the path up to {quantity.frequency(self.known_to_hz)}, where the lowest {count} bands end"
+        lowest = min(self.points, key=lambda point: point.frequencies_hz[-1])
+        end = quantity.frequency(self.known_to_hz, next(iter(lowest.error[-1:]), None))
+        return f"along the path up to {end}, where the lowest {len(lowest.frequencies_hz)} bands end"
 
     @property
     def bending_at_m_hz(self) -> list[float]:

@@ -201,7 +201,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     monkeypatch.setattr(case_study, "conclude", lambda study, folder, all_pictures: [])
     (tmp_path / "rows/a").mkdir(parents=True)
     store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
-    store.write_json(tmp_path / "rows/cases.json", {"about": {}, "cases": [{"case_id": "a"}]})
+    store.write_sealed(tmp_path / "rows/cases.json", {"schema": 1, "about": {}, "cases": [{"case_id": "a"}]})
     assert run("report", "rows") == 0 and capsys.readouterr().err == ""
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)

@@ -38,6 +38,18 @@ def test_columns_that_mean_nothing_here_are_left_out() -> None:
     assert filled(("frequency_hz",), []) == (["frequency_hz"], [])
 
 
+def test_no_estimate_of_any_row_leaves_three_digits_and_no_column() -> None:
+    """As one row without an estimate among others: what is not known adds no digits."""
+    head, rows = ("frequency_hz", "error", "mac"), [[33494.12, None, 0.9], [841.37, None, 0.8]]
+    assert reading_markdown(head, rows).splitlines() == [
+        "| frequency (kHz) | mac |",
+        "| --- | --- |",
+        "| 33.5 | 0.9 |",
+        "| 0.841 | 0.8 |",
+    ]
+    assert reading_table(*filled(head, rows)) == reading_table(head, rows)
+
+
 def test_residuals_are_left_to_files() -> None:
     assert filled(("frequency_hz", "residual"), [[1.0, 1e-16]]) == (["frequency_hz"], [[1.0]])
 
