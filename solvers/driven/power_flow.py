@@ -1,8 +1,10 @@
 """Where the patches' power goes along a driven plate: what flows through a section x, and what is lost on the way.
 
 Power in = Re(V* I)/2 patch by patch with I = j omega (theta' u + C V). Only the modes are damped, in proportion to their
-strain: a panel loses omega/(2 Q) u' K u of their motion u, a patch on it likewise. The flow through a section is what comes in
-left of it less what is lost there: it ends at 0 beyond the last patch.
+strain: a panel loses omega/(2 Q) u' K u of their motion u, a patch on it likewise. Modes extrapolated from two meshes of the
+patches store L = diag(eigenvalues), not the U' K U of the finer mesh: u = U S q with S' (U' K U) S = L, so that what is lost
+everywhere is what the modes lose, omega/(2 Q) q' L q. The flow through a section is what comes in left of it less what is lost
+there: it ends at 0 beyond the last patch.
 """
 
 from __future__ import annotations
@@ -58,11 +60,19 @@ def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
 
 
 def _modal(basis: GroupModes, eigenvalue: float, loss: float, volts: ComplexArray) -> list[Any]:
-    """The damped part of the motion, class by class of the group."""
+    """The damped part of the motion, with the strain energy of the modes that are solved, class by class of the group."""
     count = len(basis.frequency_hz)
     amplitudes = basis.amplitudes(eigenvalue, loss, volts)[:count]
-    motion: Any = basis.columns[:, :count] @ amplitudes
+    modes = basis.columns[:, :count]
+    meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
+    motion: Any = modes @ (_as_stiff(meshed, basis.eigenvalue) @ amplitudes)
     return list(basis.group.split(motion))
+
+
+def _as_stiff(meshed: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+    """S = A^(-1/2) L^(1/2), so that S' A S = L: stiffness A (k, k) in modes, eigenvalues L (k,), none of them rigid."""
+    values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
+    return np.asarray((vectors / np.sqrt(values)) @ vectors.T * np.sqrt(eigenvalue))
 
 
 def _panels(forced: ForcedPlate, motions: list[list[Any]]) -> tuple[FloatArray, FloatArray]:

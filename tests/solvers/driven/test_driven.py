@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
@@ -14,7 +16,7 @@ from geometry.piezo_materials import PIEZO_MATERIALS
 from solvers.driven.contrast import contrast_volts, unit_volts
 from solvers.driven.plate_table import plate_table
 from solvers.driven.power_flow import power_flow
-from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.point import face_motion
@@ -99,6 +101,29 @@ def test_what_the_patches_give_is_lost_or_flows_on() -> None:
     assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
     assert flow.patches_w[2] == pytest.approx(0.0, abs=1e-9 * flow.lost_w)  # an open sensor
     assert flow.flow_w[0] == 0.0 and flow.flow_w[-1] == pytest.approx(0.0, abs=1e-9 * flow.lost_w)
+
+
+def softer(basis: GroupModes) -> GroupModes:
+    """Modes of a stiffness by some percent off that of the mesh, within their span, as extrapolated ones are."""
+    count = len(basis.eigenvalue)
+    change = np.random.default_rng(2).normal(size=(count, count))
+    root = np.sqrt(basis.eigenvalue)
+    values, turn = eigh(np.diag(basis.eigenvalue) - 0.02 * np.outer(root, root) * (change + change.T))
+    columns = np.hstack([basis.columns[:, :count] @ turn, basis.columns[:, count:]])
+    frequency_hz = basis.group.pencil.scale.frequency(values)
+    return replace(basis, eigenvalue=values, columns=columns, gain=turn.T @ basis.gain, frequency_hz=frequency_hz)
+
+
+def test_modes_extrapolated_from_two_meshes_lose_what_their_patches_give() -> None:
+    """What panels and patches lose adds up for the modes that are solved, whatever the mesh whose matrices share it out."""
+    forced = small((0, 1), (2,)).driven_by(np.array([1.0, 1j, 0.0]))
+    assert max(len(basis.eigenvalue) for basis in forced.modes) > 1
+    meshed = power_flow(forced, 18e3)
+    forced.modes = [softer(basis) for basis in forced.modes]
+    flow = power_flow(forced, 18e3)
+    assert abs(flow.lost_w - meshed.lost_w) > 1e-3 * meshed.lost_w > 0.0
+    assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9)
+    assert flow.flow_w[-1] == pytest.approx(0.0, abs=1e-9 * flow.lost_w)
 
 
 def test_the_flow_along_a_strip_is_that_of_its_two_waves() -> None:

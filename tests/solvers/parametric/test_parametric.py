@@ -108,11 +108,12 @@ def test_rigid_motions_meet_no_force_and_carry_the_mass(cells: tuple[ParametricC
 def test_touch_face_follows_the_stretch(cells: tuple[ParametricCell, ...], plain: list[Cell]) -> None:
     """u_z and the area of the touch face are those of the cell from its own mesh, wherever the boundary moves it."""
     ours, theirs = cells[0].at(UNSEEN[1], Inner(6, 6)), plain[1]
-    assert ours.touch.weights is not None and theirs.touch.weights is not None
+    rule = theirs.touch.rule()
+    assert ours.touch.weights is not None and rule.weights.sum() == pytest.approx(UNSEEN[1][3] ** 2, rel=1e-12)
     assert ours.touch.weights.sum() == pytest.approx(UNSEEN[1][3] ** 2, rel=1e-12)
     motions = rigid_boundary(ours)  # of a turn about x or y, u_z grows with the place
     one = ours.touch.weights @ (ours.touch.matrix[:, 0] @ motions) ** 2
-    other = theirs.touch.weights @ (theirs.touch.matrix[:, 0] @ rigid_boundary(theirs)) ** 2
+    other = rule.weights @ rule.values(rigid_boundary(theirs)) ** 2
     assert one == pytest.approx(other, rel=1e-6)
     places = ours.touch.matrix[:, 0] @ motions[:, 3] / np.abs(ours.touch.matrix[:, 0] @ motions[:, 3]).max()
     assert places == pytest.approx(ours.touch.points[:, 1] / np.abs(ours.touch.points[:, 1]).max(), abs=1e-6)

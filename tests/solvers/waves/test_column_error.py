@@ -1,11 +1,18 @@
-"""The bar of a forced motion's level holds every stiffness whose frequencies lie within theirs."""
+"""The bar of a forced motion's level holds every stiffness whose frequencies lie within theirs; which functions the bars of a
+column's frequencies leave out.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from solvers.waves.column_error import forced_bars
+from geometry.hex.boxes import HexSettings, Panel
+from geometry.materials import MATERIALS
+from solvers.superelement.build import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.waves.column_error import _last_bubbles, _last_layer, forced_bars
+from solvers.waves.evanescent import Row
 
 QUALITY, ERROR = 50.0, 2e-3
 RANDOM = np.random.default_rng(3)
@@ -40,3 +47,16 @@ def test_modes_mixed_with_random_signs_change_the_level_by_its_bar_at_most() -> 
         sign = np.triu(np.random.default_rng(seed).choice([-1.0, 1.0], (5, 5)), 1)
         squares += (levels(most * (sign + sign.T)) - levels(np.zeros((5, 5)))) ** 2 / 40.0
     assert (1e3 * np.sqrt(squares) <= 1.2 * (bars(1.0) - bars(0.0))).all()
+
+
+def test_functions_of_the_last_degree_are_those_that_a_lower_interface_lacks() -> None:
+    """On a row's lower and upper edge and on the side within, through the thickness as along the sides."""
+    reduction = ReductionSettings(Interface(4, 3), 300e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
+    panel = Panel((-2e-3, -2e-3), (2e-3, 2e-3), None, (0, 1))
+    row = Row(Reductions(2e-3, MATERIALS["aluminium"], None, reduction).cell(panel), 204.0)
+    face, moves = row.cell.interface, row.transform != 0.0
+    for part, lower in ((_last_layer, Interface(4, 2)), (_last_bubbles, Interface(3, 3))):
+        own = np.isin(np.arange(row.cell.dof), face.within(lower)) | (np.arange(row.cell.dof) >= face.count)
+        of_last = moves[~own].any(axis=0)
+        assert not (of_last & moves[own].any(axis=0)).any()
+        assert np.array_equal(np.sort(part(row)), np.flatnonzero(of_last))
