@@ -18,14 +18,14 @@ material = "aluminium"
 [plate]
 thickness_mm = 2.0
 [zone]
-length_mm = 17.0
-width_mm = 10.0
+length_mm = 24.0
+width_mm = 18.0
 nodal_lines = 2
 [pillar]
 side_mm = 2.0
 height_mm = 6.0
 [array]
-pitch_mm = 4.0
+pitch_mm = 6.0
 rows = 1
 extension_mm = 3.0
 [solve]
