@@ -18,7 +18,7 @@ FITS = 0.01  # relative: how far the face may be from the zone's length
 IN_PLACE = 1e-6  # of the length, and of a right angle: below it the file's own axes serve
 
 
-def touch_frame(mesh: AnyMesh, design: Design, file: str) -> Frame | None:
+def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False) -> Frame | None:
     """Return the frame of the face `touch`: z into the body, x along the zone's length, the origin at its middle.
 
     Parameters
@@ -28,6 +28,8 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str) -> Frame | None:
         Its zone: length along x, width along y, in m.
     file : str
         Name of the mesh's file for messages.
+    is_held : bool
+        Whether groups are at rest: the face may then be what mirror planes x = 0 and y = 0 leave of it, in place.
 
     Returns
     -------
@@ -40,6 +42,8 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str) -> Frame | None:
         For a face that is not flat, or whose smallest rectangle does not hold the zone.
     """
     points = mesh.nodes[mesh.nodes_of("touch")]
+    if is_held and _is_cut_by_mirrors(points, design):
+        return None
     middle = points.mean(axis=0)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
     off = float(np.abs((points - middle) @ axes[2]).max())
@@ -53,6 +57,17 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str) -> Frame | None:
     along_x = sides[along] @ axes[:2]
     along_x = along_x * (1.0 if along_x[np.argmax(np.abs(along_x))] > 0.0 else -1.0)
     return _unless_in_place(Frame(origin, np.array([along_x, np.cross(along_z, along_x), along_z])), design)
+
+
+def _is_cut_by_mirrors(points: FloatArray, design: Design) -> bool:
+    """Whether points (n, 3) cover a half or a quarter of the zone where the file's axes have it."""
+    near, (low, high) = FITS * design.length_m, (points.min(axis=0), points.max(axis=0))
+    half, wide = design.length_m / 2.0, (1.0 - FITS) * design.width_m / 2.0
+    at_x = any(
+        np.abs(np.array([low[0], high[0]]) - ends).max() <= near for ends in ((-half, 0.0), (0.0, half), (-half, half))
+    )
+    at_y = (abs(low[1]) <= near or low[1] <= -wide) and (abs(high[1]) <= near or high[1] >= wide)
+    return bool(high[2] - low[2] <= FLAT * design.length_m and at_x and at_y and high[1] - low[1] >= wide)
 
 
 def _inside(mesh: AnyMesh) -> FloatArray:

@@ -70,7 +70,7 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     _warn_of_unit(case, mesh, file, own.unit, log)
     warn_of_locking(case.design, mesh, log)
     mesh = _with_touch(mesh)
-    frame = touch_frame(mesh, case.design, file) if _has_touch(case, mesh) else None
+    frame = touch_frame(mesh, case.design, file, bool(clamps or fixed)) if _has_touch(case, mesh) else None
     model = SolidModel(mesh, materials, (*clamps, *fixed), False, case.design.touch_lines_m, frame)
     request = _request(case, query)
     pencil = model.pencil(None)

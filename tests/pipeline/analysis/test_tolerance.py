@@ -119,7 +119,7 @@ def test_with_patches_they_drive(case: Path, tmp_path: Path) -> None:
         (CASE.split("[tolerance]")[0], [], "[tolerance]"),
         (CASE, ["--set", "tolerance.height_mm=0"], "nothing varies"),
         (CASE, ["--set", "tolerance.height_mm=2.5"], "a third of pillar.height_mm"),
-        (CASE, ["--set", "tolerance.position_mm=0.4"], "pillars may touch"),
+        (CASE, ["--set", "tolerance.position_mm=0.8"], "pillars may touch"),
         (CASE, ["--set", "array.rows=0"], "array.rows above 0"),
         (CASE, ["--set", "pillar.fillet_mm=0.2"], "cross-shaped pillars without fillet"),
         (CASE, ["--set", "tolerance.samples=0"], "from 1 to 10000"),

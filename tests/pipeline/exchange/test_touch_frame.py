@@ -46,32 +46,30 @@ PLACES = {
 }
 
 
-def plate(width_mm: float = 18.0) -> Mesh:
+def plate(low_x: float = -15.0, lump: int = 0) -> Mesh:
     """The plate in place, in mm, one block on a corner: no mirror image of itself, and the zone's borders cut its facets."""
-    x, y = np.linspace(-15.0, 15.0, 7), np.linspace(-width_mm / 2.0, width_mm / 2.0, 5)
-    region = np.full((6, 4, 2), -1)
-    region[:, :, 0], region[5, 3, 1] = 0, 0
+    x, y = np.arange(low_x, 15.1, 5.0), np.linspace(-9.0, 9.0, 5)
+    region = np.full((len(x) - 1, 4, 2), -1)
+    region[:, :, 0], region[-1, 3, 1] = 0, lump
     return hex_mesh(Boxes(x, y, np.array([0.0, 2.0, 2.5]), region, ("plate",)), 2)
 
 
-def document(mesh: Mesh, nodes: np.ndarray, folder: Path) -> dict[str, Any]:
+def document(mesh: Mesh, nodes: np.ndarray, folder: Path, *more: str) -> dict[str, Any]:
     """The modes of the mesh with these nodes, its face in a group TOUCH."""
-    assert run(mesh, nodes, folder) == 0
+    assert run(mesh, nodes, folder, *more) == 0
     return dict(json.loads((folder / "modes.json").read_text()))
 
 
-def run(mesh: Mesh, nodes: np.ndarray, folder: Path) -> int:
+def run(mesh: Mesh, nodes: np.ndarray, folder: Path, *more: str) -> int:
     key = mesh.kind, mesh.order
-    cells = [
-        (VOLUME[key], mesh.cells[:, local_nodes(*key)]),
-        (FACET[key], mesh.faces["touch"][:, facet_nodes(*key)]),
-    ]
+    facets = [mesh.faces[name][:, facet_nodes(*key)] for name in ("touch", "x-")]
+    cells = [(VOLUME[key], mesh.cells[:, local_nodes(*key)]), *((FACET[key], each) for each in facets)]
     numbers = [np.full(len(block), i + 1) for i, (_, block) in enumerate(cells)]
     data = {"gmsh:physical": numbers, "gmsh:geometrical": numbers}
-    names = {"PLATE": np.array([1, 3]), "TOUCH": np.array([2, 2])}
+    names = {"PLATE": np.array([1, 3]), "TOUCH": np.array([2, 2]), "CUT": np.array([3, 2])}
     meshio.write(folder / "own.msh", meshio.Mesh(nodes, cells, cell_data=data, field_data=names), file_format="gmsh22")
     (folder / "own.toml").write_text(CASE)
-    where = ["--mesh-file", str(folder / "own.msh"), "--unit", "mm", "--band", "5kHz:60kHz"]
+    where = ["--mesh-file", str(folder / "own.msh"), "--unit", "mm", "--band", "5kHz:60kHz", *more]
     return main.main(["modes", str(folder / "own.toml"), *where, "--quiet", "--json", str(folder / "modes.json")])
 
 
@@ -122,3 +120,16 @@ def test_a_touch_face_that_does_not_hold_the_zone_is_refused(
 def test_a_face_within_a_percent_of_the_length_serves(tmp_path: Path) -> None:
     mesh = plate()
     assert run(mesh, mesh.nodes * [1.009, 1.0, 1.0], tmp_path) == 0
+
+
+def test_a_half_between_mirror_planes_is_measured_where_it_lies(tmp_path: Path) -> None:
+    """Three lines, one of them at x = 0: the wanted mode is antisymmetric there, u_y and u_z at rest on the cut."""
+    whole, half = plate(lump=-1), plate(0.0, lump=-1)
+    modes = document(whole, whole.nodes, tmp_path)["modes"]
+    halved = document(half, half.nodes, tmp_path, "--support", "CUT:yz")["modes"]
+    assert len(halved) > 3 and max(mode["mac"] for mode in halved) > 0.5
+    for ours in halved:
+        theirs = min(modes, key=lambda mode: abs(mode["frequency_hz"] - ours["frequency_hz"]))
+        assert ours["frequency_hz"] == pytest.approx(theirs["frequency_hz"], rel=ROUNDING)
+        for name in ("zone_share", "mac", "confinement_db"):
+            assert ours[name] == pytest.approx(theirs[name], rel=ROUNDING, abs=ROUNDING), name
