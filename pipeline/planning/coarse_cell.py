@@ -17,6 +17,7 @@ from geometry.hex.panels import square_of
 from geometry.layout import Design, region_materials
 from solvers.fem.assembly import System, assemble
 from solvers.fem.eigen import PlainPencil, count_below
+from solvers.waves.bloch import BlochCell
 
 ORDER = 3
 STEP = 1.2  # factor within which the highest band is found
@@ -60,8 +61,6 @@ class CoarseCell:
     @cached_property
     def _waves(self) -> PlainPencil:
         """K and M at the zone's corner, where all phases are real and every band counts once."""
-        from solvers.waves.bloch import BlochCell  # for cells alone: a bare plate's choice loads no waves
-
         return BlochCell(self._system, *self.design.cell_m).pencil(pi / np.array(self.design.cell_m))[0]
 
     def bands_end_hz(self, below_hz: float) -> float:
