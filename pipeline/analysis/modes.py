@@ -258,7 +258,8 @@ def _with_errors(choice: ModelChoice, part_modes: PartModes, errors: dict[str | 
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     """The modes with the half-width of each level's bar; the wanted one's is that of its search."""
     share = calibration.mixing()
-    known = {(row.symmetry, row.column): row for row in part_modes.all_rows(True)}
+    beyond = part_modes.wanted.beyond if part_modes.wanted else ()
+    known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
     if share is None or all(row.confinement_db is None for row in known.values()):
         return part_modes
     bars: dict[tuple[str | None, int], float | None] = {}

@@ -20,6 +20,7 @@ from pipeline.analysis.wanted_search import look_among
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case
 from pipeline.errors import InputError
+from pipeline.exchange.touch_frame import touch_frame
 from pipeline.logs import Log
 from pipeline.models.parts import mesh_record, warn_of_locking
 from pipeline.units import MM
@@ -68,7 +69,9 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
     _warn_of_file(read, case, file, log)
     _warn_of_unit(case, mesh, file, own.unit, log)
     warn_of_locking(case.design, mesh, log)
-    model = SolidModel(_with_touch(mesh), materials, (*clamps, *fixed), False, case.design.touch_lines_m)
+    mesh = _with_touch(mesh)
+    frame = touch_frame(mesh, case.design, file, bool(clamps or fixed)) if _has_touch(case, mesh) else None
+    model = SolidModel(mesh, materials, (*clamps, *fixed), False, case.design.touch_lines_m, frame)
     request = _request(case, query)
     pencil = model.pencil(None)
     with log.step("solve"):
@@ -77,7 +80,7 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
         else:
             solution = modes_near(pencil, request.near_hz or 0.0, request.count or DEFAULT_COUNT)
     rows, count = _rows(case, model, solution), solution.count
-    wanted = look_among(rows, count) if _has_touch(case, model) else None
+    wanted = look_among(rows, count) if _has_touch(case, mesh) else None
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
     about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
     return PartModes("mesh", model, rows, vectors, *about, wanted=wanted, more_in_mesh=0)
@@ -115,9 +118,9 @@ def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
     return {name: own.get(name.casefold(), case.design.material) for name in mesh.regions}
 
 
-def _has_touch(case: Case, model: SolidModel) -> bool:
+def _has_touch(case: Case, mesh: AnyMesh) -> bool:
     """Whether the mesh has a touch face with a zone on it."""
-    return "touch" in model.mesh.faces and "zone" in case.given
+    return "touch" in mesh.faces and "zone" in case.given
 
 
 def _with_touch(mesh: AnyMesh) -> AnyMesh:
@@ -183,6 +186,6 @@ def _known(name: str, mesh: AnyMesh, file: str, option: str) -> None:
 def _rows(case: Case, model: SolidModel, solution: Modes) -> tuple[ModeRow, ...]:
     """Frequencies, and the measures of the touch face where the mesh names one and the case has a zone."""
     measures: Confinement | None = None
-    if _has_touch(case, model) and len(solution.frequency_hz):
+    if _has_touch(case, model.mesh) and len(solution.frequency_hz):
         measures = measure(model.touch(None, solution.vectors), case.design, None)
     return tuple(mode_rows(solution, None, measures))

@@ -15,7 +15,6 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
-from pipeline.planning.coarse_cell import coarse_cell
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
@@ -444,6 +443,8 @@ def _cutoff_hz(case: Case, reduction: ReductionSettings) -> float:
     """Cut-off of the fixed-interface modes to expect, Hz, from the highest band of a coarse cell; infinity without one."""
     if case.design.pillar is None:
         return inf
+    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
+
     end_hz = coarse_cell(case.design, case.bands.count).bands_end_hz(reduction.top_hz)
     return CUTOFF * case.solve.accuracy**-0.25 * end_hz
 

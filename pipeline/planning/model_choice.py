@@ -11,7 +11,6 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.calibration import HEX, TET, TET_ORDER
-from pipeline.planning.coarse_cell import coarse_cell
 from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from solvers.errors import SolverError
@@ -183,6 +182,8 @@ def _modes_end_hz(case: Case, high_hz: float) -> float:
     design = case.design
     if design.pillar is None:
         return inf
+    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
+
     plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
     try:
         end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)

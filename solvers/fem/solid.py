@@ -14,7 +14,7 @@ from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.constraints import Pencil, Support, constrain, free_mask
 from solvers.fem.solve_cost import LARGE
-from solvers.fem.surface import FaceQuadrature, Skin, face_quadrature, skin_faces
+from solvers.fem.surface import FaceQuadrature, Frame, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
 CLASSES = ("SS", "SA", "AS", "AA")
@@ -23,7 +23,7 @@ CLASSES = ("SS", "SA", "AS", "AA")
 class SolidModel:
     """Three-dimensional elasticity of a mesh: `clamped` faces, `mirrored` when the mesh is the quarter x, y >= 0.
 
-    lines_m: y where parts of its touch face meet.
+    lines_m: y where parts of its touch face meet. frame: that face's own; None where it is the mesh's.
     """
 
     def __init__(
@@ -33,9 +33,10 @@ class SolidModel:
         clamped: tuple[Support, ...],
         mirrored: bool,
         lines_m: tuple[float, ...] = (),
+        frame: Frame | None = None,
     ) -> None:
         self.mesh, self.materials, self.clamped, self.mirrored = mesh, materials, clamped, mirrored
-        self.lines_m = lines_m
+        self.lines_m, self.frame = lines_m, frame
         self.name = f"solid {mesh.kind}{mesh.order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
 
@@ -68,12 +69,13 @@ class SolidModel:
 
     @cached_property
     def _touch_rule(self) -> FaceQuadrature:
-        return face_quadrature(self.mesh, "touch", self.lines_m)
+        seen = replace(self.mesh, nodes=self.frame.places(self.mesh.nodes)) if self.frame else self.mesh
+        return face_quadrature(seen, "touch", self.lines_m)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
-        """u_z on the touch face of the meshed part."""
-        rule = self._touch_rule
-        normal = self.field(symmetry, vectors)[:, 2]
+        """u_z on the touch face of the meshed part, in the face's frame."""
+        rule, field = self._touch_rule, self.field(symmetry, vectors)
+        normal = np.einsum("nak,a->nk", field, self.frame.axes[2]) if self.frame else field[:, 2]
         values = np.asarray(rule.interpolation @ normal)
         return TouchField(rule.points[:, :2], rule.weights, values, self.scale.mass_kg)
 

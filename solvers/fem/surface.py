@@ -31,6 +31,18 @@ class FaceQuadrature:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """A frame that a face is measured in: origin (3,) in m, and right-handed axes as rows (3, 3), z into the body."""
+
+    origin_m: FloatArray
+    axes: FloatArray
+
+    def places(self, points: FloatArray) -> FloatArray:
+        """Points (n, 3), m, in the frame."""
+        return np.asarray((points - self.origin_m) @ self.axes.T)
+
+
+@dataclass(frozen=True)
 class Skin:
     """An outer surface that moves: points (p, 3) in m, facets (m, corners), displacements (k, p, 3)."""
 

@@ -78,9 +78,11 @@ def resonances_hz(forced: ForcedPlate) -> FloatArray:
 
 
 def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled."""
+    """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
     stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
-    loads = [basis.columns.T @ basis.group.loads for basis in forced.modes]
+    loads = [
+        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads]) for basis in forced.modes
+    ]
     return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
 
 

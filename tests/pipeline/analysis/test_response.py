@@ -29,7 +29,7 @@ pitch_mm = 4.0
 rows = 1
 extension_mm = 3.0
 [solve]
-band_kHz = [15.0, 40.0]
+band_kHz = [60.0, 85.0]
 accuracy = 0.03
 [patches]
 size_mm = [4.0, 2.0, 0.3]

@@ -25,7 +25,7 @@ FILM = {"touch.force_N": 0.5, "touch.gap_um": [2.0, 10.0]}
 
 def case_of(**more: Any) -> Case:
     settings = {"touch.radius_mm": 2.0, **{key.replace("__", "."): value for key, value in more.items()}}
-    return case_from_dict(tomllib.loads(three_patches((25.0, 45.0), 0.1)), overrides=list(settings.items()))
+    return case_from_dict(tomllib.loads(three_patches((75.0, 95.0), 0.1)), overrides=list(settings.items()))
 
 
 @pytest.fixture(scope="module")

@@ -165,7 +165,10 @@ def test_a_sweep_is_compared_with_the_peak_that_it_covers(responses: Path, tmp_p
     ("change", "said"),
     [
         ({"func_type": 1}, "no frequency response"),
-        ({"ordinate_spec_data_type": 12}, "8 (displacement), 11 (velocity)"),
+        (
+            {"ordinate_spec_data_type": 9},
+            "type 9: must be 8 (displacement), 11 (velocity), 12 (acceleration) or 0 (read as a velocity)",
+        ),
         ({"x": np.linspace(-5.0, 0.0, 9)}, "0 frequencies above 0"),
     ],
 )

@@ -27,7 +27,7 @@ def case(accuracy: float) -> Case:
             "name": "small",
             "material": "aluminium",
             "plate": {"thickness_mm": 2.0},
-            "zone": {"length_mm": 28.0, "width_mm": 18.0, "nodal_lines": 2},
+            "zone": {"length_mm": 24.0, "width_mm": 18.0, "nodal_lines": 2},
             "pillar": {"shape": "square", "side_mm": 2.0, "height_mm": 6.3},
             "array": {"pitch_mm": 4.0, "rows": 1, "extension_mm": 5.0},
             "solve": {"accuracy": accuracy},
