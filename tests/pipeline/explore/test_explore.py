@@ -249,7 +249,7 @@ def test_the_live_plate_lies_within_its_bars(explorer: Explorer, change: dict[st
     """Against the assembled plate, which has meshes and degrees of its own."""
     given = OWN | change
     live = explorer.answer(given)["plate"]
-    real = compute(explorer.scene, given, live["frequency_hz"], WarningLog())
+    real = compute(explorer.scene, given, WarningLog())
     coarse = 0.02  # what the small bases' mesh may be off by: theirs was not measured
     assert live["frequency_hz"] == pytest.approx(real["frequency_hz"], rel=live["frequency_error"] + coarse)
     assert live["confinement_db"] == pytest.approx(real["confinement_db"], abs=live["confinement_error_db"] + 0.5)
@@ -310,7 +310,12 @@ def error(text: str) -> str:
 
 
 def test_the_page_and_its_files_are_under_the_token(server: Server) -> None:
-    for name, start in (("", "<!DOCTYPE html>"), ("explore.js", '"use strict"'), ("explore.css", ":root")):
+    for name, start in (
+        ("", "<!DOCTYPE html>"),
+        ("explore.js", '"use strict"'),
+        ("figures.js", '"use strict"'),
+        ("explore.css", ":root"),
+    ):
         status, text, headers = request(server, "GET", f"/{server.token}/{name}")
         assert (status, text.startswith(start)) == (200, True)
         assert "default-src 'none'" in headers["content-security-policy"]
