@@ -275,10 +275,10 @@ def lines(record: ToleranceRecord) -> list[str]:
         )
     off_hz, off_db = (record.interpolation_check.get(name) for name in ("peak_hz", "confinement_db"))
     if off_hz is not None:
-        of_level = "" if off_db is None else f" and {figure(off_db)} dB of its confinement"
+        of_level = "" if off_db is None else f" and {figure(off_db, off_db or None)} dB of its confinement"
         out.append(
             f"with all pillars {CUT * CHECKED:g} standard deviations off, interpolation between reductions misses "
-            f"{figure(off_hz)} Hz of the peak{of_level}"
+            f"{figure(off_hz, off_hz or None)} Hz of the peak{of_level}"
         )
     if record.lost:
         out.append(f"{record.lost} of {len(record.samples)} plates lost the wanted mode: no mode has its shape")
@@ -310,12 +310,12 @@ def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tup
     change, louder = (tolerance_study.space_check[name] for name in ("peak_hz", "confinement_db"))
     if change is not None and nominal and change > max(MOVED * _deviation(peaks), 0.1 * nominal * forced.loss):
         log.warning(
-            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {figure(change)} Hz: widen the band"
+            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {figure(change, change)} Hz: widen the band"
         )
     if louder is not None and louder > max(MOVED * _deviation(levels), ALIKE_DB):
         log.warning(
             "SPACE_TOO_SMALL",
-            f"a narrower space of modes changes a sample's confinement by {figure(louder)} dB: widen the band",
+            f"a narrower space of modes changes a sample's confinement by {figure(louder, louder)} dB: widen the band",
         )
 
 

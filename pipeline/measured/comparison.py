@@ -184,12 +184,13 @@ def _identified(identified: Resonance) -> dict[str, Any]:
 
 def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
     shift = theirs.frequency_hz - ours.frequency_hz
+    part = signed(figure(100.0 * shift / ours.frequency_hz, None if error is None else 100.0 * error))
     moved = signed(with_bar(shift, None if error is None else error * ours.frequency_hz, "Hz"))
     losses = " against ".join("none" if q is None else figure(q) for q in (theirs.quality_factor, ours.quality_factor))
     bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
     return (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {frequency(theirs.frequency_hz, error)}, "
-        f"computed {frequency(ours.frequency_hz, error)}: shift {moved} ({100.0 * shift / ours.frequency_hz:+z.2f} %), {bar}; "
+        f"computed {frequency(ours.frequency_hz, error)}: shift {moved} ({part} %), {bar}; "
         f"quality factor {losses} computed"
     )
 

@@ -25,13 +25,14 @@ unpacked(numbers).then((values) => {
 """
 
 
-def answers(explorer: Explorer, designs: list[dict[str, float]]) -> list[dict[str, Any]]:
+def answers(explorer: Explorer, designs: list[dict[str, float]], script: Path) -> list[dict[str, Any]]:
     """The worker's own text answers the designs, without a browser."""
     assert NODE
     numbers = offline._Numbers()
     document = offline.model_document(explorer, numbers)
     given = json.dumps({"document": document, "numbers": numbers.text(), "designs": designs})
-    done = subprocess.run([NODE, "-e", offline.worker() + ASK], input=given, capture_output=True, text=True, check=True)
+    script.write_text(offline.worker() + ASK, encoding="utf-8")
+    done = subprocess.run([NODE, str(script)], input=given, capture_output=True, text=True, check=True)
     answered: list[dict[str, Any]] = json.loads(done.stdout)
     return answered
 
@@ -43,7 +44,7 @@ def test_an_exported_page_has_pythons_numbers_and_texts(tmp_path: Path) -> None:
     own = explorer.scene.own()
     designs = [own | {"extension": float(extension)} for extension in (5, 15, 25, 35)] + [own | {"rows": 0.0}]
     near = set()
-    for design, theirs in zip(designs, answers(explorer, designs), strict=True):
+    for design, theirs in zip(designs, answers(explorer, designs, tmp_path / "worker.js"), strict=True):
         ours = explorer.answer(design)
         plate, other = ours["plate"], theirs["plate"]
         assert theirs["warnings"] == ours["warnings"]
