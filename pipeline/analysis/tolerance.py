@@ -310,7 +310,8 @@ def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tup
     change, louder = (tolerance_study.space_check[name] for name in ("peak_hz", "confinement_db"))
     if change is not None and nominal and change > max(MOVED * _deviation(peaks), 0.1 * nominal * forced.loss):
         log.warning(
-            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {figure(change, change)} Hz: widen the band"
+            "SPACE_TOO_SMALL",
+            f"a narrower space of modes moves a sample's peak by {figure(change, change)} Hz: widen the band",
         )
     if louder is not None and louder > max(MOVED * _deviation(levels), ALIKE_DB):
         log.warning(
