@@ -205,11 +205,13 @@ def stream(client: Client, text: argparse.Namespace) -> None:
 
 def _give(client: Client, factors: list[float], sample_s: float) -> int:
     """Keeps the board's store of samples filled, then waits until it is played; how many were missing meanwhile."""
-    at, before = 0, None
+    at, waits, before = 0, 0, None
     while at < len(factors):
         piece = factors[at : at + PIECE]
         taken = client.samples(piece)
-        at += taken
+        at, waits = at + taken, 0 if taken else waits + 1
+        if waits > MAX_WAITS:
+            raise BoardError(f"stream: the board takes no samples, {at} of {len(factors)} are played")
         if before is None:
             before = client.status().underruns  # those from before the first samples do not count
         if taken < len(piece):
@@ -221,6 +223,7 @@ def _give(client: Client, factors: list[float], sample_s: float) -> int:
 
 PIECE = PAYLOAD_MAX // 2  # samples in a request
 STORE = 256  # samples that the board has room for
+MAX_WAITS = 4 * STORE // PIECE  # for room: four times what a full store plays for
 
 
 def factors_of(file: Path, rate_hz: float) -> list[float]:

@@ -50,7 +50,7 @@ from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_ba
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.recovery import StressRecovery
 from solvers.measures.confinement import Confinement, measure, wanted_symmetry
-from solvers.measures.mode_mixing import mixing_db
+from solvers.measures.mode_mixing import Overlaps, mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
@@ -265,17 +265,18 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, [row.column for row in rows]])
-        tones, errors = np.array([row.frequency_hz for row in rows]), [row.error for row in rows]
+        tones, overlaps = np.array([row.frequency_hz for row in rows]), Overlaps.of(touch, case.design)
         for index, row in enumerate(rows):
-            error, others = errors[index], len(rows) > 1
-            most = mixing_db(touch, tones, index, case.design, error, _ends(part_modes)) if error and others else None
+            most = None
+            if overlaps and row.error and len(rows) > 1:
+                most = overlaps.mixing_db(tones, index, row.error, _ends(part_modes))
             bars[symmetry, row.column] = None if most is None else share * most
     own = part_modes.wanted.row if part_modes.wanted else None
     if own and part_modes.bar:
         bars[own.symmetry, own.column] = part_modes.bar.confinement_db
 
     def with_bar(row: ModeRow) -> ModeRow:
-        return row.model_copy(update={"confinement_error_db": bars[row.symmetry, row.column]})
+        return row.model_copy(update={"confinement_error_db": bars.get((row.symmetry, row.column))})
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
     return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)

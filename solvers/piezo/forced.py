@@ -33,7 +33,7 @@ MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others 
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GroupModes:
     """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
 

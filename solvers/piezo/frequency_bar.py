@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -28,6 +29,9 @@ class FrequencyErrors:
         return self.mesh + self.reduction + self.bonding
 
 
+_KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response asks for them
+
+
 def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     """Estimate the frequency errors of a group's modes.
 
@@ -45,6 +49,12 @@ def frequency_errors(basis: GroupModes) -> FrequencyErrors:
     FrequencyErrors
         Half-widths (k,) each.
     """
+    if basis not in _KNOWN:
+        _KNOWN[basis] = _estimated(basis)
+    return _KNOWN[basis]
+
+
+def _estimated(basis: GroupModes) -> FrequencyErrors:
     group, value, count = basis.group, basis.eigenvalue, len(basis.eigenvalue)
     vectors = basis.columns[:, :count]
     pairs = list(zip(group.plates, group.split(vectors), strict=True))

@@ -425,3 +425,18 @@ def test_the_wiring_is_asked_for_on_a_terminal(monkeypatch: pytest.MonkeyPatch, 
 def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:
     with pytest.raises(BoardError, match="no answer to status"):
         actions.keep_running(Client(FakePort(lambda reply: b"")), "start")
+
+
+def test_a_board_that_takes_no_samples_ends_the_stream(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Full:
+        def samples(self, factors: list[float]) -> int:
+            return 0
+
+        def status(self) -> types.SimpleNamespace:
+            return types.SimpleNamespace(underruns=0)
+
+    waited: list[float] = []
+    monkeypatch.setattr(actions.time, "sleep", waited.append)
+    with pytest.raises(BoardError, match="takes no samples, 0 of 300 are played"):
+        actions._give(Full(), [0.5] * 300, 1e-3)  # type: ignore[arg-type]
+    assert sum(waited) >= 3 * actions.STORE * 1e-3

@@ -295,3 +295,27 @@ def test_a_sealed_object_is_believed_bit_by_bit(tmp_path):
         except store.BadRecord:
             continue
         assert kept["cases"] == [1, 2]  # spacing alone
+
+
+@pytest.mark.parametrize("count", [200, pytest.param(2000, marks=pytest.mark.slow)])
+def test_a_flipped_bit_of_a_case_is_recomputed_or_changes_nothing(count, tmp_path):
+    """Bits drawn over every file of a finished case."""
+    folder = tmp_path / "case"
+    record = finished_case(folder)
+    mark, draw = fingerprint.current(), np.random.default_rng(5)
+    names = sorted(path.name for path in folder.iterdir() if path.name not in (store.TIMING, store.RUN_LOG))
+    whole = {name: (folder / name).read_bytes() for name in names}
+    recomputed = 0
+    for _ in range(count):
+        name = names[draw.integers(len(names))]
+        damaged, bit = bytearray(whole[name]), int(draw.integers(8 * len(whole[name])))
+        damaged[bit // 8] ^= 1 << bit % 8
+        (folder / name).write_bytes(damaged)
+        if store.why_recompute(folder, PAYLOAD, mark) is None:
+            kept = store.read_record(folder)
+            assert {key: kept[key] for key in record} == fingerprint.plain(record), (name, bit)
+            assert np.array_equal(store.load_arrays(folder)["a"], np.arange(5.0))
+        else:
+            recomputed += 1
+        (folder / name).write_bytes(whole[name])
+    assert recomputed > 0.75 * count
