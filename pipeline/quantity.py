@@ -103,6 +103,16 @@ def with_bar(value: float | None, bar: float | None, unit: str = "", space: str 
     return f"{_fixed(value, places)}{space}±{space}{_fixed(bar, places)}{end}"
 
 
+def signed(text: str) -> str:
+    """Put a plus sign before the text of a figure that is not negative.
+
+    >>> from pipeline.quantity import signed, with_bar
+    >>> signed(with_bar(21.4, 3.2, "Hz")), signed(with_bar(-21.4, None, "Hz"))
+    ('+21.4 ± 3.2 Hz', '-21.4 Hz')
+    """
+    return text if text.startswith(("-", UNKNOWN)) else f"+{text}"
+
+
 def frequency_unit(frequencies_hz: Iterable[float | None]) -> Unit:
     """Return the unit, Hz to GHz, in which the largest of some frequencies reads as 1 or more."""
     known = [abs(value) for value in frequencies_hz if value is not None and isfinite(value)]
@@ -178,6 +188,16 @@ def level(level_db: float | None, bar_db: float | None = None, space: str = " ")
     """
     text = level_figure(level_db, bar_db)
     return text if text == UNKNOWN else f"{text}{space}dB"
+
+
+def level_with_bar(level_db: float | None, bar_db: float | None = None, space: str = " ") -> str:
+    """Format a level in dB and its bar where it is known; without a bar it has one decimal.
+
+    >>> from pipeline.quantity import level_with_bar
+    >>> level_with_bar(12.2519, 0.512), level_with_bar(12.2519)
+    ('12.3 ± 0.5 dB', '12.3 dB')
+    """
+    return with_bar(level_db, bar_db, "dB", space) if is_known(bar_db) else level(level_db, None, space)
 
 
 def level_figure(level_db: float | None, bar_db: float | None = None) -> str:

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from pipeline.analysis.peak_bars import quality_error
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.quantity import figure, frequency, frequency_with_bar, level, with_bar
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
+from pipeline.units import KHZ
 from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import frequency_error, height_error, largest_frequency_error
@@ -87,6 +90,7 @@ def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
         passive_rms_m_per_V=peak.passive_rms,
         height_error=height,
         frequency_error=frequency,
+        quality_error=quality_error(forced, peak),
     )
 
 
@@ -159,10 +163,10 @@ def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:
 def _log_summary(forced_response: Response, log: Log) -> None:
     log.info(lines(forced_response)[0])
     if forced_response.circuit:
-        shift = forced_response.circuit
+        shift, error = forced_response.circuit, forced_response.record.peak.frequency_error
         log.info(
-            f"wanted mode at {shift.short_hz:.1f} Hz with all patches short, {shift.open_hz:.1f} Hz with all open: "
-            f"effective coupling factor squared (k_eff^2) {shift.coupling:.2e}"
+            f"wanted mode at {frequency(shift.short_hz, error)} with all patches short, {frequency(shift.open_hz, error)} "
+            f"with all open: effective coupling factor squared (k_eff^2) {figure(shift.coupling)}"
         )
     _warn_of_wanted(forced_response, log)
     if forced_response.highest.frequency_hz in (
@@ -174,29 +178,30 @@ def _log_summary(forced_response: Response, log: Log) -> None:
     if quality_factor and abs(quality_factor / forced_response.quality_factor_given - 1.0) > 0.2:
         log.warning(
             "SHARED_PEAK",
-            f"the peak's width tells a quality factor of {quality_factor:.0f}, given is "
-            f"{forced_response.quality_factor_given:.0f}: modes overlap",
+            f"the peak's width implies a quality factor of {figure(quality_factor)}, but the case gives "
+            f"{forced_response.quality_factor_given:g}: modes overlap",
         )
 
 
 def _warn_of_wanted(forced_response: Response, log: Log) -> None:
     """A warning where the highest peak is not the wanted mode's, or the band has no wanted mode."""
-    (low, high), highest = forced_response.forced.band_hz, forced_response.highest.frequency_hz
-    if forced_response.wanted is None:
+    (low, high), record = forced_response.forced.band_hz, forced_response.record
+    if record.wanted_peak is None:
         where = (
-            f"it lies at {forced_response.wanted_hz:.1f} Hz"
+            f"it lies at {frequency(forced_response.wanted_hz)}"
             if forced_response.wanted_hz
             else "no mode of the plate has its shape"
         )
         log.warning(
             "NO_MODE",
-            f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode, {where}: the peak is another mode's",
+            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not hold the wanted mode, {where}: the peak is another "
+            "mode's",
         )
     elif not forced_response.same:
         log.warning(
             "OTHER_PEAK",
-            f"the response is highest at {highest:.1f} Hz, which is not the wanted mode at "
-            f"{forced_response.wanted.frequency_hz:.1f} Hz",
+            f"the response is highest at {_tone(record.highest_peak)}, which is not the wanted mode at "
+            f"{_tone(record.wanted_peak)}",
         )
     if forced_response.forced.verdict.status == "split":
         log.warning(
@@ -212,12 +217,17 @@ def lines(forced_response: Response) -> list[str]:
 
 
 def _summary(name: str, peak: PeakRecord) -> str:
-    confinement_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
-    quality_factor = "none" if peak.quality_factor is None else f"{peak.quality_factor:.0f}"
+    level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
+    known = frequency_with_bar(peak.frequency_hz, peak.frequency_error)
+    tone = known if peak.frequency_error is not None else f"{known} (error not known)"
     error = peak.height_error
-    bar = "its error is not known" if error is None else f"\u00b1 {error:.1%}, the damping given"
-    hz = "its error is not known" if peak.frequency_error is None else f"\u00b1 {peak.frequency_error:.2%}"
+    height = with_bar(peak.zone_nm_per_V, None if error is None else error * peak.zone_nm_per_V, "nm/V")
+    bar = "error not known" if error is None else "the damping given"
     return (
-        f"{name} at {peak.frequency_hz:.1f} Hz ({hz}): {peak.zone_nm_per_V:.4g} nm/V rms on the zone ({bar})"
-        f"{confinement_text}; quality factor from the curve: {quality_factor}"
+        f"{name} at {tone}: {height} rms on the zone ({bar}){level_text}; quality factor from the curve: "
+        f"{'none' if peak.quality_factor is None else with_bar(peak.quality_factor, peak.quality_error)}"
     )
+
+
+def _tone(peak: PeakRecord) -> str:
+    return frequency(peak.frequency_hz, peak.frequency_error)

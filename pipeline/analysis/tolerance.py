@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import sqrt
 from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
+from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED
 from pipeline.case.model import Case, Tolerance
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -19,6 +21,7 @@ from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.simplifications import khz
+from pipeline.quantity import figure, frequency, interval, level, signed
 from pipeline.records.record import SampleRecord, SpreadRecord, ToleranceRecord
 from solvers.measures.levels import CONFINED_DB
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -35,8 +38,6 @@ from solvers.variation.samples import CUT, Deviations, VariedPlate, spread
 DRAWN = 241  # of the curves kept for the picture
 AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
 NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
-DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
-AROUND_PEAK = 65  # points over them, and more at the peak
 MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
 ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
 
@@ -247,40 +248,53 @@ def _apart(first: SampleRecord, second: SampleRecord) -> dict[str, float | None]
     return apart
 
 
-def _summary(name: str, tolerance_study: SampleRecord) -> str:
-    if tolerance_study.peak_hz is None:
+def _summary(name: str, sample: SampleRecord, bar: float | None = None) -> str:
+    if sample.peak_hz is None:
         return f"{name}: lost, no mode has the wanted mode's shape"
-    confinement = (
-        "" if tolerance_study.confinement_db is None else f", confinement {tolerance_study.confinement_db:.1f} dB"
-    )
-    split = ", split among several modes" if tolerance_study.tracking == "split" else ""
-    return f"{name}: peak at {tolerance_study.peak_hz:.1f} Hz{confinement}{split}"
+    confinement = "" if sample.confinement_db is None else f", confinement {level(sample.confinement_db)}"
+    split = ", split among several modes" if sample.tracking == "split" else ""
+    return f"{name}: peak at {frequency(sample.peak_hz, bar)}{confinement}{split}"
 
 
 def lines(record: ToleranceRecord) -> list[str]:
-    """Describe the samples in words."""
-    peak, shift, level = record.peak_hz, record.peak_shift_hz, record.confinement_db
-    out, count = [_summary("nominal", record.nominal)], len(record.samples) - record.lost
+    """Describe the samples in words: frequencies and levels with the digits that their spread allows."""
+    peak, shift, levels = record.peak_hz, record.peak_shift_hz, record.confinement_db
+    count = len(record.samples) - record.lost
+    wide = relative_deviation(peak)
+    out = [_summary("nominal", record.nominal, wide)]
     if peak and shift:
+        moved = None if shift.deviation is None else shift.deviation / sqrt(count)
         out.append(
-            f"{count} plates: peak {peak.mean:.1f} Hz, spread {peak.spread(1, 'Hz')}, "
-            f"{peak.lowest:.1f} to {peak.highest:.1f} Hz; moved by {shift.mean:+.1f} Hz on average"
+            f"{count} plates: peak {frequency(peak.mean, wide)}, spread {_deviation_text(peak, count, 'Hz')}, "
+            f"{interval(peak.lowest, peak.highest, wide, wide)}; moved by {signed(figure(shift.mean, moved))} Hz on average"
         )
-    if level:
+    if levels:
         out.append(
-            f"confinement {level.mean:.1f} dB, spread {level.spread(1, 'dB')}, worst {level.lowest:.1f} dB; "
-            f"{record.confined} of {count} confined"
+            f"confinement {level(levels.mean, levels.deviation)}, spread {_deviation_text(levels, count, 'dB')}, "
+            f"worst {level(levels.lowest, levels.deviation)}; {record.confined} of {count} confined"
         )
     off_hz, off_db = (record.interpolation_check.get(name) for name in ("peak_hz", "confinement_db"))
     if off_hz is not None:
-        levels = "" if off_db is None else f" and {off_db:.2f} dB of its confinement"
+        of_level = "" if off_db is None else f" and {figure(off_db, off_db or None)} dB of its confinement"
         out.append(
             f"with all pillars {CUT * CHECKED:g} standard deviations off, interpolation between reductions misses "
-            f"{off_hz:.2f} Hz of the peak{levels}"
+            f"{figure(off_hz, off_hz or None)} Hz of the peak{of_level}"
         )
     if record.lost:
         out.append(f"{record.lost} of {len(record.samples)} plates lost the wanted mode: no mode has its shape")
     return out
+
+
+def relative_deviation(samples: SpreadRecord | None) -> float | None:
+    """A standard deviation relative to its mean; None of one sample or none."""
+    return None if samples is None or samples.deviation is None else samples.deviation / samples.mean
+
+
+def _deviation_text(samples: SpreadRecord, count: int, unit: str) -> str:
+    """A standard deviation with the digits that its own standard error, deviation / sqrt(2 (count - 1)), allows."""
+    if samples.deviation is None:
+        return "unknown"
+    return f"{figure(samples.deviation, samples.deviation / sqrt(2.0 * (count - 1)))} {unit}"
 
 
 def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:
@@ -296,12 +310,13 @@ def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tup
     change, louder = (tolerance_study.space_check[name] for name in ("peak_hz", "confinement_db"))
     if change is not None and nominal and change > max(MOVED * _deviation(peaks), 0.1 * nominal * forced.loss):
         log.warning(
-            "SPACE_TOO_SMALL", f"a narrower space of modes moves a sample's peak by {change:.1f} Hz: widen the band"
+            "SPACE_TOO_SMALL",
+            f"a narrower space of modes moves a sample's peak by {figure(change, change)} Hz: widen the band",
         )
     if louder is not None and louder > max(MOVED * _deviation(levels), ALIKE_DB):
         log.warning(
             "SPACE_TOO_SMALL",
-            f"a narrower space of modes changes a sample's confinement by {louder:.2g} dB: widen the band",
+            f"a narrower space of modes changes a sample's confinement by {figure(louder, louder)} dB: widen the band",
         )
 
 

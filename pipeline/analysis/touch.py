@@ -14,11 +14,11 @@ from geometry.fingertips import Fingertip
 from pipeline.analysis.response import driven_hz
 from pipeline.analysis.touch_bars import with_bars
 from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
-from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
+from pipeline.quantity import frequency, frequency_with_bar, interval, level_with_bar, signed, with_bar
 from pipeline.records.record import (
     LoadedModeRecord,
     LoopRecord,
@@ -69,9 +69,10 @@ def solve(
 
 def _lost(session: Session) -> str:
     """Why nothing is said of the wanted mode under the finger."""
-    low, high = (share * end / KHZ for share, end in zip(session.touched.margin, session.touched.band_hz, strict=True))
+    low, high = (share * end for share, end in zip(session.touched.margin, session.touched.band_hz, strict=True))
+    known = interval(low, high)
     return (
-        f"the wanted mode under the finger: the finger moves it out of the {low:.4g} to {high:.4g} kHz whose modes are known; "
+        f"the wanted mode under the finger: the finger moves it out of the range whose modes are known, {known}; "
         "widen --band"
     )
 
@@ -82,8 +83,10 @@ def _session(case: Case, forced: ForcedPlate, log: Log) -> Session:
     low, high = forced.band_hz
     tone = driven_hz(forced)
     if tone is None or not low <= tone <= high:
-        where = "no mode of the plate has its shape" if tone is None else f"it lies at {tone:.1f} Hz"
-        raise SolverError(f"the band from {low:.0f} to {high:.0f} Hz does not hold the wanted mode to touch: {where}")
+        where = "no mode of the plate has its shape" if tone is None else f"it lies at {frequency(tone)}"
+        raise SolverError(
+            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not hold the wanted mode to touch: {where}"
+        )
     with log.step("modes that the finger moves"):
         finger = Finger(touch.tip, touch.at_m, touch.radius_m).following(case.design, high)
         free = TouchedPlate(forced, replace(finger, tip=Fingertip("none")))
@@ -167,13 +170,11 @@ def _of_finger(record: TouchRecord) -> str:
 
 def _of_mode(record: TouchRecord) -> Iterator[str]:
     if mode := record.mode:
-        before = with_bar(mode.free_hz / KHZ, _times(mode.free_error, mode.free_hz / KHZ), "", ".3f")
-        under = with_bar(mode.frequency_hz / KHZ, _times(mode.frequency_error, mode.frequency_hz / KHZ), "kHz", ".3f")
-        shift = with_bar(mode.shift_hz, mode.shift_error_hz, "Hz", ".0f", "+")
-        quality = (
-            "none" if mode.quality_factor is None else with_bar(mode.quality_factor, mode.quality_error, "", ".1f")
-        )
-        share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%", ".0f")
+        before = frequency_with_bar(mode.free_hz, mode.free_error)
+        under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
+        shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
+        quality = "none" if mode.quality_factor is None else with_bar(mode.quality_factor, mode.quality_error)
+        share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%")
         mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
         yield (
             f"wanted mode from {before} to {under} ({shift}), quality factor from {record.quality_factor_given:.0f} to "
@@ -184,17 +185,17 @@ def _of_mode(record: TouchRecord) -> Iterator[str]:
 def _of_state(state: TouchStateRecord) -> str:
     level = ""
     if state.confinement_db is not None:
-        level = f", {with_bar(state.confinement_db, state.confinement_error_db, 'dB', '.1f')} above the passive face"
+        level = f", {level_with_bar(state.confinement_db, state.confinement_error_db)} above the passive face"
     ends = ((state.friction_low, state.friction_low_error), (state.friction_high, state.friction_high_error))
-    ratios = ["unknown" if each is None else with_bar(each, error, "", ".2f") for each, error in ends]
+    ratios = ["unknown" if each is None else with_bar(each, error) for each, error in ends]
     friction = f"; friction {' to '.join(ratios)} of that at rest" if set(ratios) != {"unknown"} else ""
     drawn = ""
     if state.drawn_mW_at_1um is not None and state.drive_V_at_1um is not None:
         power = with_bar(state.drawn_mW_at_1um, state.drawn_error_mW_at_1um, "mW")
         drawn = f"; {power} and {with_bar(state.drive_V_at_1um, state.drive_error_V_at_1um, 'V')} at 1 um"
-    tone = with_bar(state.frequency_hz / KHZ, _times(state.frequency_error, state.frequency_hz / KHZ), "kHz", ".3f")
+    tone = frequency_with_bar(state.frequency_hz, state.frequency_error)
     drive = with_bar(state.drive_V, state.drive_error_V if state.state == "held" else None, "V")
-    motion = with_bar(state.finger_m / UM, _times(state.finger_error_m, 1.0 / UM), "um", ".4f")
+    motion = with_bar(state.finger_m / UM, _times(state.finger_error_m, 1.0 / UM), "um")
     return f"{state.state} at {tone} and {drive}: {motion} at the finger{level}{friction}{drawn}"
 
 

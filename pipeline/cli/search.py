@@ -9,6 +9,7 @@ from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.quantity import frequency, level, level_with_bar, signed, with_bar
 from pipeline.records.reading import filled, reading_table
 from pipeline.search.limits import Limits
 from pipeline.search.space import read_space
@@ -127,6 +128,15 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
     }
 
 
+def _gain(outcome: Outcome) -> str:
+    unit = outcome.best.unit
+    return (
+        level_with_bar(outcome.gain_db, outcome.gain_error_db)
+        if unit == "dB"
+        else with_bar(outcome.gain_db, None, unit)
+    )
+
+
 def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
     """The best designs as a table, the gain, and the words to repeat it."""
     from pipeline.search.designs import summary
@@ -141,7 +151,7 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
         ]
         for e in plates
     ]
-    gain = "" if outcome.gain_db is None else f", {outcome.gain_db:+.2f} {outcome.best.unit}"
+    gain = "" if outcome.gain_db is None else f", {signed(_gain(outcome))}"
     command = "modes" if outcome.best.result.isolation_db is None else "crosstalk"
     counts = ", ".join(f"{len(each)} by {fidelity}" for fidelity, each in outcome.by_fidelity.items())
     return [
@@ -150,7 +160,7 @@ def _lines(outcome: Outcome, document: dict[str, Any]) -> list[str]:
         f"as given: {summary(outcome.base)}",
         f"best:     {summary(outcome.best)}{gain}",
         *(
-            f"solid mesh, {name}: {values['confinement_db']:.2f} dB at {values['frequency_hz']:.1f} Hz"
+            f"solid mesh, {name}: {level(values['confinement_db'])} at {frequency(values['frequency_hz'])}"
             for name, values in document.get("solid", {}).items()
         ),
         f"repeat it: antinode {command} {outcome.space.path} " + " ".join(f"--set {part}" for part in outcome.repeat),

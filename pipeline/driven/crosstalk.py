@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.planning.plan import RESPONSE_POINTS
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
-from pipeline.units import KHZ, MM
+from pipeline.units import MM
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
 from solvers.driven.error_bars import frequency_error, frequency_errors, half_widths, is_known, sources
 from solvers.measures.levels import ratio_db
@@ -101,8 +101,8 @@ def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:
     if mac < SIMILAR:
         log.warning(
             "OTHER_PEAK",
-            f"zone {zone + 1} moves most at {peak_hz:.1f} Hz, but not in the wanted shape (MAC {mac:.2f}): the levels are "
-            "another mode's; give a --band about the wanted one",
+            f"zone {zone + 1} moves most at {frequency(peak_hz)}, but not in the wanted shape (MAC {mac:.2f}): the levels are "
+            "another mode's; give a --band around the wanted one",
         )
 
 
@@ -132,10 +132,9 @@ def lines(record: CrosstalkRecord) -> list[str]:
 
 def _of_zone(zone: DrivenZone) -> str:
     errors = zone.level_error_db or [None] * len(zone.level_db)
-    levels = ", ".join(with_bar(*each, "", ".1f") for each in zip(zone.level_db, errors, strict=True))
+    levels = ", ".join(level_with_bar(*each) for each in zip(zone.level_db, errors, strict=True))
     passive = ""
     if zone.passive_db is not None:
-        passive = f"; passive face {with_bar(zone.passive_db, zone.passive_error_db, 'dB', '.1f')}"
-    half = None if zone.peak_error is None else zone.peak_error * zone.peak_hz / KHZ
-    tone = with_bar(zone.peak_hz / KHZ, half, "kHz", ".3f")
-    return f"driven at y = {zone.centre_m / MM:.2f} mm, {tone}: zones at {levels} dB{passive}"
+        passive = f"; passive face {level_with_bar(zone.passive_db, zone.passive_error_db)}"
+    tone = frequency_with_bar(zone.peak_hz, zone.peak_error)
+    return f"driven at y = {zone.centre_m / MM:.2f} mm, {tone}: zones at {levels}{passive}"

@@ -10,7 +10,6 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from pipeline.analysis.response import driven_hz
-from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -18,8 +17,9 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.planning.foresight import announce
 from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
-from pipeline.units import KHZ, UM
+from pipeline.units import UM
 from solvers.driven.contrast import contrast_volts
 from solvers.driven.error_bars import (
     Louder,
@@ -253,17 +253,16 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
     place = record.wanted_place
     if place is None or record.wanted_hz is None:
         elsewhere = record.wanted_elsewhere_hz
-        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {elsewhere / KHZ:.3f} kHz"
+        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {frequency(elsewhere)}"
         yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
         return
-    half = None if record.wanted_error is None else record.wanted_error * record.wanted_hz / KHZ
-    yield f"at the wanted mode's peak, {with_bar(record.wanted_hz / KHZ, half, 'kHz', '.3f')}:"
+    yield f"at the wanted mode's peak, {frequency_with_bar(record.wanted_hz, record.wanted_error)}:"
     for method in record.methods:
         level, volts, off, rows_off = (_at(place, *each) for each in _pairs(method))
-        alone = "" if method.rows_off_db is None else f", {with_bar(*rows_off, '', '.1f')} with the pillars' alone"
+        alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with the pillars' alone"
         yield (
-            f"{method.method}: {with_bar(*level, 'dB', '.1f')}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
-            f"{with_bar(*off, 'dB', '.1f')} with every resonance off by {record.detuning:.0%}{alone}"
+            f"{method.method}: {level_with_bar(*level)}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
+            f"{level_with_bar(*off)} with every resonance off by {record.detuning:.0%}{alone}"
         )
 
 

@@ -10,13 +10,13 @@ import numpy as np
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
-from pipeline.bar_text import with_bar
 from pipeline.case.model import Case
 from pipeline.driven import shear
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
+from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import MeshRecord, PatternMode, ShearRecord, TravelRecord
 from pipeline.units import KHZ, MM, UM
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, sources
@@ -287,10 +287,10 @@ def lines(record: TravelRecord) -> list[str]:
     modes = " and ".join(f"(0, {mode.nodal_lines}) at {_mode_text(mode)}" for mode in record.modes)
     level = ""
     if record.confinement_db is not None:
-        level = f"; {with_bar(record.confinement_db, record.confinement_error_db, 'dB', '.1f')} above the passive face"
-    tone = with_bar(record.frequency_hz / KHZ, _times(record.frequency_error, record.frequency_hz / KHZ), "kHz", ".3f")
+        level = f"; {level_with_bar(record.confinement_db, record.confinement_error_db)} above the passive face"
+    tone = frequency_with_bar(record.frequency_hz, record.frequency_error)
     own, alone, best = (
-        with_bar(value, error, "", ".3f")
+        with_bar(value, error)
         for value, error in (
             (record.twr, record.twr_error),
             (record.alone_twr, record.alone_twr_error),
@@ -298,7 +298,7 @@ def lines(record: TravelRecord) -> list[str]:
         )
     )
     half = pi / abs(record.wavenumber_per_m) / MM
-    wave = with_bar(half, _times(record.wavenumber_error_per_m, half / abs(record.wavenumber_per_m)), "mm", ".2f")
+    wave = with_bar(half, _times(record.wavenumber_error_per_m, half / abs(record.wavenumber_per_m)), "mm")
     drive = with_bar(record.drive_V_at_1um, record.drive_error_V_at_1um, "V")
     first, last = (end / MM for end in record.window_m)
     lost = with_bar(1e3 * record.lost_W, _times(record.lost_error_W, 1e3), "mW")
@@ -312,7 +312,7 @@ def lines(record: TravelRecord) -> list[str]:
 
 
 def _mode_text(mode: PatternMode) -> str:
-    return with_bar(mode.frequency_hz / KHZ, _times(mode.frequency_error, mode.frequency_hz / KHZ), "kHz", ".3f")
+    return frequency_with_bar(mode.frequency_hz, mode.frequency_error)
 
 
 def _flow_text(record: TravelRecord) -> str:
@@ -336,6 +336,8 @@ def _of_shear(record: ShearRecord) -> str:
         for field in (record.shear_low, record.shear_high)
         if field
     ]
-    limits = [f"{each:.2g}" for each in ends if each is not None]
+    limits = [figure(each) for each in ends if each is not None]
     drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
-    return f"a finger ({record.fingertip}) at rest meets crests of {1e3 * record.fastest_m_s:.3g} mm/s along x{drag}"
+    return (
+        f"a finger ({record.fingertip}) at rest meets crests of {figure(1e3 * record.fastest_m_s)} mm/s along x{drag}"
+    )

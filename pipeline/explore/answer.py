@@ -28,8 +28,9 @@ from pipeline.models.live_column import (
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
+from pipeline.quantity import frequency, level, percent
 from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, KHZ, MM
+from pipeline.units import GRAM, MM
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
@@ -376,9 +377,9 @@ class Bar:
         said = []
         if self.near_hz is not None and self.levels_db is not None:
             said.append(
-                f"a mode of the passive plate at {self.near_hz / KHZ:.2f} kHz lies near the wanted one, whose frequency is "
-                f"known to {100.0 * self.error:.1f} %: the confinement may lie between {self.levels_db[0]:.1f} "
-                f"and {self.levels_db[1]:.1f} dB"
+                f"a mode of the passive plate at {frequency(self.near_hz, self.error)} lies near the wanted one, whose "
+                f"frequency is known to {percent(self.error)}: the confinement may lie between {level(self.levels_db[0])} "
+                f"and {level(self.levels_db[1])}"
             )
         if self.status == "split":
             said.append("the wanted shape is split among several modes: the plate may show another one of them")

@@ -33,6 +33,8 @@ from solvers.waves.polarisation import line_gram
 
 Plain = dict[str, Any]
 PAGE = Path(__file__).with_name("page")
+SCRIPTS = "figures.js", "explore.js"  # of the page
+WORKER = "figures.js", "model.js", "worker.js"
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
 RULE = "similar", "clear", "lead", "majority", "rival", "named", "past"  # constants of the wanted mode
 MAX_BYTES = 12_000_000
@@ -67,20 +69,26 @@ def page(explorer: Explorer) -> str:
     document = model_document(explorer, numbers)
     files = {path.name: path.read_text(encoding="utf-8") for path in PAGE.iterdir()}
     data = json.dumps(document, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-    worker = "\n".join([SOLVER.read_text(encoding="utf-8"), files["model.js"], files["worker.js"]])
     scripts = [
         f'<script type="application/json" id="model">{data}</script>',
         f'<script type="text/plain" id="numbers-of-model">{numbers.text()}</script>',
-        f'<script type="text/plain" id="worker">{worker}</script>',
-        f"<script>{files['explore.js']}</script>",
+        f'<script type="text/plain" id="worker">{worker()}</script>',
+        *(f"<script>{files[name]}</script>" for name in SCRIPTS),
     ]
-    html = files["index.html"].replace('<script src="explore.js"></script>', "\n".join(scripts))
+    html = files["index.html"].replace(
+        "\n".join(f'<script src="{name}"></script>' for name in SCRIPTS), "\n".join(scripts)
+    )
     style = f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n<style>{files["explore.css"]}</style>'
     html = html.replace('<link rel="stylesheet" href="explore.css">', style)
     if len(html.encode()) > MAX_BYTES:
         size, most = len(html.encode()) / 1e6, MAX_BYTES / 1e6
         raise InputError(f"the explorer's page would have {size:.1f} MB, at most {most:g} MB are meant to travel")
     return html
+
+
+def worker() -> str:
+    """Return the text of the worker that answers in the browser."""
+    return "\n".join(path.read_text(encoding="utf-8") for path in [SOLVER, *(PAGE / name for name in WORKER)])
 
 
 def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:

@@ -27,6 +27,7 @@ MAX_BYTES = 4096  # of a request: a design takes two hundred
 FILES = {
     "": ("index.html", "text/html"),
     "explore.js": ("explore.js", "text/javascript"),
+    "figures.js": ("figures.js", "text/javascript"),
     "explore.css": ("explore.css", "text/css"),
 }
 HEADERS = {
@@ -58,7 +59,7 @@ class Server:
         """The routes, all under the token."""
         app = web.Application(middlewares=[self._guard], client_max_size=MAX_BYTES)
         base = f"/{self.token}"
-        app.router.add_get(f"{base}/{{name:(explore\\.js|explore\\.css)?}}", self._file)
+        app.router.add_get(f"{base}/{{name:(explore\\.js|figures\\.js|explore\\.css)?}}", self._file)
         app.router.add_get(f"{base}/scene", self._scene)
         app.router.add_post(f"{base}/answer", self._answer)
         app.router.add_post(f"{base}/cloud", self._cloud)

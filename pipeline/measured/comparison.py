@@ -15,6 +15,7 @@ from pipeline.logs import Log
 from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
 from pipeline.planning.request import driven_band_hz
+from pipeline.quantity import figure, frequency, level, percent, signed, with_bar
 from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
@@ -138,7 +139,7 @@ def _sweep(
         instead = "the peak and its half-power width are given instead"
         log.warning("NO_CIRCLE", f"{measured.file}: {theirs.trouble}; {instead}")
     if not tone[0] <= theirs.peak_hz <= tone[-1]:
-        beyond = f"its peak at {theirs.peak_hz:.0f} Hz lies outside the response's band"
+        beyond = f"its peak at {frequency(theirs.peak_hz)} lies outside the response's band"
         log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
     shift = theirs.frequency_hz - ours.frequency_hz
     about = {"points": len(given.frequencies_hz), "band_hz": [float(low), float(high)]}
@@ -183,11 +184,13 @@ def _identified(identified: Resonance) -> dict[str, Any]:
 
 def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
     shift = theirs.frequency_hz - ours.frequency_hz
-    losses = " against ".join("none" if q is None else f"{q:.0f}" for q in (theirs.quality_factor, ours.quality_factor))
-    bar = "the model's error is not known" if error is None else f"the model may be off by {100.0 * error:.2f} %"
+    part = signed(figure(100.0 * shift / ours.frequency_hz, None if error is None else 100.0 * error))
+    moved = signed(with_bar(shift, None if error is None else error * ours.frequency_hz, "Hz"))
+    losses = " against ".join("none" if q is None else figure(q) for q in (theirs.quality_factor, ours.quality_factor))
+    bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
     return (
-        f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {theirs.frequency_hz:.1f} Hz, computed "
-        f"{ours.frequency_hz:.1f} Hz: shift {shift:+z.1f} Hz ({100.0 * shift / ours.frequency_hz:+z.2f} %), {bar}; "
+        f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {frequency(theirs.frequency_hz, error)}, "
+        f"computed {frequency(ours.frequency_hz, error)}: shift {moved} ({part} %), {bar}; "
         f"quality factor {losses} computed"
     )
 
@@ -201,24 +204,25 @@ def _map(
 ) -> tuple[MeasuredMapRecord, dict[str, Any], str]:
     design, tone = case.design, response.peak.frequency_hz
     computed = operating_field(response, measured.points_m)
-    level, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
+    given, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
     _log_cover(measured, weights, log)
-    confined = None if level.confinement_db is None else bool(level.confinement_db >= CONFINED_DB)
+    confined = None if given.confinement_db is None else bool(given.confinement_db >= CONFINED_DB)
     there = {"frequency_hz": tone, "confinement_db": response.peak.confinement_db, "mac": seen.mac}
     there |= {"confinement_at_points_db": seen.confinement_db, "zone_share_at_points": seen.zone_share}
     record = MeasuredMapRecord.model_validate(
         _source(measured)
         | {"points": len(measured.values), "covered_active": weights.active, "covered_passive": weights.passive}
-        | {"zone_share": level.zone_share, "confinement_db": level.confinement_db, "confined": confined}
-        | {"mac": level.mac, "mac_operating": alike, "computed": there}
+        | {"zone_share": given.zone_share, "confinement_db": given.confinement_db, "confined": confined}
+        | {"mac": given.mac, "mac_operating": alike, "computed": there}
     )
     arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
-    summary = "no passive face" if level.confinement_db is None else f"confinement {level.confinement_db:.1f} dB"
-    beside = "" if seen.confinement_db is None else f" (computed {seen.confinement_db:.1f} dB at the same points)"
+    summary = "no passive face" if given.confinement_db is None else f"confinement {level(given.confinement_db)}"
+    beside = "" if seen.confinement_db is None else f" (computed {level(seen.confinement_db)} at the same points)"
     line = (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
-        f"MAC {alike:.3f} to the operating deflection shape at {tone:.1f} Hz, {level.mac:.3f} to the wanted one"
+        f"MAC {alike:.3f} to the operating deflection shape at {frequency(tone, response.expected_error)}, "
+        f"{given.mac:.3f} to the wanted one"
     )
     return record, arrays, line
 

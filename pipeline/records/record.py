@@ -566,7 +566,7 @@ class PeakRecord(Part):
     """The response at one frequency, and the quality factor read from the curve.
 
     height_error: half-width of the bar of both rms, relative, the damping given; frequency_error: of the frequency's, by mesh,
-    reduction and bonding together. None where one is not known.
+    reduction and bonding together; quality_error: of the quality factor's. None where one is not known.
     """
 
     frequency_hz: float
@@ -576,6 +576,7 @@ class PeakRecord(Part):
     quality_factor: float | None
     height_error: float | None = None
     frequency_error: float | None = None
+    quality_error: float | None = None
 
     @property
     def zone_nm_per_V(self) -> float:
@@ -978,6 +979,7 @@ class SampleRecord(Part):
     """One plate of a tolerance study at the mode that the wanted one has become: the zone's rms in m/V or m/N.
 
     tracking: single, split among several modes (the strongest is measured), or none (the figures are None then).
+    quality_error: half-width of the quality factor's bar, None where unknown: samples have no bar of their resonances.
     """
 
     peak_hz: float | None
@@ -985,6 +987,7 @@ class SampleRecord(Part):
     confinement_db: float | None
     quality_factor: float | None
     tracking: str
+    quality_error: float | None = None
 
 
 class ToleranceRecord(Part):

@@ -9,10 +9,10 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
 from pipeline.search.fidelity import PLATE, FidelityResult, frequency_slack
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
-from pipeline.units import KHZ
 
 GOALS = {
     "confinement": "confinement_db",
@@ -148,6 +148,7 @@ def summary(each: Evaluation) -> str:
     if each.goal_db is None or each.result.frequency_hz is None:
         return f"not evaluated: {each.result.why_not}"
     breaks = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
-    bar = "" if each.goal_error_db is None else f" +-{each.goal_error_db:.2f}"
     goal = -each.goal_db if each.unit in LESS else each.goal_db
-    return f"{goal:.2f}{bar} {each.unit} at {each.result.frequency_hz / KHZ:.2f} kHz, MAC {each.result.mac:.2f}{breaks}"
+    best = level_with_bar(goal, each.goal_error_db) if each.unit == "dB" else with_bar(goal, None, each.unit)
+    tone = frequency_with_bar(each.result.frequency_hz, each.result.frequency_error)
+    return f"{best} at {tone}, MAC {each.result.mac:.2f}{breaks}"

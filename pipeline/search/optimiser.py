@@ -21,6 +21,7 @@ from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
 from pipeline.planning import simplifications
+from pipeline.quantity import frequency
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
     COLUMN,
@@ -162,7 +163,7 @@ class _Search:
             return
         _, softness, tone = min(known)
         self.softness = float(softness)
-        comparison_text = f"column {column.frequency_hz:.0f} Hz, strip {tone:.0f} Hz"
+        comparison_text = f"column {frequency(column.frequency_hz)}, strip {frequency(tone)}"
         self.log.info(f"{comparison_text} with feet {softness:.2f} times as soft as a half-space's")
 
     def _screen(self) -> None:

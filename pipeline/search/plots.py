@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import frequency, level_figure
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP
 from pipeline.units import GRAM, KHZ
 
@@ -150,9 +151,9 @@ def axis_words(key: str) -> str:
 def _alt(document: dict[str, Any], value: str, label: str) -> str:
     best, base = document["best"], document["base"]
     where = ", ".join(f"{key} = {each:g}" for key, each in best["set"].items())
-    was = "" if base[value] is None else f"; as given, {base[value]:.1f}"
+    was = "" if base[value] is None else f"; as given, {level_figure(base[value])}"
     counts = ", ".join(f"{fidelity['designs']} by {fidelity['name']}" for fidelity in document["fidelities"])
     return (
-        f"Goal over what was varied ({counts}) and against frequency: best {best[value]:.1f} {label} at "
-        f"{best['frequency_hz'] / KHZ:.2f} kHz with {where}{was}"
+        f"Goal over what was varied ({counts}) and against frequency: best {level_figure(best[value])} {label} at "
+        f"{frequency(best['frequency_hz'])} with {where}{was}"
     )

@@ -54,13 +54,17 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True)
 class Piece:
-    """One cell of the column: y of its middle (m), even and odd part (dof, n) of every trial function; whether it is bare."""
+    """One cell of the column: y of its middle (m), even and odd part (dof, n) of every trial function; whether it is bare.
+
+    touch: u_z at the points of a quadrature over its touch face, parted where the zone and the rows end.
+    """
 
     cell: Cell
     middle: float
     even: FloatArray
     odd: FloatArray
     bare: bool
+    touch: Expansion
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,9 @@ class FinitePlate:
         self.pitch_m = first.high[0] - first.low[0]
         self.x_m = _middles(design, self.pitch_m)
         self.kx = np.concatenate([np.full(own.shape[1], one.kx) for one, own in zip(columns, vectors, strict=True)])
-        self.pieces = [_piece(columns, vectors, number) for number in range(len(columns[0].placed_cells))]
+        self.pieces = [
+            _piece(columns, vectors, number, design.touch_lines_m) for number in range(len(columns[0].placed_cells))
+        ]
         self.strips = (
             [self._strip(piece, about) for piece in self.pieces]
             if abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m
@@ -172,7 +178,7 @@ class FinitePlate:
         even_along, odd_along = self._along(phase)
         places, weights, squares = [], [], []
         for piece in self.pieces:
-            touch = piece.cell.touch
+            touch = piece.touch
             assert touch.weights is not None
             normal = touch.matrix[:, 0]
             moved = even_along * vector @ (normal @ piece.even).T + odd_along * vector @ (normal @ piece.odd).T
@@ -199,7 +205,7 @@ class FinitePlate:
         """The integral of u_z^2 over a part of the touch face as a form (n, n), and the part's area in m2."""
         (even, odd, ends), area = np.zeros((3, len(self.kx), len(self.kx))), 0.0
         for piece in self.pieces:
-            _, weights, normal = _inside(piece.cell.touch, piece.middle, own)
+            _, weights, normal = _inside(piece.touch, piece.middle, own)
             for out, motion in ((even, piece.even), (odd, piece.odd)):
                 root = np.sqrt(weights)[:, None] * (normal @ motion)
                 out += root.T @ root
@@ -216,10 +222,10 @@ class FinitePlate:
         overlap, norm, phase = np.zeros(len(self.kx)), 0.0, np.multiply.outer(self.x_m, self.kx)
         even_along, odd_along = self._along(phase)
         for piece in self.pieces:
-            at, weights, normal = _inside(piece.cell.touch, piece.middle, lambda y: y < half)
+            at, weights, normal = _inside(piece.touch, piece.middle, lambda y: y < half)
             if not len(at):
                 continue
-            shape = self._shape(piece.cell.touch.points[at], self.x_m, piece.middle)
+            shape = self._shape(piece.touch.points[at], self.x_m, piece.middle)
             norm += float((weights * shape**2).sum())
             for along, motion in ((even_along, piece.even), (odd_along, piece.odd)):
                 overlap += np.einsum("cn,cn->n", along, (weights * shape) @ (normal @ motion))
@@ -304,7 +310,7 @@ def _middles(design: Design, pitch_m: float) -> FloatArray:
     return np.asarray((np.arange(count) - (count - 1) / 2.0) * pitch_m)
 
 
-def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: int) -> Piece:
+def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: int, lines_m: Sequence[float]) -> Piece:
     """The column's cell of a number with its motion in every trial function."""
     parts = []
     for column, own in zip(columns, vectors, strict=True):
@@ -313,7 +319,15 @@ def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: i
         parts.append(place.row.transform @ local)
     motion, place = np.hstack(parts), columns[0].placed_cells[number]
     even, odd = (np.ascontiguousarray(part) for part in (motion.real, motion.imag))
-    return Piece(place.row.cell, place.middle, even, odd, columns[0].panels[number].foot is None)
+    touch = _at_quadrature(place.row.cell.touch, [line - place.middle for line in lines_m])
+    return Piece(place.row.cell, place.middle, even, odd, columns[0].panels[number].foot is None, touch)
+
+
+def _at_quadrature(touch: Expansion, lines_m: Sequence[float]) -> Expansion:
+    """u_z of a touch face at the points of a quadrature that is parted at lines y = const of the cell; with its weights."""
+    rule = touch.rule(lines_m)
+    normal = rule.normal if rule.interpolation is None else rule.interpolation @ rule.normal
+    return Expansion(rule.points, normal[:, None], rule.weights)
 
 
 def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:

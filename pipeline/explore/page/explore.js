@@ -118,30 +118,6 @@ async function refresh() {
   if (state.again) { state.again = false; refresh(); }
 }
 
-// figures as pipeline/quantity.py writes them: the digits that the bar allows, frequencies in a unit that fits
-const exponent = (value) => value ? Math.floor(Math.log10(Math.abs(value))) : 0;
-const isKnown = (value) => typeof value === "number" && Number.isFinite(value);
-function decimals(value, bar) {
-  if (!isKnown(bar)) return 2 - exponent(value);
-  if (bar <= 0) return 6 - exponent(value);
-  const last = exponent(bar);
-  return Math.min((bar / 10 ** last < 3.55 ? 1 : 0) - last, 6 - exponent(value));
-}
-const fixed = (value, places) => (places < 0 ? Math.round(value * 10 ** places) / 10 ** places : value).toFixed(Math.max(places, 0));
-const figure = (value, bar) => isKnown(value) ? fixed(value, decimals(value, bar)) : "–";
-const frequencyUnit = (...all) => [["GHz", 1e9], ["MHz", 1e6], ["kHz", 1e3], ["Hz", 0]].find(([, size]) => Math.max(...all) >= size);
-function frequency(hz, error) {
-  const [unit, size] = frequencyUnit(hz), value = hz / (size || 1);
-  return error >= 1 ? "–" : `${figure(value, isKnown(error) ? value * error : null)} ${unit}`;
-}
-function interval(low, high, error) {
-  const [unit, size] = frequencyUnit(low, high);
-  const [from, to] = [low, high].map((hz) => figure(hz / (size || 1), isKnown(error) ? hz * error / (size || 1) : null));
-  return `${from} to ${to} ${unit}`;
-}
-const level = (db, bar) => isKnown(bar) ? `${figure(db, bar)} dB` : `${db.toFixed(1)} dB`;
-const ofBar = (bar, unit) => `± ${figure(bar, bar)} ${unit}`;
-const frequencyBar = (hz, error) => { const [unit, size] = frequencyUnit(hz); return ofBar(hz * error / (size || 1), unit); };
 function headline(found) {
   const plate = found.plate, gap = [...found.bands.gaps].sort((a, b) => (b.upper_hz - b.lower_hz) - (a.upper_hz - a.lower_hz))[0];
   const numbers = [];
@@ -378,7 +354,7 @@ function compared(live, real) {
   if (live.why_not) return text;
   const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
   const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${level(live.confinement_db - real.confinement_db, own)}`;
-  return `${text} The live answer was off by ${off.toFixed(2)} %${levels}.`;
+  return `${text} The live answer was off by ${figure(off, isKnown(real.frequency_error) ? 100 * real.frequency_error : null)} %${levels}.`;
 }
 
 async function save() {

@@ -38,6 +38,7 @@ from pipeline.models.live_column import (
 from pipeline.models.parametric import CellModelCache, require_foot
 from pipeline.models.parametric_mesh import MeshTable, corner_weights
 from pipeline.planning import mesh_rules
+from pipeline.records.cache import SUFFIX
 from solvers.fem.assembly import Scale, assemble
 from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
@@ -71,9 +72,9 @@ def test_the_scene_starts_with_the_file(explorer: Explorer) -> None:
 
 
 def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
-    (kept,) = folder.glob("*.npz")
+    (kept,) = folder.glob(f"*{SUFFIX}")
     cache = CellModelCache(folder)
-    again = cache.get_model(kept.name.split("-")[0], OFFLINE)
+    again = cache.get_model(kept.name.split("-")[1], OFFLINE)
     assert again is not None
     sizes = (2e-3, 6.3e-3, 2e-3, 4e-3)
     one, other = (bands(model.cell, model.bases, sizes) for model in (explorer.model, again))
@@ -81,13 +82,13 @@ def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
 
 
 def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_path: Path) -> None:
-    (kept,) = folder.glob("*.npz")
+    (kept,) = folder.glob(f"*{SUFFIX}")
     data = bytearray(kept.read_bytes())
     data[len(data) // 2] ^= 0xFF
     (tmp_path / kept.name).write_bytes(data)
-    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[0], OFFLINE) is None
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1], OFFLINE) is None
     (tmp_path / kept.name).write_bytes(data[: len(data) // 2])
-    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[0], OFFLINE) is None
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1], OFFLINE) is None
 
 
 def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
@@ -149,6 +150,18 @@ def test_the_ends_of_the_sliders_answer(explorer: Explorer, name: str) -> None:
     for value in (limit.low, limit.low + limit.step, limit.high):
         plate = explorer.answer(OWN | {name: value})["plate"]
         assert plate["frequency_hz"] > 0.0 and "why_not" not in plate
+
+
+@pytest.mark.parametrize("extension", [0.0, 5.0])
+def test_a_live_plate_is_measured_over_its_whole_touch_face(explorer: Explorer, extension: float) -> None:
+    """Half the zone and half the passive face, whether the last row's cell is a base or meshed because the edge cuts it."""
+    case = explorer.scene.at(OWN | {"extension": extension})
+    design = case.design
+    live = LivePlate(case, LiveCell(explorer.model.cell), {}, mesh_rules.wanted_window_hz(design))
+    zone, passive, beyond = live.plate.faces.areas
+    assert zone == pytest.approx(design.length_m * design.width_m / 2.0)
+    assert passive == pytest.approx(design.length_m * (design.half_span_m - design.width_m / 2.0))
+    assert beyond == pytest.approx(design.length_m * extension * 1e-3, abs=1e-9 * passive)
 
 
 def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> None:
@@ -249,7 +262,7 @@ def test_the_live_plate_lies_within_its_bars(explorer: Explorer, change: dict[st
     """Against the assembled plate, which has meshes and degrees of its own."""
     given = OWN | change
     live = explorer.answer(given)["plate"]
-    real = compute(explorer.scene, given, live["frequency_hz"], WarningLog())
+    real = compute(explorer.scene, given, WarningLog())
     coarse = 0.02  # what the small bases' mesh may be off by: theirs was not measured
     assert live["frequency_hz"] == pytest.approx(real["frequency_hz"], rel=live["frequency_error"] + coarse)
     assert live["confinement_db"] == pytest.approx(real["confinement_db"], abs=live["confinement_error_db"] + 0.5)
@@ -310,7 +323,12 @@ def error(text: str) -> str:
 
 
 def test_the_page_and_its_files_are_under_the_token(server: Server) -> None:
-    for name, start in (("", "<!DOCTYPE html>"), ("explore.js", '"use strict"'), ("explore.css", ":root")):
+    for name, start in (
+        ("", "<!DOCTYPE html>"),
+        ("explore.js", '"use strict"'),
+        ("figures.js", '"use strict"'),
+        ("explore.css", ":root"),
+    ):
         status, text, headers = request(server, "GET", f"/{server.token}/{name}")
         assert (status, text.startswith(start)) == (200, True)
         assert "default-src 'none'" in headers["content-security-policy"]

@@ -1,0 +1,83 @@
+"""The bar of a quality factor that is read from a peak: what neighbours within their bars make of it."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from geometry.hex.boxes import HexSettings
+from geometry.layout import Design
+from geometry.materials import MATERIALS
+from geometry.piezo_materials import PIEZO_MATERIALS
+from pipeline.analysis import peak_bars
+from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED, quality_error
+from solvers.driven.error_bars import Variation, bases
+from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patched_plate import CLASSES, PatchedPlate
+from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
+from solvers.superelement.build import PlateModel, Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
+
+ALUMINIUM = MATERIALS["aluminium"]
+QUALITY = 60.0  # low enough that neighbours matter
+PLATE = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
+BAND_HZ = (10e3, 30e3)
+
+
+@cache
+def forced() -> ForcedPlate:
+    reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 2e-3, 0, 0.2), 8e-3)
+    model = PlateModel(PLATE, Reductions(PLATE.thickness_m, ALUMINIUM, None, reduction))
+    patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array((-9e-3, -3e-3, -2e-3, 2e-3)), 0.5e-3, True)
+    patched = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, [patch], True)
+    return ForcedPlate(patched, PLATE, Drive((0,), (), BAND_HZ, QUALITY))
+
+
+def peak_near(plate: ForcedPlate, tone: float) -> Peak:
+    top = near_hz(plate, tone)
+    reach = DECAYED * top * plate.loss
+    return peak_of(curve_about(plate, top - reach, top + reach, AROUND_PEAK, [top]), top)
+
+
+def known(monkeypatch: pytest.MonkeyPatch, error: float) -> None:
+    """All resonances are known to a relative error, loads exactly, and no modes mix."""
+    monkeypatch.setattr(
+        peak_bars, "frequency_errors", lambda of: [np.full(len(b.frequency_hz), error) for b in bases(of)]
+    )
+    monkeypatch.setattr(peak_bars, "height_error", lambda of, hz: 0.0)
+    monkeypatch.setattr(peak_bars.calibration, "mixing", lambda: 0.0)
+
+
+def test_the_bar_grows_with_those_of_the_resonances_and_covers_each_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    plate = forced()
+    peak = peak_near(plate, highest_hz(plate, *BAND_HZ, 401))
+    bars = []
+    for error in (0.0, 0.005, 0.01):
+        known(monkeypatch, error)
+        bar = quality_error(plate, peak)
+        assert bar is not None
+        bars.append(bar)
+    assert bars[0] == pytest.approx(0.0, abs=1e-2 * QUALITY) and bars[0] < bars[1] < bars[2]
+    for basis in bases(plate):
+        for mode, value in enumerate(basis.eigenvalue):
+            for end in (0.99, 1.01):
+                moved = Variation(basis, (mode,), (value * end**2,)).of(plate)
+                is_own = abs(basis.frequency_hz[mode] - peak.frequency_hz) < 0.5 * peak.frequency_hz / QUALITY
+                read = peak_near(moved, peak.frequency_hz * (end if is_own else 1.0)).quality_factor
+                assert (
+                    read is not None and peak.quality_factor is not None and abs(read - peak.quality_factor) <= bars[2]
+                )
+
+
+def test_an_unknown_resonance_leaves_the_bar_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
+    plate = forced()
+    peak = peak_near(plate, highest_hz(plate, *BAND_HZ, 401))
+    known(monkeypatch, 0.01)
+    assert quality_error(plate, Peak(peak.frequency_hz, peak.zone_rms, peak.passive_rms, None)) is None
+    monkeypatch.setattr(peak_bars, "height_error", lambda of, hz: None)
+    assert quality_error(plate, peak) is None
+    known(monkeypatch, float("nan"))
+    assert quality_error(plate, peak) is None

@@ -1,0 +1,55 @@
+"""The model that an exported page holds, run by node: its numbers and its texts are Python's."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.explore import offline
+from pipeline.explore.answer import Explorer
+from tests.helpers.exploring import small_explorer
+
+NODE = shutil.which("node")
+SINGLE = 1e-4  # the page holds single precision
+ASK = """
+const { document, numbers, designs } = JSON.parse(require("fs").readFileSync(0, "utf8"));
+unpacked(numbers).then((values) => {
+  model = placed(document, values);
+  console.log(JSON.stringify(designs.map((design) => answered("answer", design))));
+});
+"""
+
+
+def answers(explorer: Explorer, designs: list[dict[str, float]], script: Path) -> list[dict[str, Any]]:
+    """The worker's own text answers the designs, without a browser."""
+    assert NODE
+    numbers = offline._Numbers()
+    document = offline.model_document(explorer, numbers)
+    given = json.dumps({"document": document, "numbers": numbers.text(), "designs": designs})
+    script.write_text(offline.worker() + ASK, encoding="utf-8")
+    done = subprocess.run([NODE, str(script)], input=given, capture_output=True, text=True, check=True)
+    answered: list[dict[str, Any]] = json.loads(done.stdout)
+    return answered
+
+
+@pytest.mark.skipif(NODE is None, reason="needs node, which runs the page's own model")
+def test_an_exported_page_has_pythons_numbers_and_texts(tmp_path: Path) -> None:
+    """Designs with and without a mode of the passive plate near the wanted one, and without rows."""
+    explorer = small_explorer(tmp_path)
+    own = explorer.scene.own()
+    designs = [own | {"extension": float(extension)} for extension in (5, 15, 25, 35)] + [own | {"rows": 0.0}]
+    near = set()
+    for design, theirs in zip(designs, answers(explorer, designs, tmp_path / "worker.js"), strict=True):
+        ours = explorer.answer(design)
+        plate, other = ours["plate"], theirs["plate"]
+        assert theirs["warnings"] == ours["warnings"]
+        assert other["status"] == plate["status"] and other["rivals"] == plate["rivals"]
+        near.add(plate["near_hz"] is None)
+        for name in ("frequency_hz", "frequency_error", "confinement_db", "confinement_error_db", "mac", "near_hz"):
+            assert other[name] == (plate[name] if plate[name] is None else pytest.approx(plate[name], rel=SINGLE))
+    assert near == {True, False}
