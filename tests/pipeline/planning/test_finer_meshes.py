@@ -43,16 +43,18 @@ def choice_of(part: str, scene: Case) -> ModelChoice:
 @pytest.mark.parametrize("model", ["auto", "solid"])
 @pytest.mark.parametrize("part", ["zone", "pillar", "plate", "cell"])
 def test_each_part_has_a_next_mesh_level_until_the_finest(part: str, model: str) -> None:
+    """Only a plate meshed whole has a finer mesh after the finest level; memory and the count of refinements end those."""
     scene, log = case(0.03, model=model), RecordingLog()
     choice: ModelChoice | None = choice_of(part, scene)
-    names, dofs = [], []
-    while choice is not None:
+    names, dofs, most = [], [], len(mesh_rules.CELL_LEVELS) + 2
+    while choice is not None and len(names) < most:
         assert choice.hexahedra and (choice.reduction is None or choice.reduction.hexahedra == choice.hexahedra)
         names.append(choice.mesh)
         dofs.append(_dofs(part, scene, choice))
         choice = finer_mesh(choice, 0.031, 0.0, scene, log)
-    assert len(names) >= 3 and [name in fact for name, fact in zip(names[1:], log.facts, strict=True)]
+    assert len(names) >= 3 and [name in fact for name, fact in zip(names[1:], log.facts, strict=choice is None)]
     assert dofs == sorted(dofs) and len(set(dofs)) == len(names)
+    assert (choice is not None) is ((part, model) == ("plate", "solid"))
 
 
 def _dofs(part: str, scene: Case, choice: ModelChoice) -> float:
