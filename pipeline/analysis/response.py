@@ -68,6 +68,7 @@ class Response:
         passive = curve.passive_rms_m_per_v
         first = curve.sensor_v_per_v[:, 0] if self.sensors else None
         circuit = {key: getattr(shift, key, None) for key in ("short_hz", "open_hz", "coupling")}
+        wanted = _peak(self.wanted, self.forced) if self.wanted else None
         return ResponseRecord.of(
             self,
             frequency_hz=curve.frequency_hz.tolist(),
@@ -77,12 +78,13 @@ class Response:
             polarisation_signs=self.signs,
             circuit={"drivers": self.forced.circuit, **circuit},
             wanted_status=self.forced.verdict.status,
-            wanted_peak=_peak(self.wanted, self.forced) if self.wanted else None,
-            highest_peak=_peak(self.highest, self.forced),
+            wanted_peak=wanted,
+            highest_peak=_peak(self.highest, self.forced, wanted if self.same else None),
         )
 
 
-def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
+def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
+    """The record of a peak; `same` is that of the same resonance, whose factor has the same bar."""
     height, frequency = (error(forced, peak.frequency_hz) for error in (height_error, frequency_error))
     return PeakRecord.of(
         peak,
@@ -90,7 +92,7 @@ def _peak(peak: Peak, forced: ForcedPlate) -> PeakRecord:
         passive_rms_m_per_V=peak.passive_rms,
         height_error=height,
         frequency_error=frequency,
-        quality_error=quality_error(forced, peak),
+        quality_error=same.quality_error if same else quality_error(forced, peak),
     )
 
 
