@@ -18,7 +18,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, pi
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,14 +41,6 @@ def wavenumbers(design: Design) -> FloatArray:
     lines = design.nodal_lines
     last = ceil(BEYOND * (max(lines, 2) - 0.5 + MORE))
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
-
-
-class Sample(NamedTuple):
-    """u_z of every trial function (q, n) at points (q, 2) of the touch face in m, with weights (q,) in m2."""
-
-    points: FloatArray
-    weights: FloatArray
-    values: FloatArray
 
 
 @dataclass(frozen=True)
