@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch.job import Job
+from pipeline.batch.job import Forecast, Job
 from pipeline.batch.study_file import StudyFile
-from pipeline.case.model import Case, load_case
+from pipeline.case.model import Case, case_from_dict, load_case, read_case
 from pipeline.case.overrides import toml_text
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -29,9 +28,10 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
     if study.base_measure:
         wanted.append(("base", [], study.base_measure))
     wanted += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
+    raw = read_case(study.case_path)
     for case_id, overrides, query in wanted:
         try:
-            case = load_case(study.case_path, overrides)
+            case = case_from_dict(raw, study.case_path, overrides)
             registry.check(case, query)
         except InputError as error:
             faults += [f"case {case_id}: {line}" for line in error.lines]
@@ -45,23 +45,20 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
         for measure in measures:
             payload |= measure.inputs()
         parts = repr((case.design.material, case.design.pillar, DesignRecord.of_design(case.design).cell))
-        jobs.append(Job(case_id, payload, dict(overrides), _memory(case, query), parts))
+        jobs.append(Job(case_id, payload, dict(overrides), parts, partial(_forecast, case, query)))
     if faults:
         raise InputError(faults)
     return jobs
 
 
-def _memory(case: Case, query: tuple[str, ...]) -> int:
-    """What a case is foreseen to take, B; 0 for one that its own run will refuse."""
-    with suppress(InputError):
-        demands = registry.plan_of(case, query).demands.values()
-        return round(max((demand.memory_bytes for demand in demands), default=0))
-    return 0
-
-
-def explain(study: StudyFile, job: Job) -> str:
-    """The plan of a case in a few lines."""
-    return registry.plan_of(load_case(study.case_path, job.payload["overrides"]), job.payload["measure"]).short()
+def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
+    """Estimated peak memory and plan of a case; no memory and the reason for one that is refused."""
+    try:
+        planned = registry.plan_of(case, query)
+    except InputError as error:
+        return Forecast(plan=str(error))
+    memory = round(max((demand.memory_bytes for demand in planned.demands.values()), default=0))
+    return Forecast(memory, planned.short())
 
 
 def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list[Path]:

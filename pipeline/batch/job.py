@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -22,17 +23,31 @@ Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 
 
 @dataclass(frozen=True)
+class Forecast:
+    """What a case is expected to take: its peak memory in B, and what will be computed, in a few lines."""
+
+    memory_bytes: int = 0
+    plan: str = ""
+
+
+@dataclass(frozen=True)
 class Job:
-    """One case: its id (folder name), its input with defaults, its swept keys, the memory it is expected to take.
+    """One case: its id (folder name), its input with defaults, its swept keys.
 
     parts: names what it computes and keeps for other cases, such as its reduced cells; '' for nothing.
+    forecaster: makes its forecast, once it is asked for: a forecast may solve a coarse cell.
     """
 
     case_id: str
     payload: dict[str, Any]
     sweep: dict[str, Any] = field(default_factory=dict)
-    memory_bytes: int = 0
     parts: str = ""
+    forecaster: Callable[[], Forecast] = field(default=Forecast, compare=False)
+
+    @cached_property
+    def forecast(self) -> Forecast:
+        """Memory and plan of the case."""
+        return self.forecaster()
 
 
 @dataclass(frozen=True)

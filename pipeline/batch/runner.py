@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pipeline import workers
 from pipeline.batch import journal, lock
-from pipeline.batch.job import CaseEnd, Compute, Job, Planned, record_loss, run_case
+from pipeline.batch.job import CaseEnd, Compute, Forecast, Job, Planned, record_loss, run_case
 from pipeline.batch.progress import Progress
 from pipeline.records import fingerprint, store
 from pipeline.records.run_log import close_abandoned
@@ -22,6 +22,7 @@ from solvers.fem.factor.memory import available_bytes
 __all__ = ["CaseEnd", "Job", "Options", "StudyOutcome", "plan", "run_study"]
 MEMORY_SHARE = 0.8  # of what is free at the start
 POLL_S = 0.25
+LOOK_AHEAD = 8  # waiting cases that may overtake one too large for the free memory
 
 
 @dataclass(frozen=True)
@@ -174,10 +175,11 @@ class _Run:
         """The next case, unless all workers are busy or its memory is taken; one case alone always fits."""
         if not self.waiting or len(self.running) >= self.workers:
             return None
-        granted = sum(job.memory_bytes for job in self.running.values())
+        granted = sum(job.forecast.memory_bytes for job in self.running.values())
         room = MEMORY_SHARE * (granted + available_bytes()) - granted
         bounded = bool(self.running) and self.options.executor is None
-        job = next((each for each in self._apart_first() if not bounded or each.memory_bytes <= room), None)
+        ahead = self._apart_first()[: LOOK_AHEAD if bounded else 1]
+        job = next((each for each in ahead if not bounded or each.forecast.memory_bytes <= room), None)
         if job:
             self.waiting.remove(job)
         return job
@@ -190,7 +192,8 @@ class _Run:
     def _submit(self, executor: Executor, job: Job) -> None:
         self.journal.write("started", case=job.case_id, why=self.why[job.case_id])
         self.progress.case_started(job.case_id)
-        task = executor.submit(run_case, self.compute, job, self.folder, fingerprint.current())
+        bare = replace(job, forecaster=Forecast)  # what a worker has no use for stays here
+        task = executor.submit(run_case, self.compute, bare, self.folder, fingerprint.current())
         self.running[task] = job
 
     def _collect(self, future: Future[CaseEnd]) -> None:

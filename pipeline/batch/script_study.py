@@ -75,11 +75,6 @@ def load_script(path: Path) -> ScriptStudy | None:
     return ScriptStudy(name, path, script)
 
 
-def explain(study: ScriptStudy, job: Job) -> str:
-    """Nothing: a script's cases have no plan."""
-    return ""
-
-
 def jobs_of(study: ScriptStudy, all_fields: bool = False) -> list[Job]:
     """The cases of the script; each carries the hash of the sources behind it. No script has fields of modes."""
     sources = {

@@ -188,12 +188,17 @@ class Case:
 def load_case(path: str | Path, overrides: Iterable[Override] = ()) -> Case:
     """The case of a TOML file with overrides, "key.path=value" or (key, value); InputError with one line for every fault."""
     file = Path(path)
+    return case_from_dict(read_case(file), source=file, overrides=overrides)
+
+
+def read_case(file: Path) -> dict[str, Any]:
+    """The tables of a case file as written; InputError for a study file and what read_toml refuses."""
     raw = read_toml(file)
     if isinstance(raw.get("study"), dict):
         raise InputError(
             f"{file}: a study file with a [study] table, must be a case file; antinode run {file} computes it"
         )
-    return case_from_dict(raw, source=file, overrides=overrides)
+    return raw
 
 
 def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[Override] = ()) -> Case:

@@ -59,8 +59,8 @@ def run(arguments: Namespace) -> int:
     if arguments.dry_run:
         for planned, job in zip(outcome.plan, jobs, strict=True):
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'up to date'}")
-            if text := kind.explain(study, job):
-                print("  " + text.replace("\n", "\n  "))
+            if job.forecast.plan:
+                print("  " + job.forecast.plan.replace("\n", "\n  "))
         return 0
     if warning := known.remember(study.name, study.source, folder):
         print(f"antinode: warning: {warning}", file=sys.stderr)

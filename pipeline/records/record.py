@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from functools import cached_property
 from math import isfinite, log10, nan
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -130,6 +131,11 @@ class DesignRecord(Part):
             own |= {"graded_pillars": shapes, "graded_widths_m": design.row_pitches_m.tolist()}
         own["zone_centres_m"] = design.zone_centres_m.tolist() if design.zones > 1 else []
         return cls.of(design, pillar=shape, pillar_centres_m=design.pillar_centres().tolist(), **own)
+
+    @cached_property
+    def key(self) -> str:
+        """The same text for the same design: equality at the price of a dictionary's look-up."""
+        return self.model_dump_json()
 
     @property
     def cell(self) -> tuple[Any, ...]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ValidationError
 
 from pipeline.records import record, store
-from pipeline.records.record import Record
+from pipeline.records.record import DesignRecord, Record
 
 if TYPE_CHECKING:
     import numpy as np
@@ -56,6 +59,13 @@ class StoredCase:
     def read_error(self) -> str:
         """Why there is no record; '' where there is one."""
         return self.record.diagnosis if self.record.status == "MISSING" else ""
+
+    @property
+    def has_cross_check(self) -> bool:
+        """Whether the case measured what others of its plate or its unit cell may show."""
+        return any(getattr(self.record, key) for key in (*SAME_PLATE, *SAME_CELL)) or any(
+            mesh.kind == "tet" for mesh in self.record.meshes
+        )
 
     def read(self, name: str) -> dict[str, Any]:
         """A JSON file of the case, {} when it is missing or torn, no object, or not what the record proves."""
@@ -104,14 +114,23 @@ class StoredStudy:
         """Swept keys, in their order of appearance."""
         return list(dict.fromkeys(key for case in self.cases for key in case.sweep))
 
+    @cached_property
+    def _by_plate(self) -> dict[str, list[StoredCase]]:
+        return _grouped(self.cases, lambda design: design.key)
+
+    @cached_property
+    def _by_cell(self) -> dict[str, list[StoredCase]]:
+        return _grouped(self.cases, lambda design: repr(design.cell))
+
     def with_cross_checks(self, case: StoredCase) -> StoredCase:
         """A case completed by what a study computes once: cross-checks of the same plate or the same unit cell."""
         own = case.record
         if own.design is None or not (own.wanted or own.bands):
             return case
-        others = [other for other in self.cases if other.case_id != case.case_id and other.record.design]
-        plates = [other for other in others if other.record.design == own.design]
-        cells = [other for other in others if other.record.design and other.record.design.cell == own.design.cell]
+        plates, cells = (
+            [other for other in group if other.case_id != case.case_id]
+            for group in (self._by_plate.get(own.design.key, []), self._by_cell.get(repr(own.design.cell), []))
+        )
         borrowed = {
             key: getattr(other.record, key)
             for keys, siblings in ((SAME_CELL, cells), (SAME_PLATE, plates))
@@ -124,6 +143,15 @@ class StoredStudy:
                   for stored, what in ((plates, "plate"), (cells, "cell")))  # fmt: skip
         borrowed["meshes"] = [*own.meshes, *filter(None, meshes)]
         return replace(case, record=own.model_copy(update=borrowed), siblings=folders)
+
+
+def _grouped(cases: Iterable[StoredCase], key: Callable[[DesignRecord], str]) -> dict[str, list[StoredCase]]:
+    """Cases that have a cross-check to lend, those of one key together in their order."""
+    groups = defaultdict(list)
+    for case in cases:
+        if case.record.design and case.has_cross_check:
+            groups[key(case.record.design)].append(case)
+    return groups
 
 
 def read_study(folder: Path) -> StoredStudy:

@@ -93,15 +93,16 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
 
 def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:
     """Swept keys that no measured column depends on: wherever cases differ in one alone, all their figures are the same."""
-    plain = {"case", "status", "diagnosis", *study.swept, *(name for name, *_ in TRACKED)}
+    swept = study.swept
+    plain = {"case", "status", "diagnosis", *swept, *(name for name, *_ in TRACKED)}
     measured = [column for column in columns if column.name not in plain]
     answered = [case.record for case in study.cases if case.record.status in STATUSES]
     figures = {id(record): [column.text(record) for column in measured] for record in answered}
     keys = []
-    for key in study.swept:
+    for key in swept:
         alike: dict[str, list[Record]] = {}
         for record in answered:
-            others = repr([record.sweep.get(other) for other in study.swept if other != key])
+            others = repr([record.sweep.get(other) for other in swept if other != key])
             alike.setdefault(others, []).append(record)
         pairs = [(one, other) for group in alike.values() for one, other in pairwise(group)]
         if measured and pairs and all(figures[id(one)] == figures[id(other)] for one, other in pairs):

@@ -13,7 +13,7 @@ from pipeline import quantity
 from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
-from pipeline.records.record import DesignRecord, ModeRecord, Record
+from pipeline.records.record import ModeRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare
@@ -159,14 +159,15 @@ def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 def plates(study: StoredStudy) -> list[StoredCase]:
     """The study's cases, each design once: a plate computed beside a sweep may be one of the sweep's own."""
-    seen: list[DesignRecord] = []
-    kept = set()
+    first: dict[str, str] = {}
     for case in sorted(study.cases, key=lambda case: not case.sweep):
-        design = case.record.design
-        if design is None or design not in seen:
-            kept.add(case.case_id)
-            seen += [design] if design else []
-    return [case for case in study.cases if case.case_id in kept]
+        first.setdefault(_plate_key(case), case.case_id)
+    return [case for case in study.cases if first[_plate_key(case)] == case.case_id]
+
+
+def _plate_key(case: StoredCase) -> str:
+    """The design's key; the case's own name where there is no design, so that it counts once."""
+    return case.record.design.key if case.record.design else case.case_id
 
 
 def _ended(study: StoredStudy) -> Card:

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,6 +20,7 @@ import pytest
 
 from pipeline import workers
 from pipeline.batch import job, journal, runner
+from pipeline.batch.job import Forecast
 from pipeline.batch.progress import Progress
 from pipeline.cli import study_commands
 from pipeline.measures import registry
@@ -129,10 +131,22 @@ def test_threads_share_the_cores(tmp_path: Path):
 
 def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
     huge = 2 * psutil.virtual_memory().total
-    jobs = [runner.Job(job.case_id, job.payload, job.sweep, huge) for job in fake_study.jobs(3)]
+    jobs = [replace(job, forecaster=lambda: Forecast(huge)) for job in fake_study.jobs(3)]
     assert run(tmp_path, jobs).exit_code == 0
     events = [(entry["event"], entry.get("case")) for entry in journal.read(tmp_path)[0] if "case" in entry]
     assert events == [(event, f"value={i}") for i in range(3) for event in ("started", "finished")]  # one at a time
+
+
+def test_only_cases_next_in_line_are_forecast(tmp_path: Path):
+    huge, asked = 2 * psutil.virtual_memory().total, []
+
+    def forecaster(case_id: str) -> Forecast:
+        asked.append(case_id)
+        return Forecast(huge)
+
+    jobs = fake_study.jobs(30, seconds=0.3, fates={0: "raise"})
+    run(tmp_path, [replace(job, forecaster=partial(forecaster, job.case_id)) for job in jobs], fail_fast=True)
+    assert asked and {*asked} <= {f"value={i}" for i in range(1 + runner.LOOK_AHEAD)}
 
 
 def test_cases_of_the_same_parts_are_not_begun_side_by_side(tmp_path: Path):

@@ -12,7 +12,7 @@ import pytest
 from pipeline.measures import registry
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
-from pipeline.records.record import BandPoint, BandsRecord, GapRecord
+from pipeline.records.record import BandPoint, BandsRecord, DesignRecord, GapRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import page as report_page
 from pipeline.report import text
@@ -55,6 +55,17 @@ def test_gap_and_bending_are_those_of_the_best_plate_and_name_it(study: StoredSt
     said = " ".join(text.sentences(study))
     assert "p6r3 meet M at 60.0\u202fkHz" in said
     assert all("p6r3" in card.note for name, card in cards(study).items() if name != "Cases")
+
+
+def test_large_studies_compare_no_design_with_every_other(study: StoredStudy, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A sweep of thousands of cases is grouped by its designs' keys."""
+
+    def compared(*_: object) -> bool:
+        raise AssertionError("a design was compared with another")
+
+    monkeypatch.setattr(DesignRecord, "__eq__", compared)
+    assert text.headline(study) and text.facts_of(study)
+    assert [study.with_cross_checks(case).case_id for case in study.cases] == [case.case_id for case in study.cases]
 
 
 def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(study: StoredStudy) -> None:
