@@ -78,19 +78,22 @@ def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamil
 def _answers(basis: GroupModes, pulls: Pulls, value: float) -> FloatArray:
     """What a group's classes answer, each class by itself, as few fields as hold all of them."""
     pencil, starts = basis.group.pencil, np.cumsum([0, *(plate.dof for plate in basis.group.plates)])
-    columns = []
-    for start, plate in zip(starts, basis.group.plates, strict=False):
+    plates = list(zip(starts, basis.group.plates, strict=False))
+    loads = np.zeros((pencil.dof, len(plates) * sum(forces.shape[1] for _, forces in pulls)))
+    if not loads.shape[1]:
+        return loads
+    at = 0
+    for start, plate in plates:
         for number, forces in pulls:
-            cell, load = plate.placed_cells[number], np.zeros((pencil.dof, forces.shape[1]))
-            live = cell.coefficient != 0.0
-            np.add.at(load, start + cell.dofs[live], cell.coefficient[live, None] * forces[live])
-            columns.append(load)
-    if not columns:
-        return np.zeros((pencil.dof, 0))
+            cell = plate.placed_cells[number]
+            live, own = cell.coefficient != 0.0, loads[:, at : at + forces.shape[1]]
+            np.add.at(own, start + cell.dofs[live], cell.coefficient[live, None] * forces[live])
+            at += forces.shape[1]
     factor, _ = factor_near(pencil, value * (1.0 + BESIDE), basis.group.factorise)
-    answers = factor.solve(np.hstack(columns))
+    answers = factor.solve(loads)
+    del loads, factor  # each as large as the answers: the peak of a plate's memory
     modes = basis.columns[:, : len(basis.eigenvalue)]
-    beyond = answers - modes @ (modes.T @ pencil.apply_mass(answers))
-    energy, turn = eigh(beyond.T @ pencil.apply_mass(beyond))
+    answers -= modes @ (modes.T @ pencil.apply_mass(answers))
+    energy, turn = eigh(answers.T @ pencil.apply_mass(answers))
     kept = np.cumsum(np.maximum(energy, 0.0)) > LEFT**2
     return np.asarray(answers @ turn[:, kept])
