@@ -76,7 +76,7 @@ class SolidModes:
     height_step: FloatArray
 
 
-def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (2, 3)) -> SolidModes:
+def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
     """Modes about a frequency in the limit of meshes of so many layers: what one leaves of the error goes on alike."""
     coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
     count = min(len(coarse[0]), len(fine[0]))

@@ -175,7 +175,7 @@ def of_cell_command(name: str, design: Design) -> Compared:
     """Ten bands at G, X and M by `antinode bands` at two accuracies, all of their bars."""
     (rough, bar), (fine, _) = (_at_corners(design, accuracy) for accuracy in (ROUGHLY, 0.1 * ROUGHLY))
     moving = fine > SLOWEST * fine.max()
-    return Compared(name, described(design), np.abs(rough / fine - 1.0)[moving], bar[moving])
+    return Compared(name, described(design), np.abs(rough[moving] / fine[moving] - 1.0), bar[moving])
 
 
 def of_block(name: str, model: str, design: Design) -> Compared:

@@ -68,19 +68,11 @@ def block(draw: np.random.Generator) -> Design:
 
 
 def stiff_patch(draw: np.random.Generator) -> BondedPlate:
-    """A patch 0.2 to 1 times as thick as its plate on either face; on every other plate's touch face over pillars."""
+    """A bare plate with a patch 0.2 to 1 times as thick on either face."""
     material = MATERIALS[CARRIERS[int(draw.integers(len(CARRIERS)))]]
     thickness = draw.uniform(0.8e-3, 2e-3)
     length = thickness * draw.uniform(18.0, 24.0)
     span = length * draw.uniform(0.55, 0.8)
     patch = (length * draw.uniform(0.25, 0.5), span * draw.uniform(0.25, 0.5), thickness * draw.uniform(0.2, 1.0))
-    is_on_back, has_pillars = bool(draw.integers(2)), bool(draw.integers(2))
-    zone, side = 0.3 * span, thickness * draw.uniform(0.8, 1.3)
-    pillar = Pillar("square", side, side, side * draw.uniform(1.0, 2.5), material)
-    wide = zone + side * draw.uniform(0.6, 2.4)
-    if not has_pillars:
-        bare = Design(length, 0.6 * span, thickness, 2, material, None, NONE, NONE, 0, 0.2 * span)
-        return BondedPlate(bare, patch, is_on_back)
-    extension = max(thickness, (span - zone) / 2.0 - side)
-    design = Design(length, zone, thickness, 2, material, pillar, length / 3.0, length / 3.0, 1, extension)
-    return BondedPlate(design, (patch[0], wide, patch[2]), False)
+    bare = Design(length, 0.6 * span, thickness, 2, material, None, NONE, NONE, 0, 0.2 * span)
+    return BondedPlate(bare, patch, bool(draw.integers(2)))
