@@ -6,7 +6,10 @@ matrices: motions as short as an element meet many times the stiffness on the co
 ceramic is beside its plate, and a share of that taken from K softens the plate by more than there is. Modes of the coarser
 mesh, aligned with those of the finer one (schoenemann1966), have K there; with A and g its matrices in modal coordinates
 
-    Lambda = A + t (A - A_c),    gains = g + t (g - g_c).
+    Lambda = A - t (A_c - A)+,    gains = g + t (g - g_c).
+
+A mesh nested in another one is no softer: of A_c - A only the positive part + is of the edges. Where the coarser mesh is the
+softer one, something else differs, and what a share of that would change is in the bar.
 """
 
 from __future__ import annotations
@@ -28,10 +31,9 @@ ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is
 @dataclass(frozen=True)
 class BondErrors:
     """Half-widths of the bars by the mesh of the bond: of frequencies, relative, (k,); of gains, (k, patches). NaN where a mode
-    has no counterpart on the coarser mesh. lowered (k,): what was taken from frequencies, relative.
+    has no counterpart on the coarser mesh.
     """
 
-    lowered: FloatArray
     frequency: FloatArray
     gain: FloatArray
 
@@ -68,17 +70,22 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
         return ExtrapolatedModes(values, vectors, gain, None)
     stiffness, coarse_gain, known = _aligned(group, coarser, (values, vectors), gain)
     share, spread = coarser.shares.taken, coarser.shares.spread
-    better, turn = eigh(np.diag(values) + share * (np.diag(values) - stiffness))
-    own, coarse = (turn.T @ each @ turn for each in (np.diag(values), stiffness))
-    change = np.diag(coarse - own)
+    stiffer, softer = _signed(stiffness - np.diag(values))
+    better, turn = eigh(np.diag(values) - share * stiffer)
+    change, against = (np.einsum("ij,ik,kj->j", turn, each, turn) for each in (stiffer + softer, softer))
     gains, coarse_gains = turn.T @ gain, turn.T @ coarse_gain
     unknown = np.where((turn**2).T @ known > ALIKE, 1.0, np.nan)
     errors = BondErrors(
-        share * change / (2.0 * better),
-        unknown * spread * np.abs(change) / (2.0 * better),
+        unknown * (spread * np.abs(change) + share * np.abs(against)) / (2.0 * better),
         unknown[:, None] * spread * np.abs(gains - coarse_gains),
     )
     return ExtrapolatedModes(better, vectors @ turn, gains + share * (gains - coarse_gains), errors)
+
+
+def _signed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The positive and the negative part of a symmetric matrix, whose sum it is."""
+    values, vectors = eigh(matrix)
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T, (vectors * np.minimum(values, 0.0)) @ vectors.T
 
 
 def _aligned(

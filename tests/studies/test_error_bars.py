@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pytest
 
-from studies import error_bars
-from studies.error_bars import Compared
+from geometry.layout import Design
+from geometry.materials import MATERIALS
+from studies import compared_scenes, error_bars
+from studies.compared_scenes import described, of_block, paired
+from studies.error_bars import SEED, Compared
 
 
 def results() -> list[Compared]:
@@ -23,13 +27,24 @@ def test_every_part_is_drawn_and_told() -> None:
     assert all(f"| {part} | 2 | 50.0% | 1.50 |" in page for part in error_bars.PARTS)
 
 
-def test_scenes_are_the_same_each_time_and_those_of_another_seed_are_others() -> None:
-    first, again, other = ([*error_bars.designs(3, seed)] for seed in (error_bars.SEED, error_bars.SEED, 7))
-    assert first == again and not [design for design in first if design in other]
-    assert {error_bars.described(design) for design in error_bars.designs(2)} == {
-        error_bars.described(design) for design in error_bars.designs(3, error_bars.SEED)
-    } - {error_bars.described(first[2])}
+@pytest.mark.parametrize("part", error_bars.PARTS)
+def test_scenes_are_the_same_each_time_and_those_of_another_seed_are_others(part: str) -> None:
+    first, again, other = ([repr(scene) for scene in error_bars.scenes(part, 3, seed)] for seed in (SEED, SEED, 7))
+    assert first == again and not [scene for scene in first if scene in other]
+    assert [repr(scene) for scene in error_bars.scenes(part, 2)] == first[:2]
+    assert all(described(scene) for scene in error_bars.scenes(part, 2))
 
 
-def test_every_part_has_a_number_of_scenes() -> None:
-    assert list(error_bars.COUNTS) == list(error_bars.PARTS)
+def test_a_mode_that_either_list_lacks_lies_outside_every_bar() -> None:
+    for ours, theirs in (([(2.0, 0.1), (1.0, 0.1)], [1.0]), ([(1.0, 0.1)], [1.0, 2.0])):
+        error, bar = paired(ours, np.array(theirs))
+        assert error.tolist() == [0.0, np.inf] and bar[0] == 0.1 and np.isfinite(bar[1])
+
+
+@pytest.mark.slow
+def test_a_block_of_any_material_is_compared_with_its_exact_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compared_scenes, "BLOCK_MODES", 2)
+    monkeypatch.setattr(compared_scenes, "DEGREES", (8, 8, 8))
+    design = Design(20e-3, 15e-3, 8e-3, 1, MATERIALS["brass"], None, *[np.nan] * 2, 0, 0.0)
+    result = of_block("block", "superelement", design)
+    assert len(result.error) >= 2 and result.within == 1.0

@@ -26,7 +26,7 @@ from solvers.piezo.patch import _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from tests.helpers.bonded_solid import bonded_solid
+from studies.bonded_solid import bonded_solid, lifted
 from tests.helpers.piezo_beam import (
     Section,
     cantilever_hz,
@@ -53,7 +53,7 @@ def cantilever(material: PiezoMaterial) -> tuple[float, float]:
     region = np.zeros((len(x) - 1, len(y) - 1, 1), dtype=np.int64)
     below = hex_mesh(Boxes(x, y, np.array([0.0, METAL_M]), region, ("metal",)), 2)
     system = assemble(below, {"metal": STEEL_LIKE})
-    joined = bonded_solid(system, above, material, CERAMIC_M)
+    joined = bonded_solid(system, lifted(above, below), material, CERAMIC_M)
     k, m, load = joined.stiffness.toarray(), joined.mass.toarray(), joined.load
     kept = np.repeat(joined.place_nm[:, 0] > 0, 3)
     result = []

@@ -290,7 +290,7 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     made = across_the_mirror()
     every = []
     for plates in ({symmetry: made.assembled(symmetry) for symmetry in CLASSES}, {WHOLE: made.assembled(None)}):
-        patch = bonded_patch(PZ26, MIDDLE[0], THICK_M, True)
+        patch = bonded_patch(PZ26, MIDDLE[0], THICK_M, True, HexSettings(2, 4e-3, 1, 0.15))
         plate = PatchedPlate(plates, [patch], True, beneath=Beneath(made.reductions))
         modes = [modes_in_band(group.pencil, *BAND_HZ).frequency_hz for group in plate.everything]
         every.append(np.sort(np.concatenate(modes)))

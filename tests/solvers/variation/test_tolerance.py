@@ -15,7 +15,7 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
-from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
 from solvers.piezo.patched_plate import CLASSES
 from solvers.piezo.pressure_load import PressedPlate
 from solvers.superelement.build import PlateModel
@@ -28,7 +28,9 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.0e-3, ALUMINIUM)
 DESIGN = Design(17e-3, 10e-3, 2e-3, 2, ALUMINIUM, PILLAR, 4e-3, 4e-3, 1, 3e-3)
 BAND_HZ, QUALITY = (20e3, 50e3), 100.0
-ALIKE_DB = 0.01  # two levels nearer than that are one
+TALL_M = 7.5e-3  # a pillar of a plate whose level depends on them
+ALIKE_DB = 0.01  # levels nearer than that are alike
+MOVED = 0.1  # of the spread: what the space may move a sample by before the tool warns
 DEVIATIONS = Deviations(0.06e-3, 0.02e-3, 0.02e-3)
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.25, 4e-3), 6e-3)
 
@@ -54,17 +56,18 @@ class Stand:
 
 
 @cache
-def stand() -> Stand:
-    made, reductions = model(DESIGN)
-    forced = pressed(made, DESIGN)
+def stand(height_m: float = PILLAR.height_m) -> Stand:
+    design = replace(DESIGN, pillar=replace(PILLAR, height_m=height_m))
+    made, reductions = model(design)
+    forced = pressed(made, design)
     return Stand(made, reductions, forced, VariedPlate(forced, reductions.families))
 
 
 class Whole:
     """Every cell of the plate assembled, no mirror used: each pillar with the cell that its deviations give."""
 
-    def __init__(self, change_m: np.ndarray) -> None:
-        have = stand()
+    def __init__(self, change_m: np.ndarray, have: Stand) -> None:
+        self.have = have
         joined = have.made.assembled("SS")
         self.tiling, self.grid = joined.tiling, joined.grid
         self.scale = joined.placed_cells[0].cell.scale
@@ -102,10 +105,15 @@ class Whole:
         foot = self.tiling.feet.get((i, j))
         if foot is None:
             return cell, turn, cell.stiffness, cell.mass
-        have = stand()
+        have = self.have
         number = int(np.argmin(np.abs(have.varied.pillars - np.array(foot)).sum(axis=1)))
         family = have.reductions.families[signature(self.tiling.panel(*other))]
         return cell, turn, *family.at(signs * change_m[number])
+
+    def nearest_hz(self, frequency_hz: float) -> float:
+        """The natural frequency nearest to one, Hz."""
+        value = spla.eigsh(self.k, 1, self.m, sigma=self.scale.eigenvalue(frequency_hz), return_eigenvectors=False)
+        return float(self.scale.frequency(value)[0])
 
     def rms(self, frequency_hz: float) -> tuple[float, float]:
         """rms |u_z| on zone and passive face under the pressure in the wanted shape, m/N."""
@@ -162,40 +170,83 @@ def test_pillars_stand_where_the_design_puts_them() -> None:
     assert np.abs(mine[:, None] - centres[None]).sum(axis=2).min(axis=1).max() < 1e-9
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_plate_of_unlike_pillars_is_the_one_assembled_whole(seed: int) -> None:
-    """Direct solves of all cells, no mirrors, no modes. On a flank 2 Q times the error of a resonance: 3e-4 makes 6 %.
-
-    In a space of modes from a third to thrice the band half as much: what is left then is that cells are interpolated.
-    """
-    have, wide = stand(), widened()
-    change = DEVIATIONS.draw(len(have.varied.pillars), 1, seed)[0]
-    whole = Whole(change)
-    tones = np.linspace(22e3, 48e3, 14)
+def check_as_whole(varied: VariedPlate, seed: int, most: float) -> None:
+    """Direct solves of all cells, no mirrors, no modes."""
+    change = DEVIATIONS.draw(len(varied.pillars), 1, seed)[0]
+    whole, tones = Whole(change, stand()), np.linspace(22e3, 48e3, 7)
     direct = np.array([whole.rms(tone) for tone in tones]).T
-    still = faces(have.varied, np.zeros_like(change), tones)
+    still = faces(varied, np.zeros_like(change), tones)
     assert np.abs(direct / still - 1.0).max() > 0.2  # the deviations do something there
-    errors = [np.abs(faces(varied, change, tones) / direct - 1.0).max() for varied in (have.varied, wide)]
-    assert errors[0] < 0.06
-    assert errors[1] < 0.03
+    assert np.abs(faces(varied, change, tones) / direct - 1.0).max() < most
 
 
-def test_in_a_band_as_narrow_as_one_mode_a_level_is_that_of_the_whole_plate() -> None:
-    """Frequencies err in second order, fields in first but for the shapes that the changes bring: of 5e-2 dB little is left."""
-    have, tone = stand(), stand().forced.wanted_hz()
-    assert tone is not None
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_plate_of_unlike_pillars_is_the_one_assembled_whole(seed: int) -> None:
+    """On a flank 2 Q times the error of a resonance: 3e-4 makes 6 %."""
+    check_as_whole(stand().varied, seed, 0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_in_a_space_of_modes_from_a_third_to_thrice_the_band_half_as_much_is_missed(seed: int) -> None:
+    """What is left then is that cells are interpolated."""
+    check_as_whole(in_band(stand(), *BAND_HZ, (0.3, 2.5)), seed, 0.03)
+
+
+def in_band(have: Stand, low: float, high: float, margin: tuple[float, float]) -> VariedPlate:
+    """The plate whose samples are held by modes of one band."""
     plate = PressedPlate({symmetry: have.made.assembled(symmetry) for symmetry in CLASSES}, DESIGN, have.made.name)
-    forced = ForcedPlate(plate, DESIGN, Drive((0,), (), (0.97 * tone, 1.03 * tone), QUALITY), margin=(1.0, 1.0))
-    narrow = VariedPlate(forced, have.reductions.families)
-    changes, errors, levels = DEVIATIONS.draw(len(narrow.pillars), 3, 1), [], []
-    for change in changes:
-        sample = narrow.sample(change)
-        assert sample.tracked_hz is not None
-        zone, passive = Whole(change).rms(sample.tracked_hz)
-        ours = faces(narrow, change, np.array([sample.tracked_hz]))[:, 0]
-        levels.append(20.0 * np.log10(zone / passive))
-        errors.append(20.0 * np.log10(ours[0] / ours[1]) - levels[-1])
-    assert np.abs(errors).max() < ALIKE_DB < np.ptp(levels)
+    return VariedPlate(
+        ForcedPlate(plate, DESIGN, Drive((0,), (), (low, high), QUALITY), margin), have.reductions.families
+    )
+
+
+def in_space(varied: VariedPlate, change: np.ndarray) -> tuple[float, float]:
+    """Frequency in Hz and confinement in dB of a sample's wanted mode."""
+    sample = varied.sample(change)
+    assert sample.tracked_hz is not None
+    zone, passive = faces(varied, change, np.array([sample.tracked_hz]))[:, 0]
+    return sample.tracked_hz, 20.0 * np.log10(zone / passive)
+
+
+def as_a_whole(have: Stand, change: np.ndarray, about_hz: float) -> tuple[float, float]:
+    """The same of the plate assembled whole."""
+    whole = Whole(change, have)
+    tone = whole.nearest_hz(about_hz)
+    zone, passive = whole.rms(tone)
+    return tone, 20.0 * np.log10(zone / passive)
+
+
+def check_alike(have: Stand, varied: VariedPlate, changes: np.ndarray) -> None:
+    """Frequency and level of each sample are the whole plate's but for a tenth of what the samples differ by, and so are their
+    spreads.
+    """
+    ours = np.array([in_space(varied, change) for change in changes])
+    theirs = np.array([as_a_whole(have, change, tone) for change, (tone, _) in zip(changes, ours, strict=True)])
+    spreads = theirs.std(axis=0, ddof=1)
+    unlike = np.maximum(MOVED * spreads, [0.0, ALIKE_DB])
+    assert (np.abs(ours - theirs).max(axis=0) < unlike).all()
+    assert (np.abs(ours.std(axis=0, ddof=1) - spreads) < MOVED * spreads).all()
+
+
+def test_in_a_band_as_narrow_as_one_mode_samples_are_whole_plates() -> None:
+    """Frequencies err in second order, fields in first but for the shapes that the changes bring: of 5e-2 dB little is left."""
+    have = stand()
+    tone = have.forced.wanted_hz()
+    assert tone is not None
+    narrow = in_band(have, 0.97 * tone, 1.03 * tone, (1.0, 1.0))
+    check_alike(have, narrow, DEVIATIONS.draw(len(narrow.pillars), 3, 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("width", [0.05, 0.2])
+def test_thirty_samples_are_thirty_whole_plates_whatever_the_band(width: float) -> None:
+    """Pillars so high that they ring nearer to the wanted mode: its level follows them."""
+    have = stand(TALL_M)
+    tone = have.forced.wanted_hz()
+    assert tone is not None
+    varied = in_band(have, (1.0 - width) * tone, (1.0 + width) * tone, MARGIN)
+    check_alike(have, varied, DEVIATIONS.draw(len(varied.pillars), 30, 9))
 
 
 def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndarray:
@@ -203,14 +254,6 @@ def faces(varied: VariedPlate, change: np.ndarray, tones: np.ndarray) -> np.ndar
     curve = varied.sample(change).curve(tones)
     assert curve.passive_rms_m_per_v is not None
     return np.array([curve.zone_rms_m_per_v, curve.passive_rms_m_per_v])
-
-
-@cache
-def widened() -> VariedPlate:
-    have = stand()
-    plate = PressedPlate({symmetry: have.made.assembled(symmetry) for symmetry in CLASSES}, DESIGN, have.made.name)
-    forced = ForcedPlate(plate, DESIGN, Drive((0,), (), BAND_HZ, QUALITY), margin=(0.3, 2.5))
-    return VariedPlate(forced, have.reductions.families)
 
 
 def test_the_mirror_image_of_a_plate_answers_alike() -> None:

@@ -1,0 +1,175 @@
+"""A plate and a piezo patch as solids that share the nodes of their bond, with the whole potential between the electrodes.
+
+Nothing of it is condensed, reduced or extrapolated by what a driven plate is computed with: the reference for that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.boxes import Boxes, HexSettings, bonded_boxes, hex_mesh
+from geometry.hex.grading import Grading, grid_lines
+from geometry.layout import Design, Stand, region_materials
+from geometry.mesh import Mesh
+from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
+from solvers.fem.assembly import System, assemble
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.surface import face_quadrature
+from solvers.piezo.patch import _matrices, with_potential
+
+SAME_M = 1e-9
+NEAREST = 14  # modes of a quarter about the middle of a band, more than it holds
+SHRINK, EXPONENT = (
+    0.3,
+    0.55,
+)  # of elements towards an edge, and of displacements there (williams1952), within 0.03 for all pairs
+LEFT = SHRINK ** (2.0 * EXPONENT)  # of the error, after one more layer
+SIZE_M = 2e-3  # of elements of order 3 away from edges
+UNSURE = 0.3  # of the last step: what its extrapolation may be off by
+
+
+@dataclass(frozen=True)
+class BondedSolid:
+    """K (N/m) and M (kg), (3n, 3n), at constant voltage; the load of a volt (3n,) in N; the patch's clamped capacitance in F;
+    where the nodes lie, (n, 3), in nm; and the matrix (3n, 3 plate nodes) from the plate's own degrees of freedom. bending:
+    what the potential between the electrodes adds to K is N D^-1 N'; its factors N (3n, p) and D (p, p).
+    """
+
+    stiffness: sp.csr_array
+    mass: sp.csr_array
+    load: FloatArray
+    capacitance_f: float
+    place_nm: IntArray
+    plate: sp.csr_array
+    bending: tuple[sp.csr_array, sp.csr_array]
+
+
+@dataclass(frozen=True)
+class BondedPlate:
+    """A plate with a patch of pz26, lengths (3,) in m, in the middle of its back or its touch face."""
+
+    design: Design
+    patch_m: tuple[float, float, float]
+    is_on_back: bool = True
+
+    @property
+    def box_m(self) -> FloatArray:
+        """The patch's footprint x0, x1, y0, y1."""
+        x, y = self.patch_m[0] / 2.0, self.patch_m[1] / 2.0
+        return np.array([-x, x, -y, y])
+
+
+@dataclass(frozen=True)
+class SolidModes:
+    """Modes of a quarter that the patch drives, ascending, rigid ones left out: frequencies in Hz and heights of their peaks,
+    (k,) each, and what the last layer changed of both, relative.
+    """
+
+    frequency_hz: FloatArray
+    height: FloatArray
+    frequency_step: FloatArray
+    height_step: FloatArray
+
+
+def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
+    """Modes about a frequency in the limit of meshes of so many layers: what one leaves of the error goes on alike."""
+    coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
+    count = min(len(coarse[0]), len(fine[0]))
+    limits = [b[:count] - (a[:count] - b[:count]) * LEFT / (1.0 - LEFT) for a, b in zip(coarse, fine, strict=True)]
+    steps = [np.abs(a[:count] / b[:count] - 1.0) for a, b in zip(coarse, fine, strict=True)]
+    return SolidModes(limits[0], limits[1], steps[0], steps[1])
+
+
+def height(frequency_hz: FloatArray, gain: FloatArray, heave: FloatArray, weights: FloatArray) -> FloatArray:
+    """Mean-square u_z of each mode's peak on the touch face over volts, up to one factor for all."""
+    return np.asarray(np.abs(gain) * np.sqrt(weights @ heave**2 / weights.sum()) / frequency_hz**2)
+
+
+def _modes(bonded: BondedPlate, middle_hz: float, layers: int) -> tuple[FloatArray, FloatArray]:
+    """Frequencies and heights: a quarter of plate, pillars and patch as one solid between two mirrors."""
+    boxes = _plate(bonded, layers)
+    plate, patch = hex_mesh(boxes, 3), _patch(bonded, boxes, layers)
+    system = assemble(plate, region_materials(bonded.design.material, bonded.design.pillar))
+    joined, scale = bonded_solid(system, patch, PIEZO_MATERIALS["pz26"], bonded.patch_m[2]), system.scale
+    unit = scale.young_pa * scale.length_m
+    moves = np.column_stack([joined.place_nm[:, :2] != 0, np.ones(len(joined.place_nm), dtype=bool)])
+    free = np.flatnonzero(moves)
+    coupling, dielectric = (each / unit for each in joined.bending)
+    stiffness = sp.block_array(
+        [[joined.stiffness[free][:, free] / unit, coupling[free]], [coupling[free].T, -dielectric]], format="csc"
+    )
+    heavy = joined.mass[free][:, free] / scale.mass_kg
+    mass = sp.block_diag([heavy, sp.csc_array(dielectric.shape)], format="csc")
+    values, vectors = _nearest(sp.csc_array(stiffness), sp.csc_array(mass), scale.eigenvalue(middle_hz))
+    tones = scale.frequency(np.maximum(values, 0.0))
+    inside = tones > 1e-3 * tones.max()
+    moved = np.zeros((moves.size, int(inside.sum())))
+    moved[free] = vectors[: len(free), inside]
+    touch = face_quadrature(plate, "touch")
+    heave = touch.interpolation @ (joined.plate.T @ moved)[2::3]
+    return tones[inside], height(tones[inside], joined.load / unit @ moved, heave, touch.weights)
+
+
+def _plate(bonded: BondedPlate, layers: int) -> Boxes:
+    """The quarter x, y >= 0 of plate and pillars."""
+    design = bonded.design
+    reach = design.footprint_m / 2.0 if design.rows else 0.0
+    stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in design.standing())
+    span = np.array([0.0, design.length_m / 2.0, 0.0, design.half_span_m])
+    settings = HexSettings(3, SIZE_M, layers, SHRINK)
+    return bonded_boxes(span, design.thickness_m, stands, bonded.box_m, bonded.is_on_back, settings)
+
+
+def _patch(bonded: BondedPlate, plate: Boxes, layers: int) -> Mesh:
+    """The quarter of the patch, along the plate's own lines."""
+    box, thick, back = bonded.box_m, bonded.patch_m[2], bonded.is_on_back
+    x, y = (lines[lines < edge + SAME_M] for lines, edge in ((plate.x, box[1]), (plate.y, box[3])))
+    bond = bonded.design.thickness_m if back else 0.0
+    end = bond + thick if back else -thick
+    z = grid_lines({bond: True, end: False}, Grading(SIZE_M, layers, SHRINK))
+    return hex_mesh(Boxes(x, y, z, np.zeros((len(x) - 1, len(y) - 1, len(z) - 1), dtype=np.int64), ("patch",)), 3)
+
+
+def _nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple[FloatArray, FloatArray]:
+    """The modes nearest to a scaled eigenvalue, ascending: K is indefinite in the potential, M has nothing there."""
+    factor = Factoriser()(sp.csc_array(stiffness - shift * mass))
+    inverse = spla.LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
+    start = factor.solve(mass @ np.ones(stiffness.shape[0]))
+    values, vectors = spla.eigsh(stiffness, NEAREST, mass, sigma=shift, OPinv=inverse, v0=start)
+    upwards = np.argsort(values)
+    return values[upwards], vectors[:, upwards]
+
+
+def bonded_solid(plate: System, patch: Mesh, material: PiezoMaterial, thickness_m: float) -> BondedSolid:
+    """Join an assembled plate and a patch where their nodes meet."""
+    stiffness, mass, theta, capacitance = _matrices(patch, material, thickness_m)
+    place = np.round(np.vstack([plate.mesh.nodes, patch.nodes]) / SAME_M).astype(np.int64)
+    unique, number = np.unique(place, axis=0, return_inverse=True)
+    below, above = (_spread(own, len(unique)) for own in np.split(number.ravel(), [len(plate.mesh.nodes)]))
+    both, size = with_potential(patch, material, thickness_m)[0], 3 * len(patch.nodes)
+    unit, heavy = plate.scale.young_pa * plate.scale.length_m, sp.kron(plate.mass, sp.eye_array(3))
+    return BondedSolid(
+        sp.csr_array(below @ (unit * plate.stiffness) @ below.T + above @ sp.csr_array(stiffness) @ above.T),
+        sp.csr_array(below @ (plate.scale.mass_kg * heavy) @ below.T + above @ sp.csr_array(mass) @ above.T),
+        above @ theta,
+        capacitance,
+        unique,
+        below,
+        (sp.csr_array(above @ both[:size, size:]), sp.csr_array(-both[size:, size:])),
+    )
+
+
+def lifted(patch: Mesh, plate: Mesh) -> Mesh:
+    """A patch whose mesh starts at z = 0, on a bare plate's back."""
+    return replace(patch, nodes=patch.nodes + np.array([0.0, 0.0, plate.nodes[:, 2].max()]))
+
+
+def _spread(nodes: IntArray, count: int) -> sp.csr_array:
+    """From the degrees of freedom of some nodes to those of all."""
+    places = (3 * nodes[:, None] + np.arange(3)).ravel()
+    return sp.coo_array((np.ones(len(places)), (places, np.arange(len(places)))), (3 * count, len(places))).tocsr()
