@@ -21,6 +21,7 @@ from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
 from solvers.analytic.beams import free_free_mode
+from solvers.fem import gauss_grid
 from solvers.measures import wanted_mode
 from solvers.parametric import bands, bare, chain, finite
 from solvers.parametric.affine import NAMES
@@ -209,7 +210,7 @@ def _bare(lame: float, shear: float) -> Plain:
     def plain(matrix: FloatArray) -> Plain:
         return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
 
-    gauss, weights = legendre.leggauss(bare.POINTS)
+    gauss, weights = legendre.leggauss(gauss_grid.COUNT)
     flat, _ = bare.line_values(gauss, False)
     _, bottom = bare.line_values(np.array([-1.0]), False)
     return {

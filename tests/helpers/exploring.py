@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -41,9 +42,10 @@ MEASURED = np.linspace(1e-3, 4e-3, 160).reshape(16, 10)
 MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been measured
 
 
-def small_explorer(folder: Path, *settings: str) -> Explorer:
-    """The explorer of examples/small.toml with --set words, its bases kept in a folder."""
+def small_explorer(folder: Path, *settings: str, pillar: dict[str, Any] | None = None) -> Explorer:
+    """The explorer of examples/small.toml with --set words or other pillars, its bases kept in a folder."""
     raw = read_toml(SMALL)
+    raw["pillar"] = pillar or raw["pillar"]
     case = case_from_dict(raw, SMALL, list(settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(folder))

@@ -530,15 +530,37 @@ function motionsOf(data, places, steps, motion, free) { // of every cell, the ou
   }
   return out;
 }
-function profileOf(motions) { // u_z on the touch face
-  return motions.flatMap(({ cell, middle, re, im }) => {
-    const x = mul(cell.touch, re), y = mul(cell.touch, im), count = re.m;
+const linesOf = (data, design, end, middle) => [data.zone_width / 2, end - design.extension].flatMap((line) => [line - middle, -line - middle]);
+function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/gauss_grid.py
+  const { gauss, weights } = data.bare, n = gauss.length, points = [], areas = [], rows = [], width = cell.touch.m, own = (i) => cell.touch.a.subarray(i * width, (i + 1) * width);
+  for (let first = 0; first < cell.points.length; first += n * n) {
+    const low = cell.points[first][1], high = cell.points[first + n - 1][1], middle = (low + high) / 2, half = (high - low) / (gauss[n - 1] - gauss[0]);
+    const inside = lines.map((line) => (line - middle) / half).filter((at) => Math.abs(at) < 1 - 1e-9).sort((a, b) => a - b), ends = [-1, ...inside, 1];
+    const t = inside.length ? ends.slice(1).flatMap((end, i) => gauss.map((s) => ends[i] + (end - ends[i]) * (s + 1) / 2)) : gauss;
+    const share = inside.length ? ends.slice(1).flatMap((end, i) => weights.map((w) => (end - ends[i]) / 2 * w)) : weights;
+    const values = t.map((at, r) => gauss.map((s, j) => inside.length ? gauss.reduce((v, other, k) => k === j ? v : v * (at - other) / (s - other), 1) : +(r === j)));
+    for (let i = 0; i < n; i++) {
+      const start = first + i * n, across = cell.weights.slice(start, start + n).reduce((a, b) => a + b, 0) / 2;
+      t.forEach((at, r) => {
+        const row = zeros(width);
+        values[r].forEach((v, j) => { if (v) own(start + j).forEach((u, c) => { row[c] += v * u; }); });
+        points.push([cell.points[start][0], middle + half * at]); areas.push(across * share[r]); rows.push(row);
+      });
+    }
+  }
+  const touch = mat(rows.length, width);
+  rows.forEach((row, i) => touch.a.set(row, i * width));
+  return { ...cell, points, weights: areas, touch };
+}
+function profileOf(data, design, { motions, half_span }) { // u_z on the touch face
+  return motions.flatMap(({ cell: whole, middle, re, im }) => {
+    const cell = parted(data, whole, linesOf(data, design, half_span, middle)), x = mul(cell.touch, re), y = mul(cell.touch, im), count = re.m;
     return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
   });
 }
 function measured(data, found, design) { // solvers/measures: confinement.py, wanted_mode.py
   const half = data.zone_width / 2, beyond = found.half_span - design.extension, unit = data.plate_density * design.thickness ** 3;
-  const places = profileOf(found.motions), modes = found.frequency.map((hz, c) => {
+  const places = profileOf(data, design, found), modes = found.frequency.map((hz, c) => {
     let inside = 0, all = 0, active = 0, passive = 0, passiveArea = 0, far = 0, farArea = 0, own = 0, re = 0, im = 0;
     for (const p of places) {
       const square = p.re[c] ** 2 + p.im[c] ** 2, y = Math.abs(p.y);
@@ -581,10 +603,10 @@ function finitePlate(data, pillarCell, design, window) {
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
-  const pieces = columns[0].motions.map((place, number) => ({ ...place, even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
+  const pieces = columns[0].motions.map((place, number) => ({ ...place, cell: parted(data, place.cell, linesOf(data, design, columns[0].half_span, place.middle)), even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
     part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
   const over = (data.zone_length - xs.length * pitch) / 2, wide = 2 * Math.abs(over) / pitch, last = xs[xs.length - 1];
-  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about));
+  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about, linesOf(data, design, columns[0].half_span, piece.middle)));
   const weight = over > 0 ? 2 : -2, kernels = kernelsOf(kx, xs, odd);
   const whole = (parts) => { // a form of the plate from even and odd ones of the column and that of the strips
     const out = mat(n, n);
@@ -619,10 +641,10 @@ function kernelsOf(kx, xs, odd) {
   for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { apart[i * n + j] = sum(kx[i] - kx[j]); together[i * n + j] = (odd ? -1 : 1) * sum(kx[i] + kx[j]); }
   return { apart, together };
 }
-function stripOf(data, design, piece, pitch, kx, along, span, x, about) { // of the plate beyond its whole cells, or lacking in the last ones
+function stripOf(data, design, piece, pitch, kx, along, span, x, about, lines) { // of the plate beyond its whole cells, or lacking in the last ones
   const n = kx.length, { shapes } = piece.foot ? condensedBare(data, pitch, piece.depth, design.thickness, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
   for (let i = 0; i < moved.n; i++) for (let j = 0; j < n; j++) moved.a[i * n + j] = at[j][0] * piece.even.a[i * n + j] + at[j][1] * piece.odd.a[i * n + j];
-  return { cell: among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), motion: moved };
+  return { cell: parted(data, among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), lines), motion: moved };
 }
 function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last, beyond }) {
   const n = kx.length, half = data.zone_width / 2, parts = [(y) => y < half, (y) => y >= half, (y) => y > beyond], areas = [0, 0, 0], overlap = zeros(n);

@@ -37,12 +37,33 @@ def answers(explorer: Explorer, designs: list[dict[str, float]], script: Path) -
     return answered
 
 
+@pytest.fixture(scope="module")
+def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
+    """Round pillars, whose square blocks the edges of the zone and of the rows cut."""
+    pillar = {"shape": "round", "diameter_mm": 2.0, "height_mm": 6.3}
+    return small_explorer(tmp_path_factory.mktemp("round"), pillar=pillar)
+
+
+def require_areas(plate: dict[str, Any], explorer: Explorer, given: dict[str, float], rel: float) -> None:
+    """10^(dB/10) (1 - s) / s = A_passive / A_zone of every motion, s the zone's share of the square."""
+    design = explorer.scene.at(given).design
+    share, active = plate["zone_share"], design.width_m / 2.0
+    ratio = 10.0 ** (plate["confinement_db"] / 10.0) * (1.0 - share) / share
+    assert ratio == pytest.approx((design.half_span_m - active) / active, rel=rel)
+
+
+@pytest.mark.parametrize("change", [{}, {"side": 2.15, "extension": 9.0}, {"pitch": 4.35}])
+def test_levels_are_of_the_zone_itself(explorer: Explorer, change: dict[str, float]) -> None:
+    """Whole columns of cells, and plates that reach beyond them or cut them."""
+    given = explorer.scene.own() | change
+    require_areas(explorer.plate(explorer.scene.at(given)), explorer, given, 1e-9)
+
+
 @pytest.mark.skipif(NODE is None, reason="needs node, which runs the page's own model")
-def test_an_exported_page_has_pythons_numbers_and_texts(tmp_path: Path) -> None:
+def test_an_exported_page_has_pythons_numbers_and_texts(explorer: Explorer, tmp_path: Path) -> None:
     """Designs with and without a mode of the passive plate near the wanted one, and without rows."""
-    explorer = small_explorer(tmp_path)
     own = explorer.scene.own()
-    designs = [own | {"extension": float(extension)} for extension in (5, 15, 25, 35)] + [own | {"rows": 0.0}]
+    designs = [own | {"extension": float(extension)} for extension in (5, 12)] + [own | {"rows": 0.0}]
     near = set()
     for design, theirs in zip(designs, answers(explorer, designs, tmp_path / "worker.js"), strict=True):
         ours = explorer.answer(design)
@@ -50,6 +71,7 @@ def test_an_exported_page_has_pythons_numbers_and_texts(tmp_path: Path) -> None:
         assert theirs["warnings"] == ours["warnings"]
         assert other["status"] == plate["status"] and other["rivals"] == plate["rivals"]
         near.add(plate["near_hz"] is None)
+        require_areas(other, explorer, design, 1e-9)
         for name in ("frequency_hz", "frequency_error", "confinement_db", "confinement_error_db", "mac", "near_hz"):
             assert other[name] == (plate[name] if plate[name] is None else pytest.approx(plate[name], rel=SINGLE))
     assert near == {True, False}
