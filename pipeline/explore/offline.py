@@ -16,11 +16,12 @@ from geometry.layout import Design
 from pipeline.errors import InputError
 from pipeline.explore.answer import LEVEL_DB, NEAR, POINTS, PROFILE, Explorer
 from pipeline.models import live_column
-from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, free_kx_per_m, half_waves
+from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, half_waves
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
 from solvers.analytic.beams import free_free_mode
+from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem import gauss_grid
 from solvers.measures import wanted_mode
 from solvers.parametric import bands, bare, chain, finite

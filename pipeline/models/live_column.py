@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot, pi, sqrt
+from math import hypot, pi
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
-from geometry.hex.panels import has_room
+from geometry.hex.panels import CLEAR, has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
-from solvers.analytic.plates import levy_wavenumber_per_m
-from solvers.analytic.predesign import strip_of
+from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
 from solvers.measures.wanted_mode import Verdict, reaching, verdict
@@ -85,7 +84,7 @@ class LiveReductions(Reductions):
         if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
             if not has_room(panel, self.pillar):
                 raise SolverError(
-                    f"a row's cell is cut at the foot of a {self.pillar.shape} pillar: no live answer there"
+                    f"the zone's middle or the plate's edge cuts the foot of a {self.pillar.shape} pillar: no live answer there"
                 )
             return super().cell(panel)
         return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
@@ -107,25 +106,33 @@ class _Known:
 
 
 def live_modes(
-    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float], kx_per_m: float | None = None
+    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]
 ) -> tuple[FloatArray, Profile]:
-    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wanted wavenumber
-    unless another is given.
+    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wavenumber of the
+    wanted mode between free ends.
 
     SolverError for a design outside the box, by name.
     """
-    reductions = LiveReductions(live, case.design, known, window[1])
-    column = Column(case.design, reductions, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
+    design, _ = with_room(case.design)
+    column = Column(design, LiveReductions(live, design, known, window[1]), free_kx_per_m(design))
     frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)
 
 
-def free_kx_per_m(design: Design) -> float:
-    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m."""
-    strip = strip_of(design)
-    if strip is None or design.nodal_lines < 2:
-        return 0.0
-    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+def with_room(design: Design) -> tuple[Design, float]:
+    """The design with as much extension as elements need beyond round feet, and what that may change of a frequency, relative.
+
+    Where the plate's edge touches the feet it is moved by two hundredths of their radius. The frequency of what lies beyond
+    the zone goes at most as its depth to the power of -2, as all of it were of a wave between the zone's edge and the plate's.
+    """
+    pillar = design.pillar
+    if not design.rows or pillar is None or pillar.shape != "round":
+        return design, 0.0
+    more = (1.0 + 1e-6) * CLEAR * pillar.base_m / 2.0 - design.extension_m
+    if more <= 0.0:
+        return design, 0.0
+    depth = design.half_span_m - design.width_m / 2.0
+    return replace(design, extension_m=design.extension_m + more), 2.0 * more / depth
 
 
 def half_waves(nodal_lines: int) -> float:
@@ -172,13 +179,13 @@ class LivePlate:
     """
 
     def __init__(self, case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]) -> None:
-        self.design, self.window = case.design, window
-        reductions = LiveReductions(live, case.design, known, window[1])
-        columns = [Column(case.design, reductions, float(kx)) for kx in wavenumbers(case.design)]
+        (self.design, self.moved), self.window = with_room(case.design), window
+        reductions = LiveReductions(live, self.design, known, window[1])
+        columns = [Column(self.design, reductions, float(kx)) for kx in wavenumbers(self.design)]
         condensed: Condensed = {}
-        tried_hz = tried_up_to_hz(case.design, window)
+        tried_hz = tried_up_to_hz(self.design, window)
         vectors = [Chain(one, *window, condensed).solve(-1.0, tried_hz(one.kx))[1] for one in columns]
-        self.plate = FinitePlate(case.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
+        self.plate = FinitePlate(self.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
         self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
 
     def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:

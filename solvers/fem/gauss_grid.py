@@ -57,4 +57,4 @@ def _cut(
     moved = np.repeat(points[::COUNT], len(t), axis=0)
     moved[:, 1] = np.tile(middle + half * t, COUNT)
     across = weights.reshape(COUNT, COUNT).sum(axis=1) / w.sum()
-    return moved, np.outer(across, share).ravel(), np.kron(np.eye(COUNT), lagrange(s, t)[0])
+    return moved, np.asarray(np.outer(across, share).ravel()), np.asarray(np.kron(np.eye(COUNT), lagrange(s, t)[0]))

@@ -478,7 +478,7 @@ function columnPanels(data, design) { // solvers/waves/column.py and solvers/sup
   if (!rows) { bare(half, true); if (extension > 1e-9) bare(half + extension, false); return { lines, feet, end: half + extension }; }
   const first = half + side / 2, end = first + (rows - 1) * pitch + side / 2 + extension;
   if (first - pitch / 2 <= half / 4) throw new Error("the first row's cell reaches over the zone's middle: no live answer for the plate");
-  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last row's cell: no live answer for the plate`);
+  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last rows' cells: this page has no answer for such a plate without its program, antinode explore`);
   bare(first - pitch / 2, true);
   for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(true); }
   if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
@@ -708,13 +708,13 @@ function plateOf(data, pillarCell, design, window, meshError) {
   const best = modes[found.index], { waves, sides, layer, changes, near, sharing, level_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
   const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
   const others = each.filter((one) => one.found), wanted = others.map((one) => one.modes[one.found.index]), single = others.length === each.length && others.every((one) => one.found.status === "single");
-  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), levels = best.confinement_db === null ? null : [best.confinement_db, ...wanted.map((one) => one.confinement_db)];
-  const range_db = levels && [Math.min(...levels), Math.max(...levels)], close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
+  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
+  const half_db = (range, own) => range && level_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${frequency(rival, error)} lies near the wanted one, whose frequency is known to ${percent(error)}: the confinement may lie between ${level(range_db[0], null)} and ${level(range_db[1], null)}`);
   if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
   const { mac, zone_share, confinement_db, extension_db } = best;
-  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: range_db && level_db + Math.max(range_db[1] - confinement_db, confinement_db - range_db[0]),
+  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: half_db(range_db, confinement_db), extension_error_db: half_db(between("extension_db"), extension_db),
     status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
 }
 function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1

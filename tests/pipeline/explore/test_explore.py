@@ -33,12 +33,12 @@ from pipeline.models.live_column import (
     LiveReductions,
     boundary_error,
     end_layer,
-    free_kx_per_m,
 )
 from pipeline.models.parametric import CellModelCache, require_foot
 from pipeline.models.parametric_mesh import MeshTable, corner_weights
 from pipeline.planning import mesh_rules
 from pipeline.records.cache import SUFFIX
+from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.assembly import Scale, assemble
 from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
