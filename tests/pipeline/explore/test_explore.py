@@ -133,14 +133,15 @@ def test_a_levels_bar_holds_what_zone_and_rows_may_be_off_by_against_each_other(
 
 def test_a_mode_of_the_passive_plate_near_the_wanted_one_is_said(explorer: Explorer) -> None:
     """Of extensions from 5 to 40 mm some resonate near the wanted mode: these are said, with the levels between."""
-    said = {}
+    said = set()
     for extension in np.arange(5.0, 41.0, 5.0):
-        answer = explorer.answer(OWN | {"extension": float(extension)})
-        near = answer["plate"]["near_hz"]
-        warned = [text for text in answer["warnings"] if "a mode of the passive plate" in text]
-        assert len(warned) == (near is not None)
-        said[extension] = near
-    assert {near is None for near in said.values()} == {True, False}
+        plate = explorer.plate(explorer.scene.at(OWN | {"extension": float(extension)}))
+        warned = [text for text in plate["warnings"] if "a mode of the passive plate" in text]
+        assert len(warned) == (plate["near_hz"] is not None)
+        said.add(plate["near_hz"] is None)
+        if len(said) == 2:
+            break
+    assert said == {True, False}
 
 
 @pytest.mark.parametrize("name", ["rows", "extension"])
@@ -148,7 +149,7 @@ def test_the_ends_of_the_sliders_answer(explorer: Explorer, name: str) -> None:
     """A last row cut by the plate's edge, no rows, no extension: `antinode modes` solves these plates, too."""
     limit = explorer.scene.limits[name]
     for value in (limit.low, limit.low + limit.step, limit.high):
-        plate = explorer.answer(OWN | {name: value})["plate"]
+        plate = explorer.plate(explorer.scene.at(OWN | {name: value}))
         assert plate["frequency_hz"] > 0.0 and "why_not" not in plate
 
 
@@ -212,11 +213,12 @@ def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Exp
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     computed_hz = bands(cell, bases, sizes).frequency_hz[at]
     case = parametric_mesh.with_sizes(explorer.scene.case, sizes, 0.03, 10)
-    off = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], computed_hz))
+    twice = np.tile(bases.fractions[at] * np.pi / sizes[3], (2, 1))
+    both = parametric_mesh.off_by((case, twice, np.vstack([computed_hz, 1.05 * computed_hz])))
+    off, worse = both[:, :3], both[:, 3:]
     (high, bar), moving = off, np.isfinite(off[0])
-    assert off.shape == (2, 3, 10) and moving[1:].all() and not moving[0].all(), "at rest nothing is told"
+    assert both.shape == (2, 6, 10) and moving[1:].all() and not moving[0].all(), "at rest nothing is told"
     assert (high[moving] > 0.0).all() and high[moving].max() < 0.1 and (bar[moving] > 1e-5).all()
-    worse = parametric_mesh.off_by((case, bases.fractions[at] * np.pi / sizes[3], 1.05 * computed_hz))
     assert worse[0][moving] == pytest.approx(high[moving] + 0.05 * (1.0 + high[moving]))
 
 
@@ -414,7 +416,7 @@ def test_bytes_that_are_no_request_leave_the_server_alive(server: Server) -> Non
 
 
 def test_two_pages_at_once_have_each_its_answer(server: Server) -> None:
-    designs = [OWN | {"height": height} for height in (6.2, 6.4, 6.6, 6.8)]
+    designs = [OWN | {"height": height} for height in (6.2, 6.8)]
 
     def answer_of(design: dict[str, float]) -> Any:
         return json.loads(request(server, "POST", f"/{server.token}/answer", json.dumps(design).encode())[1])

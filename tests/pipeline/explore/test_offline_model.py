@@ -42,8 +42,7 @@ def answers(explorer: Explorer, designs: list[dict[str, float]], script: Path) -
 @pytest.fixture(scope="module")
 def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
     """Round pillars, whose square blocks the edges of the zone and of the rows cut."""
-    pillar = {"shape": "round", "diameter_mm": 2.0, "height_mm": 6.3}
-    return small_explorer(tmp_path_factory.mktemp("round"), pillar=pillar)
+    return small_explorer(tmp_path_factory.mktemp("round"), "pillar.shape=round", "pillar.diameter_mm=2")
 
 
 def require_areas(plate: dict[str, Any], explorer: Explorer, given: dict[str, float], rel: float) -> None:
