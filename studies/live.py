@@ -115,7 +115,8 @@ def _whole(explorer: Explorer, case: Case) -> None:
 
 @dataclass(frozen=True)
 class BesidePlate:
-    """A live answer less the assembled plate's, relative and in dB, both bars together, and whether a rival mode is near.
+    """A live answer less the assembled plate's, over the live frequency and in dB, both bars together, and whether a rival mode
+    is near.
 
     A plate that lacks the live mode is infinitely far off.
     """
@@ -133,9 +134,10 @@ class BesidePlate:
         bars, near = (live["frequency_error"], live["confinement_error_db"]), live["near_hz"] is not None
         if real.get("confinement_db") is None:
             return cls(np.inf, np.inf, *bars, bars[1], near)
-        off = live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"]
+        ratio = real["frequency_hz"] / live["frequency_hz"]
+        off = 1.0 - ratio, live["confinement_db"] - real["confinement_db"]
         own = [real.get(name) or 0.0 for name in ("frequency_error", "confinement_error_db")]
-        return cls(*off, bars[0] + own[0], bars[1] + own[1], bars[1], near)
+        return cls(*off, bars[0] + ratio * own[0], bars[1] + own[1], bars[1], near)
 
     @property
     def ratios(self) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import (
+    TIED,
     Detuned,
     LiveCell,
     LivePlate,
@@ -43,7 +44,6 @@ POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
 NO_MODE = "no mode of the wanted shape in the window"
-LEVEL_DB = 0.3  # what few waves leave of a level: half a percent more or less of them moved none further
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
@@ -350,11 +350,12 @@ class Levels:
     @classmethod
     def over(cls, own: Detuned, known: list[Detuned], name: str) -> Levels:
         """Of a mode and of what it becomes under changes."""
-        own_db, *others_db = (float(getattr(one.level, name)[one.verdict.index]) for one in (own, *known))
+        own_db = float(getattr(own.level, name)[own.verdict.index])
         if not math.isfinite(own_db):
             return cls(None, None, None)
-        least, most = min(own_db, *others_db), max(own_db, *others_db)
-        return cls(least, most, LEVEL_DB + max(most - own_db, own_db - least))
+        every = np.concatenate([getattr(one.level, name)[list(one.tied)] for one in (own, *known)])
+        least, most = float(every.min()), float(every.max())
+        return cls(least, most, TIED + max(most - own_db, own_db - least))
 
 
 @dataclass(frozen=True)
@@ -375,10 +376,11 @@ class Bar:
     def over(cls, changed: list[Detuned], own: Detuned, error: float) -> Bar:
         """From the verdict and those over changes within an error."""
         known = [one for one in changed if one.verdict.index is not None]
-        hz = [float(one.frequency_hz[one.verdict.index]) for one in (own, *known)]
+        hz = np.concatenate([one.frequency_hz[list(one.tied)] for one in (own, *known)])
         single = len(known) == len(changed) and all(one.verdict.status == "single" for one in known)
         confinement, extension = (Levels.over(own, known, name) for name in ("confinement_db", "extension_db"))
-        widest = max(error, *(abs(one / hz[0] - 1.0) for one in hz))
+        off = np.abs(hz / hz[0] - 1.0)
+        widest = float(np.max(off[off > error] + error, initial=error))  # another mode has an error of its own
         return cls(widest, confinement, extension, "single" if single else "split", own.rival_hz(NEAR * error), error)
 
     def warnings(self) -> list[str]:

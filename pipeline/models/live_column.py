@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import hypot, pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,10 +14,12 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import CLEAR, has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
+from pipeline.planning.mesh_rules import search_window_hz
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.wanted_mode import Verdict, reaching, verdict
+from solvers.measures.wanted_mode import SIMILAR, Verdict
+from solvers.measures.wanted_search import Found, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
@@ -33,9 +36,10 @@ FACE, INNER = (
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
-TRIED = 1.5  # of the window's top: column modes that are trial functions
-KNOWN = 0.6, 1.3  # of the window's ends: modes of the plate that are known
-WIDER = 0.9, 1.2  # of the window's ends: no mode is single that one beyond the window could overturn
+TRIED = 1.5  # of the window's top: column modes that are trial functions, and modes of the plate that are known
+TIED = (
+    0.3  # dB that few waves leave of a level: weights of modes that differ by less than twice as much may change places
+)
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
 SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
 # of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
@@ -172,6 +176,15 @@ def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[flo
     return lambda kx: TRIED * window[1] * max(1.0, (hypot(kx, across) / own) ** 2)
 
 
+class LiveMode(NamedTuple):
+    """A mode of a live plate as the search for the wanted one sees it."""
+
+    frequency_hz: float
+    strength: float
+    zone_share: float
+    mac: float
+
+
 class LivePlate:
     """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the wanted one among them.
 
@@ -186,17 +199,27 @@ class LivePlate:
         tried_hz = tried_up_to_hz(self.design, window)
         vectors = [Chain(one, *window, condensed).solve(-1.0, tried_hz(one.kx))[1] for one in columns]
         self.plate = FinitePlate(self.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
-        self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
+        self.searched, self.top_hz = search_window_hz(self.design), TRIED * window[1]
+        self.modes = self.plate.modes(-1.0, self.top_hz)
 
     def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:
         """The wanted mode where the zone alone and the rows alone would ring higher by relative changes."""
         frequency_hz, turn, level = self.modes.detuned(zone, rows)
-        found = _verdict(frequency_hz, level, self.window)
-        if found.index is not None:
-            found = _verdict(frequency_hz, level, reaching(self.window, float(frequency_hz[found.index])))
-            wide = _verdict(frequency_hz, level, (WIDER[0] * self.window[0], WIDER[1] * self.window[1]))
-            found = replace(found, status="split") if wide.index != found.index else found
-        return Detuned(found, frequency_hz, turn, level)
+        measured = zip(frequency_hz, level.strength, level.zone_share, level.mac, strict=True)
+        found = search(self.searched, (0.0, self.top_hz), [LiveMode(*one) for one in measured], lambda low, high: ())
+        first = int(np.count_nonzero(frequency_hz < found.reach_hz[0]))
+        return Detuned(_shifted(found.verdict, first), self._tied(found, first), frequency_hz, turn, level)
+
+    def _tied(self, found: Found[LiveMode], first: int) -> tuple[int, ...]:
+        """Modes that may be the wanted one, itself first: candidates whose weight comes near to the best."""
+        best = found.verdict.index
+        if best is None:
+            return ()
+        every = weights(found.modes)
+        least = 10.0 ** (-2.0 * TIED / 10.0) * every[best]
+        may_be = [mode.mac >= SIMILAR and mode.frequency_hz >= self.searched[0] for mode in found.modes]
+        near = np.flatnonzero(np.array(may_be) & (every >= least)).tolist()
+        return (first + best, *(first + i for i in near if i != best))
 
     def within(self, error: float) -> list[Detuned]:
         """The same over both sides of a relative error: zone and rows alike, and one against the other."""
@@ -206,9 +229,12 @@ class LivePlate:
 
 @dataclass(frozen=True)
 class Detuned:
-    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures."""
+    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures;
+    tied: the modes that may be the wanted one, the verdict's first.
+    """
 
     verdict: Verdict
+    tied: tuple[int, ...]
     frequency_hz: FloatArray
     turn: FloatArray
     level: Confinement
@@ -224,6 +250,7 @@ class Detuned:
         return float(self.frequency_hz[np.argmin(off)]) if np.isfinite(off).any() else None
 
 
-def _verdict(frequency_hz: FloatArray, level: Confinement, window: tuple[float, float]) -> Verdict:
-    inside = (frequency_hz >= window[0]) & (frequency_hz <= window[1])
-    return verdict(np.where(inside, level.strength, 0.0), level.zone_share, level.mac)
+def _shifted(judged: Verdict, by: int) -> Verdict:
+    """A verdict among modes of which so many more come first."""
+    index = None if judged.index is None else judged.index + by
+    return replace(judged, index=index, rivals=tuple(rival + by for rival in judged.rivals))

@@ -149,7 +149,7 @@ class FinitePlate:
         return self._forms("stiffness")[0], self._forms("mass")[0]
 
     def modes(self, low_hz: float, high_hz: float) -> FiniteModes:
-        """The modes between two frequencies, ascending."""
+        """The modes between two frequencies, ascending; from rigid-body motions on if these begin below 0."""
         with one_thread():
             (stiffness, *own_parts), (mass, *_) = self._forms("stiffness"), self._forms("mass")
             diagonal = np.diag(mass)
@@ -159,7 +159,8 @@ class FinitePlate:
             kept = values > INDEPENDENT * values[-1]
             basis = size[:, None] * (turn[:, kept] / np.sqrt(values[kept]))
             own, waves = np.linalg.eigh(basis.T @ stiffness @ basis)
-            inside = (own >= self.scale.eigenvalue(low_hz)) & (own <= self.scale.eigenvalue(high_hz))
+            least = -np.inf if low_hz < 0.0 else self.scale.eigenvalue(low_hz)
+            inside = (own >= least) & (own <= self.scale.eigenvalue(high_hz))
             vectors = basis @ waves[:, inside]
             zone, rows = (vectors.T @ part @ vectors for part in own_parts)
             return FiniteModes(self.scale, own[inside], zone, rows, vectors, self.faces.among(vectors))

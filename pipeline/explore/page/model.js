@@ -583,6 +583,12 @@ function measured(data, found, design) { // solvers/measures: confinement.py, wa
   const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
   return { ...best, rivals: Math.min(rivals, 3) };
 }
+function windowsOf(data, thickness, search = false) { // pipeline/planning/mesh_rules.py at some thicknesses; where a search begins
+  const { thicknesses, ends } = data.windows, last = thicknesses.length - 1, place = Math.min(Math.max((thickness - thicknesses[0]) / (thicknesses[last] - thicknesses[0]), 0), 1) * last;
+  const at = Math.min(Math.floor(place), last - 1), [low, high, first] = ends[at].map((v, i) => v + (place - at) * (ends[at + 1][i] - v));
+  return [search ? first : low, high];
+}
+
 // ---- the finite plate: solvers/parametric/finite.py, pipeline/models/live_column.py ----
 function wavenumbersOf(data) {
   const { beyond, more, lines } = data.finite, last = Math.ceil(beyond * (Math.max(lines, 2) - 0.5 + more));
@@ -598,7 +604,7 @@ function middlesOf(data, design, pitch) {
   return range(0, count).map((i) => (i - (count - 1) / 2) * pitch);
 }
 function finitePlate(data, pillarCell, design, window) {
-  const { lines, tried, known, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
+  const { lines, tried, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
   const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
@@ -629,7 +635,7 @@ function finitePlate(data, pillarCell, design, window) {
   const kept = range(0, n).filter((i) => mass.values[i] > independent * mass.values[n - 1]);
   const basis = scaledColumns(picked(mass.vectors, range(0, n), kept), kept.map((i) => 1 / Math.sqrt(mass.values[i])));
   for (let i = 0; i < n; i++) for (let j = 0; j < basis.m; j++) basis.a[i * basis.m + j] *= size[i];
-  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] >= value(known[0] * window[0]) && own.values[i] <= value(known[1] * window[1]));
+  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] <= value(tried * window[1]));
   const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => mulT(vectors, mul(x, vectors));
   const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last: over > 0 ? last + pitch : last, beyond: end - design.extension });
   return { values: inside.map((i) => own.values[i]), zone: among(stiff[1]), rows: among(stiff[2]), vectors, pieces, xs, kx, along, end, angular,
@@ -685,31 +691,45 @@ function detuned(plate, zone, rows) { // frequencies and measures where zone and
   });
   return { modes, vectors };
 }
-function verdictOf(rule, modes, [low, high]) { // solvers/measures/wanted_mode.py
-  const { similar, clear, lead, majority, rival, named } = rule, score = modes.map((one) => one.hz >= low && one.hz <= high ? one.strength * (one.zone_share === null ? 1 : one.zone_share) : 0);
+const weightOf = (one) => one.strength * (one.zone_share === null ? 1 : one.zone_share) * one.mac;
+function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/measures/wanted_mode.py over modes within reach
+  const { similar, clear, lead, majority, rival, named } = rule, inside = ([from, to], { hz }) => hz >= from && hz <= to, known = modes.map((one) => inside(reach, one));
+  const weights = modes.map((one, i) => known[i] ? weightOf(one) : 0), candidate = modes.map((one, i) => known[i] && one.hz >= low && one.mac >= similar);
   let best = -1;
-  modes.forEach((one, i) => { if (one.mac >= similar && score[i] > 0 && (best < 0 || score[i] > score[best])) best = i; });
+  modes.forEach((_, i) => { if (candidate[i] && weights[i] > 0 && (best < 0 || weights[i] > weights[best])) best = i; });
   if (best < 0) return null;
-  const weights = modes.map((one, i) => score[i] * one.mac), others = weights.filter((_, i) => i !== best), own = weights[best];
-  const single = modes[best].mac >= clear && own >= lead * Math.max(0, ...others) && own >= majority * weights.reduce((a, b) => a + b, 0);
-  return { index: best, status: single ? "single" : "split", rivals: Math.min(others.filter((w) => w >= rival * own).length, named) };
+  const others = weights.filter((_, i) => i !== best), own = weights[best], bound = Math.max(0, 1 - modes.reduce((sum, one, i) => known[i] ? sum + one.strength : sum, 0));
+  const near = modes.reduce((sum, one, i) => i === best || inside(ends, one) ? sum + weights[i] : sum, 0);
+  const single = modes[best].mac >= clear && own >= lead * Math.max(missing ?? bound, ...others) && own >= majority * near;
+  return { index: best, status: single ? "single" : "split", open: lead * bound > own, rivals: Math.min(others.filter((w) => w >= rival * own).length, named),
+    tied: (least) => [best, ...range(0, modes.length).filter((i) => i !== best && candidate[i] && weights[i] >= least * own)] };
+}
+function searched(rule, modes, window) { // solvers/measures/wanted_search.py where all modes that are known are at hand
+  let ends = window, reach = window, steps = 0, found = null;
+  for (let round = 0; round < rule.rounds; round++) {
+    found = verdictOf(rule, modes, window[0], ends, reach);
+    if (!found) return null;
+    const { hz } = modes[found.index], wider = [Math.min(ends[0], (1 - rule.past) * hz), Math.max(ends[1], (1 + rule.past) * hz)];
+    if (wider[0] !== ends[0] || wider[1] !== ends[1]) { ends = wider; reach = [Math.min(reach[0], wider[0]), Math.max(reach[1], wider[1])]; }
+    else if (!found.open || verdictOf(rule, modes, window[0], ends, reach, 0).status !== "single") return found;
+    else if (reach[0] > 0) reach = [0, reach[1]];
+    else if (steps++ < rule.steps) reach = [0, rule.step * reach[1]];
+    else return found;
+  }
+  return found;
 }
 function changed(data, plate, window, zone = 0, rows = 0) {
-  const { modes, vectors } = detuned(plate, zone, rows);
-  let found = verdictOf(data.rule, modes, window);
-  if (found) { const hz = modes[found.index].hz; found = verdictOf(data.rule, modes, [Math.min(window[0], (1 - data.rule.past) * hz), Math.max(window[1], (1 + data.rule.past) * hz)]); }
-  const [low, high] = data.finite.wider, wide = found && verdictOf(data.rule, modes, [low * window[0], high * window[1]]);
-  if (found && wide.index !== found.index) found = { ...found, status: "split" };
-  return { found, modes, vectors };
+  const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 10 ** (-0.2 * data.finite.tied);
+  return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
 function plateOf(data, pillarCell, design, window, meshError) {
-  const plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors } = changed(data, plate, window);
+  const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors, tied } = changed(data, plate, search);
   if (!found) return { why_not: "no mode of the wanted shape in the window" };
-  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, level_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
-  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
-  const others = each.filter((one) => one.found), wanted = others.map((one) => one.modes[one.found.index]), single = others.length === each.length && others.every((one) => one.found.status === "single");
-  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
-  const half_db = (range, own) => range && level_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
+  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
+  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
+  const others = each.filter((one) => one.found), wanted = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
+  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
+  const half_db = (range, own) => range && tied_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${frequency(rival, error)} lies near the wanted one, whose frequency is known to ${percent(error)}: the confinement may lie between ${level(range_db[0], null)} and ${level(range_db[1], null)}`);
   if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
@@ -848,7 +868,7 @@ function cloudOf(data, first) {
   };
   return data.cloud.slice(first, first + data.batch).map((given) => {
     const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g: 1e3 * massOf(data, design), frequency_hz: null, confinement_db: null };
-    const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+    const window = windowsOf(data, design.thickness);
     try {
       const best = measured(data, columnOf(data, cellOf(sizes), design, window, data.finite.free_kx), design);
       if (best) Object.assign(out, { frequency_hz: best.hz, confinement_db: best.confinement_db });
@@ -861,7 +881,7 @@ function answerOf(data, given) {
   if (faults.length) throw new Error(faults.join("; "));
   const design = inMetres(given);
   const sizes = [design.thickness, design.height, design.side, design.pitch], ready = prepared(data, sizes);
-  const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+  const window = windowsOf(data, design.thickness);
   let kept = null;
   const pillarCell = () => kept = kept || joinedCell(data, ready, sizes);
   const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, realRow(data, pillarCell(), data.kx), design, window) };

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from geometry.hex.boxes import Panel
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
-from pipeline.explore.answer import BATCH, PLATES, Explorer, compute, read_design
+from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_design
 from pipeline.explore.beside import Beside
 from pipeline.explore.server import Server
 from pipeline.logs import WarningLog
@@ -28,6 +29,8 @@ from pipeline.models import parametric_mesh
 from pipeline.models.live_column import (
     FACE,
     INNER,
+    TIED,
+    Detuned,
     LiveCell,
     LivePlate,
     LiveReductions,
@@ -40,6 +43,7 @@ from pipeline.planning import mesh_rules
 from pipeline.records.cache import SUFFIX
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.assembly import Scale, assemble
+from solvers.measures.confinement import Confinement
 from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
 from solvers.superelement.cell import Cell, reduce_cell
@@ -129,6 +133,36 @@ def test_a_levels_bar_holds_what_zone_and_rows_may_be_off_by_against_each_other(
         assert plate["frequency_error"] >= error
         bars.append(plate["confinement_error_db"])
     assert bars == sorted(bars) and bars[0] < bars[2]
+
+
+def detuned(frequency_hz: list[float], strength: list[float], level_db: list[float]) -> Detuned:
+    """A live plate's answer in which three clear modes share the wanted shape."""
+    columns = [np.array(column) for column in (frequency_hz, strength, level_db)]
+    ones = np.ones(len(strength))
+    level = Confinement(ones, columns[2], ones, np.full(len(strength), np.nan), columns[1])
+    live = LivePlate.__new__(LivePlate)
+    live.searched, live.top_hz = (20e3, 50e3), 60e3
+    live.modes = SimpleNamespace(detuned=lambda zone, rows: (columns[0], np.eye(len(ones)), level))  # type: ignore[assignment]
+    return live.verdict()
+
+
+def test_modes_whose_weights_may_change_places_are_inside_the_bar() -> None:
+    """Of weights 0.30, 0.29 and 0.20 the first two may change places (0.6 dB), and either may be off by the error."""
+    own = detuned([30e3, 44e3, 48e3], [0.29, 0.30, 0.20], [3.0, 8.0, 20.0])
+    assert own.verdict.index == 1 and own.tied == (1, 0)
+    bar = Bar.over([own], own, 0.02)
+    assert bar.frequency == pytest.approx(14.0 / 44.0 + 0.02) and bar.status == "split"
+    assert bar.confinement.half_db == pytest.approx(5.0 + TIED) and bar.extension.half_db is None
+    alone = detuned([30e3, 44e3, 48e3], [0.10, 0.60, 0.10], [3.0, 8.0, 20.0])
+    assert alone.tied == (1,) and Bar.over([alone], alone, 0.02).frequency == 0.02
+
+
+def test_the_live_mode_is_searched_where_every_commands_is() -> None:
+    """From the zone's frequency rigid across upwards, with what all modes that are not known may carry together."""
+    low = detuned([21e3, 44e3], [0.60, 0.20], [3.0, 8.0])
+    assert low.verdict.index == 0 and low.verdict.status == "single"
+    assert detuned([19e3, 44e3], [0.60, 0.20], [3.0, 8.0]).verdict.index == 1
+    assert detuned([44e3], [0.55], [3.0]).verdict.status == "split", "0.45 may lie elsewhere"
 
 
 def test_a_mode_of_the_passive_plate_near_the_wanted_one_is_said(explorer: Explorer) -> None:
