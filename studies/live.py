@@ -38,6 +38,7 @@ ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
 SPARE = 3  # designs of the cloud for each one asked for: some have no wanted mode
 EVERY = 5  # wavevectors that the plain reduction solves
+DRAW = 7  # seed of the drawn designs
 PLATE = 0.01  # accuracy of assembled plates: their own bars count beside the live ones
 
 
@@ -154,7 +155,8 @@ def drawn(explorer: Explorer, count: int, sweep: dict[str, list[float]]) -> Iter
     """The designs of a sweep over keys of the sliders, or so many of the cloud, and some to spare."""
     names = {limit.key: name for name, limit in explorer.scene.limits.items()}
     if not sweep:
-        yield from explorer.cloud_designs[:: max(len(explorer.cloud_designs) // (SPARE * count), 1)]
+        every = explorer.cloud_designs  # steps through a low-discrepancy sequence would meet one corner of it
+        yield from (every[at] for at in np.random.default_rng(DRAW).permutation(len(every))[: SPARE * count])
         return
     for values in product(*sweep.values()):
         yield explorer.scene.own() | {names[key]: float(value) for key, value in zip(sweep, values, strict=True)}

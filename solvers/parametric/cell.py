@@ -243,7 +243,7 @@ def parametric_cell(
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
-    touch_m, weights, from_mesh = fitted_touch(cell)
+    touch_m, weights, from_mesh = fitted_touch(cell.mesh, cell.box.foot, cell.reference)
     everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
     alone = (np.zeros((1, 4), dtype=np.int64),) * 3
     return tuple(
