@@ -2,7 +2,7 @@
 
     python -m studies.live [DESIGNS] [CASE]    so many random designs
     python -m studies.live corners [CASE]      those of the corners of the box
-    python -m studies.live plates N [CASE]     live answers next to assembled plates, N designs of the cloud
+    python -m studies.live plates N [CASE]     live answers next to assembled plates, N designs of the cloud, or of a study
     python -m studies.live picture [CASE]      docs/pictures/explore.gif: bands and shape while the pillars grow
 
 Each design is solved once from the bases and once as `antinode bands` would at accuracy 0.001, in one process, one after
@@ -13,7 +13,9 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +38,8 @@ ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
 SPARE = 3  # designs of the cloud for each one asked for: some have no wanted mode
 EVERY = 5  # wavevectors that the plain reduction solves
+DRAW = 7  # seed of the drawn designs
+PLATE = 0.01  # accuracy of assembled plates: their own bars count beside the live ones
 
 
 @dataclass(frozen=True)
@@ -112,7 +116,8 @@ def _whole(explorer: Explorer, case: Case) -> None:
 
 @dataclass(frozen=True)
 class BesidePlate:
-    """A live answer less the assembled plate's, relative and in dB, both bars together, and whether a rival mode is near.
+    """A live answer less the assembled plate's, over the live frequency and in dB, both bars together, and whether a rival mode
+    is near.
 
     A plate that lacks the live mode is infinitely far off.
     """
@@ -121,6 +126,7 @@ class BesidePlate:
     level_db: float
     frequency_bar: float
     level_bar_db: float
+    live_bar_db: float
     near: bool
 
     @classmethod
@@ -128,31 +134,50 @@ class BesidePlate:
         """From both answers."""
         bars, near = (live["frequency_error"], live["confinement_error_db"]), live["near_hz"] is not None
         if real.get("confinement_db") is None:
-            return cls(np.inf, np.inf, *bars, near)
-        off = live["frequency_hz"] / real["frequency_hz"] - 1.0, live["confinement_db"] - real["confinement_db"]
+            return cls(np.inf, np.inf, *bars, bars[1], near)
+        ratio = real["frequency_hz"] / live["frequency_hz"]
+        off = 1.0 - ratio, live["confinement_db"] - real["confinement_db"]
         own = [real.get(name) or 0.0 for name in ("frequency_error", "confinement_error_db")]
-        return cls(*off, bars[0] + own[0], bars[1] + own[1], near)
+        return cls(*off, bars[0] + ratio * own[0], bars[1] + own[1], bars[1], near)
 
     @property
-    def within(self) -> tuple[bool, bool]:
+    def ratios(self) -> tuple[float, float]:
+        """Frequency and level over their bars."""
+        return abs(self.frequency) / self.frequency_bar, abs(self.level_db) / self.level_bar_db
+
+    @property
+    def within(self) -> bool:
         """Whether frequency and level lie within their bars."""
-        return abs(self.frequency) <= self.frequency_bar, abs(self.level_db) <= self.level_bar_db
+        return max(self.ratios) <= 1.0
+
+
+def drawn(explorer: Explorer, count: int, sweep: dict[str, list[float]]) -> Iterator[dict[str, float]]:
+    """The designs of a sweep over keys of the sliders, or so many of the cloud, and some to spare."""
+    names = {limit.key: name for name, limit in explorer.scene.limits.items()}
+    if not sweep:
+        every = explorer.cloud_designs  # steps through a low-discrepancy sequence would meet one corner of it
+        yield from (every[at] for at in np.random.default_rng(DRAW).permutation(len(every))[: SPARE * count])
+        return
+    for values in product(*sweep.values()):
+        yield explorer.scene.own() | {names[key]: float(value) for key, value in zip(sweep, values, strict=True)}
 
 
 def plates(count: int, path: str) -> int:
     """Print how far the live mode lies from the plate's, a line a design, and how many lie within; 1 unless all do."""
-    scene = Scene(load_case(path), read_toml(Path(path)), ())
-    explorer = Explorer(scene, cell_model(scene.case, TerminalLog()))
-    step = max(len(explorer.cloud_designs) // (SPARE * count), 1)
+    study = read_toml(Path(path))
+    source = Path(path).parent / study["study"]["case"] if "study" in study else Path(path)
+    case, raw = load_case(source), read_toml(source)
+    explorer = Explorer(Scene(case, raw, ()), cell_model(case, TerminalLog()))
+    assembled = Scene(case, raw, (f"solve.accuracy={PLATE}",))
     every: list[BesidePlate] = []
-    for given in explorer.cloud_designs[::step]:
+    for given in drawn(explorer, count, study.get("sweep", {})):
         live = explorer.answer(given)["plate"]
         if live.get("confinement_db") is None or len(every) == count:
             continue
-        every.append(BesidePlate.of(live, compute(scene, given, WarningLog())))
+        every.append(BesidePlate.of(live, compute(assembled, given, WarningLog())))
         print(_line(given, live, every[-1]), flush=True)
     print(summary(every))
-    return 0 if all(all(one.within) for one in every) else 1
+    return 0 if all(one.within for one in every) else 1
 
 
 def _line(given: dict[str, float], live: Document, one: BesidePlate) -> str:
@@ -161,20 +186,21 @@ def _line(given: dict[str, float], live: Document, one: BesidePlate) -> str:
     own = f"{design}: {live['frequency_hz']:.0f} Hz {bars}, {live['status']}{', a mode is near' if one.near else ''}"
     if not np.isfinite(one.frequency):
         return f"{own}; the plate has no such mode"
-    return f"{own}; off by {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if all(one.within) else ', OUTSIDE'}"
+    return f"{own}; off by {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if one.within else ', OUTSIDE'}"
 
 
 def summary(every: list[BesidePlate]) -> str:
-    """How many lie within their bars, the median level bar away from resonances, and the worst of each."""
-    tones, levels = np.sum([one.within for one in every], axis=0)
-    away = [one.level_bar_db for one in every if not one.near]
+    """How many lie within their bars, the median of the live levels' bars away from resonances, and the worst of each."""
+    tones, levels = (np.array([one.ratios for one in every]) <= 1.0).sum(axis=0)
+    away = [one.live_bar_db for one in every if not one.near]
     lacking = sum(not np.isfinite(one.frequency) for one in every)
     found = [one for one in every if np.isfinite(one.frequency)]
     worst = [max((abs(getattr(one, name)) for one in found), default=np.nan) for name in ("frequency", "level_db")]
+    ratios = np.max([one.ratios for one in found], axis=0) if found else np.full(2, np.nan)
     return (
         f"{tones} of {len(every)} frequencies and {levels} levels within their bars; {lacking} plates lack the mode\n"
         f"median bar of a level: {np.median(away) if away else np.nan:.2f} dB of {len(away)} plates away from a resonance\n"
-        f"worst: {worst[0]:.2%} and {worst[1]:.2f} dB"
+        f"worst: {worst[0]:.2%} and {worst[1]:.2f} dB; {ratios[0]:.2f} and {ratios[1]:.2f} of a bar"
     )
 
 

@@ -17,12 +17,12 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import (
+    TIED,
     Detuned,
     LiveCell,
     LivePlate,
     boundary_error,
     end_layer,
-    free_kx_per_m,
     live_modes,
 )
 from pipeline.models.parametric import CellModel
@@ -44,7 +44,6 @@ POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
 NO_MODE = "no mode of the wanted shape in the window"
-LEVEL_DB = 0.3  # what few waves leave of a level: half a percent more or less of them moved none further
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
@@ -294,8 +293,8 @@ class Explorer:
             return {"why_not": " ".join(str(fault).split())}
 
     def _plate(self, case: Case, window: tuple[float, float], mesh_error: Callable[[float], float]) -> Document:
-        design = case.design
         live = LivePlate(case, self._live, self._bare, window)
+        design = live.design
         found = live.verdict()
         at = found.verdict.index
         if at is None:
@@ -305,19 +304,16 @@ class Explorer:
         numbers = {
             name: _number(getattr(level, name)[at]) for name in ("confinement_db", "extension_db", "mac", "zone_share")
         }
-        error = boundary_error(design) + layer + mesh_error(frequency_hz)
-        bar = Bar.over(
-            live.within(error),
-            float(found.frequency_hz[at]),
-            error,
-            numbers["confinement_db"],
-            found.rival_hz(NEAR * error),
-        )
+        if not case.design.extension_m:
+            numbers["extension_db"] = None
+        error = boundary_error(design) + layer + live.moved + mesh_error(frequency_hz)
+        bar = Bar.over(live.within(error), found, error)
         squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
             "frequency_hz": frequency_hz,
             "frequency_error": bar.frequency,
-            "confinement_error_db": bar.level_db,
+            "confinement_error_db": bar.confinement.half_db,
+            "extension_error_db": None if numbers["extension_db"] is None else bar.extension.half_db,
             "status": bar.status,
             "near_hz": bar.near_hz,
             "rivals": len(found.verdict.rivals),
@@ -332,8 +328,8 @@ class Explorer:
         """Frequency and confinement of one column at the wavenumber between free ends, without bars; None without a mode."""
         none = dict.fromkeys(("frequency_hz", "confinement_db"))
         try:
-            window, kx = mesh_rules.wanted_window_hz(case.design), free_kx_per_m(case.design)
-            frequency_hz, profile = live_modes(case, self._live, self._bare, window, kx)
+            window = mesh_rules.wanted_window_hz(case.design)
+            frequency_hz, profile = live_modes(case, self._live, self._bare, window)
         except (SolverError, InputError):
             return none
         level = measure_profile(profile, case.design)
@@ -344,42 +340,57 @@ class Explorer:
 
 
 @dataclass(frozen=True)
+class Levels:
+    """A level, the least and the greatest that it may have, dB; None where the plate has no such part."""
+
+    least_db: float | None
+    most_db: float | None
+    half_db: float | None
+
+    @classmethod
+    def over(cls, own: Detuned, known: list[Detuned], name: str) -> Levels:
+        """Of a mode and of what it becomes under changes."""
+        own_db = float(getattr(own.level, name)[own.verdict.index])
+        if not math.isfinite(own_db):
+            return cls(None, None, None)
+        every = np.concatenate([getattr(one.level, name)[list(one.tied)] for one in (own, *known)])
+        least, most = float(every.min()), float(every.max())
+        return cls(least, most, TIED + max(most - own_db, own_db - least))
+
+
+@dataclass(frozen=True)
 class Bar:
-    """What the wanted mode may be off by: relative frequency and level in dB (None without a passive part), over all changes of
-    zone's and rows' frequencies within their error; near_hz: another mode that carries some of the wanted shape so near that
-    these changes turn the level over, None where there is none.
+    """What the wanted mode may be off by: relative frequency and levels, over all changes of zone's and rows' frequencies
+    within their error; near_hz: another mode that carries some of the wanted shape so near that these changes turn the level
+    over, None where there is none.
     """
 
     frequency: float
-    level_db: float | None
+    confinement: Levels
+    extension: Levels
     status: str
     near_hz: float | None
     error: float
-    levels_db: tuple[float, float] | None
 
     @classmethod
-    def over(
-        cls, changed: list[Detuned], frequency_hz: float, error: float, level_db: float | None, near_hz: float | None
-    ) -> Bar:
-        """From the verdicts over changes within an error."""
+    def over(cls, changed: list[Detuned], own: Detuned, error: float) -> Bar:
+        """From the verdict and those over changes within an error."""
         known = [one for one in changed if one.verdict.index is not None]
-        tones = [abs(float(one.frequency_hz[one.verdict.index]) / frequency_hz - 1.0) for one in known]
+        hz = np.concatenate([one.frequency_hz[list(one.tied)] for one in (own, *known)])
         single = len(known) == len(changed) and all(one.verdict.status == "single" for one in known)
-        bar, levels = None, None
-        if level_db is not None:
-            every = [level_db, *(float(one.level.confinement_db[one.verdict.index]) for one in known)]
-            levels = min(every), max(every)
-            bar = LEVEL_DB + max(levels[1] - level_db, level_db - levels[0])
-        return cls(max(error, *tones), bar, "single" if single else "split", near_hz, error, levels)
+        confinement, extension = (Levels.over(own, known, name) for name in ("confinement_db", "extension_db"))
+        off = np.abs(hz / hz[0] - 1.0)
+        widest = float(np.max(off[off > error] + error, initial=error))  # another mode has an error of its own
+        return cls(widest, confinement, extension, "single" if single else "split", own.rival_hz(NEAR * error), error)
 
     def warnings(self) -> list[str]:
         """What to know before believing the level."""
-        said = []
-        if self.near_hz is not None and self.levels_db is not None:
+        said, least, most = [], self.confinement.least_db, self.confinement.most_db
+        if self.near_hz is not None and least is not None and most is not None:
             said.append(
                 f"a mode of the passive plate at {frequency(self.near_hz, self.error)} lies near the wanted one, whose "
-                f"frequency is known to {percent(self.error)}: the confinement may lie between {level(self.levels_db[0])} "
-                f"and {level(self.levels_db[1])}"
+                f"frequency is known to {percent(self.error)}: the confinement may lie between {level(least)} "
+                f"and {level(most)}"
             )
         if self.status == "split":
             said.append("the wanted shape is split among several modes: the plate may show another one of them")

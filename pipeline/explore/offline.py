@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +15,17 @@ from numpy.polynomial import legendre
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from pipeline.errors import InputError
-from pipeline.explore.answer import LEVEL_DB, NEAR, POINTS, PROFILE, Explorer
+from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, Explorer, Limit
 from pipeline.models import live_column
-from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, free_kx_per_m, half_waves
+from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, half_waves
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
+from pipeline.units import MM
 from solvers.analytic.beams import free_free_mode
-from solvers.measures import wanted_mode
+from solvers.analytic.predesign import free_kx_per_m
+from solvers.fem import gauss_grid
+from solvers.measures import wanted_mode, wanted_search
 from solvers.parametric import bands, bare, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
@@ -36,7 +40,16 @@ PAGE = Path(__file__).with_name("page")
 SCRIPTS = "figures.js", "explore.js"  # of the page
 WORKER = "figures.js", "model.js", "worker.js"
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
-RULE = "similar", "clear", "lead", "majority", "rival", "named", "past"  # constants of the wanted mode
+RULE = (
+    "similar",
+    "clear",
+    "lead",
+    "majority",
+    "rival",
+    "named",
+    "past",
+)  # constants of the wanted mode, and of its search
+SEARCH = "step", "steps", "rounds"
 MAX_BYTES = 12_000_000
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
@@ -121,16 +134,24 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "kx": case.kx_wanted_per_m,
         "half_wave": design.half_wavelength_m or design.width_m,
         "plate_density": design.material.density_kg_m3,
-        "window_hz": mesh_rules.wanted_window_hz(design),
-        "window_thickness": design.thickness_m,
+        "windows": _windows(design, LIMITS["thickness"]),
         "panel": PANEL,
         "reach": chain.REACH,
         "finite": _finite(design),
-        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE},
+        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE}
+        | {name: getattr(wanted_search, name.upper()) for name in SEARCH},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
     } | _bands(model, numbers)  # fmt: skip
+
+
+def _windows(design: Design, limit: Limit) -> Plain:
+    """The wanted window's ends and where a search begins, Hz, at every step of the thickness, m."""
+    thicknesses = MM * np.linspace(limit.low, limit.high, round((limit.high - limit.low) / limit.step) + 1)
+    each = [replace(design, thickness_m=float(thickness)) for thickness in thicknesses]
+    ends = [[*mesh_rules.wanted_window_hz(one), mesh_rules.search_window_hz(one)[0]] for one in each]
+    return {"thicknesses": thicknesses.tolist(), "ends": ends}
 
 
 def _finite(design: Design) -> Plain:
@@ -143,9 +164,9 @@ def _finite(design: Design) -> Plain:
     return {
         "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
         "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
-        "tried": live_column.TRIED, "known": live_column.KNOWN, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
-        "wider": live_column.WIDER, "waves": at_rest, "sides": (boundary_error(design) - at_rest) / thickness**2,
-        "layer": end_layer(design) / thickness, "near": NEAR, "level_db": LEVEL_DB,
+        "tried": live_column.TRIED, "tied": live_column.TIED, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
+        "waves": at_rest, "sides": (boundary_error(design) - at_rest) / thickness**2,
+        "layer": end_layer(design) / thickness, "near": NEAR,
     }  # fmt: skip
 
 
@@ -209,7 +230,7 @@ def _bare(lame: float, shear: float) -> Plain:
     def plain(matrix: FloatArray) -> Plain:
         return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
 
-    gauss, weights = legendre.leggauss(bare.POINTS)
+    gauss, weights = legendre.leggauss(gauss_grid.COUNT)
     flat, _ = bare.line_values(gauss, False)
     _, bottom = bare.line_values(np.array([-1.0]), False)
     return {

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import hypot, pi, sqrt
+from math import hypot, pi
+from typing import NamedTuple
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings, Panel
-from geometry.hex.panels import has_room
+from geometry.hex.panels import CLEAR, has_room
 from geometry.layout import Design
 from pipeline.case.model import Case
-from solvers.analytic.plates import levy_wavenumber_per_m
-from solvers.analytic.predesign import strip_of
+from pipeline.planning.mesh_rules import search_window_hz
+from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.wanted_mode import Verdict, reaching, verdict
+from solvers.measures.wanted_mode import SIMILAR, Verdict
+from solvers.measures.wanted_search import Found, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
@@ -34,9 +36,10 @@ FACE, INNER = (
 )  # of rows and column: a few half-waves of the plate, far below the tenth band
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
-TRIED = 1.5  # of the window's top: column modes that are trial functions
-KNOWN = 0.6, 1.3  # of the window's ends: modes of the plate that are known
-WIDER = 0.9, 1.2  # of the window's ends: no mode is single that one beyond the window could overturn
+TRIED = 1.5  # of the window's top: column modes that are trial functions, and modes of the plate that are known
+TIED = (
+    0.3  # dB that few waves leave of a level: weights of modes that differ by less than twice as much may change places
+)
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
 SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
 # of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
@@ -85,7 +88,7 @@ class LiveReductions(Reductions):
         if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
             if not has_room(panel, self.pillar):
                 raise SolverError(
-                    f"a row's cell is cut at the foot of a {self.pillar.shape} pillar: no live answer there"
+                    f"the zone's middle or the plate's edge cuts the foot of a {self.pillar.shape} pillar: no live answer there"
                 )
             return super().cell(panel)
         return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
@@ -107,25 +110,33 @@ class _Known:
 
 
 def live_modes(
-    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float], kx_per_m: float | None = None
+    case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]
 ) -> tuple[FloatArray, Profile]:
-    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wanted wavenumber
-    unless another is given.
+    """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wavenumber of the
+    wanted mode between free ends.
 
     SolverError for a design outside the box, by name.
     """
-    reductions = LiveReductions(live, case.design, known, window[1])
-    column = Column(case.design, reductions, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
+    design, _ = with_room(case.design)
+    column = Column(design, LiveReductions(live, design, known, window[1]), free_kx_per_m(design))
     frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)
 
 
-def free_kx_per_m(design: Design) -> float:
-    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m."""
-    strip = strip_of(design)
-    if strip is None or design.nodal_lines < 2:
-        return 0.0
-    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+def with_room(design: Design) -> tuple[Design, float]:
+    """The design with as much extension as elements need beyond round feet, and what that may change of a frequency, relative.
+
+    Where the plate's edge touches the feet it is moved by two hundredths of their radius. The frequency of what lies beyond
+    the zone goes at most as its depth to the power of -2, as all of it were of a wave between the zone's edge and the plate's.
+    """
+    pillar = design.pillar
+    if not design.rows or pillar is None or pillar.shape != "round":
+        return design, 0.0
+    more = (1.0 + 1e-6) * CLEAR * pillar.base_m / 2.0 - design.extension_m
+    if more <= 0.0:
+        return design, 0.0
+    depth = design.half_span_m - design.width_m / 2.0
+    return replace(design, extension_m=design.extension_m + more), 2.0 * more / depth
 
 
 def half_waves(nodal_lines: int) -> float:
@@ -165,6 +176,15 @@ def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[flo
     return lambda kx: TRIED * window[1] * max(1.0, (hypot(kx, across) / own) ** 2)
 
 
+class LiveMode(NamedTuple):
+    """A mode of a live plate as the search for the wanted one sees it."""
+
+    frequency_hz: float
+    strength: float
+    zone_share: float
+    mac: float
+
+
 class LivePlate:
     """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the wanted one among them.
 
@@ -172,24 +192,34 @@ class LivePlate:
     """
 
     def __init__(self, case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]) -> None:
-        self.design, self.window = case.design, window
-        reductions = LiveReductions(live, case.design, known, window[1])
-        columns = [Column(case.design, reductions, float(kx)) for kx in wavenumbers(case.design)]
+        (self.design, self.moved), self.window = with_room(case.design), window
+        reductions = LiveReductions(live, self.design, known, window[1])
+        columns = [Column(self.design, reductions, float(kx)) for kx in wavenumbers(self.design)]
         condensed: Condensed = {}
-        tried_hz = tried_up_to_hz(case.design, window)
+        tried_hz = tried_up_to_hz(self.design, window)
         vectors = [Chain(one, *window, condensed).solve(-1.0, tried_hz(one.kx))[1] for one in columns]
-        self.plate = FinitePlate(case.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
-        self.modes = self.plate.modes(KNOWN[0] * window[0], KNOWN[1] * window[1])
+        self.plate = FinitePlate(self.design, columns, vectors, columns[0].scale.eigenvalue(sum(window) / 2.0))
+        self.searched, self.top_hz = search_window_hz(self.design), TRIED * window[1]
+        self.modes = self.plate.modes(-1.0, self.top_hz)
 
     def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:
         """The wanted mode where the zone alone and the rows alone would ring higher by relative changes."""
         frequency_hz, turn, level = self.modes.detuned(zone, rows)
-        found = _verdict(frequency_hz, level, self.window)
-        if found.index is not None:
-            found = _verdict(frequency_hz, level, reaching(self.window, float(frequency_hz[found.index])))
-            wide = _verdict(frequency_hz, level, (WIDER[0] * self.window[0], WIDER[1] * self.window[1]))
-            found = replace(found, status="split") if wide.index != found.index else found
-        return Detuned(found, frequency_hz, turn, level)
+        measured = zip(frequency_hz, level.strength, level.zone_share, level.mac, strict=True)
+        found = search(self.searched, (0.0, self.top_hz), [LiveMode(*one) for one in measured], lambda low, high: ())
+        first = int(np.count_nonzero(frequency_hz < found.reach_hz[0]))
+        return Detuned(_shifted(found.verdict, first), self._tied(found, first), frequency_hz, turn, level)
+
+    def _tied(self, found: Found[LiveMode], first: int) -> tuple[int, ...]:
+        """Modes that may be the wanted one, itself first: candidates whose weight comes near to the best."""
+        best = found.verdict.index
+        if best is None:
+            return ()
+        every = weights(found.modes)
+        least = 10.0 ** (-2.0 * TIED / 10.0) * every[best]
+        may_be = [mode.mac >= SIMILAR and mode.frequency_hz >= self.searched[0] for mode in found.modes]
+        near = np.flatnonzero(np.array(may_be) & (every >= least)).tolist()
+        return (first + best, *(first + i for i in near if i != best))
 
     def within(self, error: float) -> list[Detuned]:
         """The same over both sides of a relative error: zone and rows alike, and one against the other."""
@@ -199,9 +229,12 @@ class LivePlate:
 
 @dataclass(frozen=True)
 class Detuned:
-    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures."""
+    """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures;
+    tied: the modes that may be the wanted one, the verdict's first.
+    """
 
     verdict: Verdict
+    tied: tuple[int, ...]
     frequency_hz: FloatArray
     turn: FloatArray
     level: Confinement
@@ -217,6 +250,7 @@ class Detuned:
         return float(self.frequency_hz[np.argmin(off)]) if np.isfinite(off).any() else None
 
 
-def _verdict(frequency_hz: FloatArray, level: Confinement, window: tuple[float, float]) -> Verdict:
-    inside = (frequency_hz >= window[0]) & (frequency_hz <= window[1])
-    return verdict(np.where(inside, level.strength, 0.0), level.zone_share, level.mac)
+def _shifted(judged: Verdict, by: int) -> Verdict:
+    """A verdict among modes of which so many more come first."""
+    index = None if judged.index is None else judged.index + by
+    return replace(judged, index=index, rivals=tuple(rival + by for rival in judged.rivals))

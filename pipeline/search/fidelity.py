@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
-    COLUMN: "one column of reduced cells at the wanted wavenumber",
+    COLUMN: "one column of reduced cells at the wavenumber between free ends",
     PLATE: "plate assembled from reduced cells",
     SOLID: "the whole plate as one solid mesh",
 }
@@ -178,23 +178,24 @@ def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     from pipeline.models.cell_cache import CellCache
     from pipeline.models.live_column import LiveCell, live_modes
+    from solvers.analytic.predesign import free_kx_per_m
     from solvers.measures.confinement import measure_profile
     from solvers.superelement.build import Reductions
     from solvers.waves.column import Column
 
     design = case.design
     low, high = mesh_rules.wanted_window_hz(design)
-    cell = kept_cell(case)
+    cell, kx = kept_cell(case), free_kx_per_m(design)
     if cell is not None:
         frequency_hz, profile = live_modes(case, LiveCell(cell), {}, (low, high))
         return _of_profile(fidelity, frequency_hz, measure_profile(profile, design))
     reduction = mesh_rules.plate_reduction(design, max(COLUMN_ACCURACY, case.solve.accuracy), _outwards(low, high)[1])
     reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
-    solved = Column(design.one_zone, reductions, case.kx_wanted_per_m).modes(low, high)
+    solved = Column(design.one_zone, reductions, kx).modes(low, high)
     alone = _of_profile(fidelity, solved.frequency_hz, solved.confinement)
     if design.zones == 1 or alone.frequency_hz is None:
         return alone
-    both = Column(design, reductions, case.kx_wanted_per_m)
+    both = Column(design, reductions, kx)
     return _of_zones(alone, both.zones(*_about(alone.frequency_hz), case.quality_factor), design)
 
 

@@ -92,6 +92,16 @@ def strip_of(design: Design) -> Strip | None:
     return Strip(*sizes, material.young_pa, material.density_kg_m3, material.poisson)
 
 
+def free_kx_per_m(design: Design) -> float:
+    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m; 0 for
+    the shapes that are rigid along x.
+    """
+    strip = strip_of(design)
+    if strip is None or design.nodal_lines < 2:
+        return 0.0
+    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+
+
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
     """The pillar as a beam on its clamped foot, fillet left out: bent about x, or about the axis where it is weaker.
 

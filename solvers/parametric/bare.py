@@ -17,11 +17,11 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
 from solvers.fem.assembly import Scale, elasticity
+from solvers.fem.gauss_grid import gauss_points
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface, bubble_functions
 
 DEGREE, THROUGH = 5, 3  # of the inside: a few half-waves along the panel, shear and Poisson's strain through it
-POINTS = 6  # of the touch face's quadrature, each way
 TRIPLES = tuple(product(range(3), repeat=2))
 
 
@@ -178,10 +178,11 @@ def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[Fl
 
 def _touch(size_m: tuple[float, float, float], face: Interface, span: Span = WHOLE) -> Expansion:
     """The scalar functions (q, 1, n) at Gauss points of the touch face z = 0."""
-    (s, along), (t, across) = gauss(POINTS, span), gauss(POINTS, WHOLE)
-    flat, (_, through) = [line_values(one, False)[0] for one in (s, t)], line_values(np.array([-1.0]), False)
-    x, y = (part.ravel() for part in np.meshgrid(np.arange(POINTS), np.arange(POINTS), indexing="ij"))
+    at, weights = gauss_points()
+    half = (span[1] - span[0]) / 2.0
+    at[:, 0] = span[0] + half * (at[:, 0] + 1.0)
+    (flat, across), (_, through) = (line_values(one, False)[0] for one in at.T), line_values(np.array([-1.0]), False)
     chosen = functions(face)
-    matrix = flat[0][x][:, chosen[:, 0]] * flat[1][y][:, chosen[:, 1]] * through[0, chosen[:, 2]]
-    points = np.column_stack([s[x] * size_m[0] / 2.0, t[y] * size_m[1] / 2.0, np.zeros(len(x))])
-    return Expansion(points, matrix[:, None], along[x] * across[y] * size_m[0] * size_m[1] / 4.0)
+    matrix = flat[:, chosen[:, 0]] * across[:, chosen[:, 1]] * through[0, chosen[:, 2]]
+    points = np.column_stack([at * np.array(size_m[:2]) / 2.0, np.zeros(len(at))])
+    return Expansion(points, matrix[:, None], half * weights * size_m[0] * size_m[1] / 4.0)

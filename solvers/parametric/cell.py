@@ -12,12 +12,12 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.assembly import Scale
-from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
 from solvers.parametric.block import BESIDE, Block
 from solvers.parametric.greedy import chosen
 from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, reduced_block
 from solvers.parametric.sectors import Symmetry, symmetry_of
+from solvers.parametric.touch_face import fitted_touch
 from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
@@ -41,7 +41,7 @@ class Inner:
 class ParametricCell:
     """K_r and M_r over a box of designs: the reduced classes, with the exponents of their affine forms.
 
-    touch_m (p, 2), touch_weights (p,): reference points and weights of the touch face's quarter x, y >= 0.
+    touch_m (p, 2), touch_weights (p,): Gauss points and weights of the reference's touch face, rectangles at x, y >= 0.
     """
 
     box: DesignBox
@@ -243,13 +243,13 @@ def parametric_cell(
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
-    rule = face_quadrature(cell.mesh, "touch")
+    touch_m, weights, from_mesh = fitted_touch(cell.mesh, cell.box.foot, cell.reference)
     everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
     alone = (np.zeros((1, 4), dtype=np.int64),) * 3
     return tuple(
         ParametricCell(
-            cell.box, cell.reference, cell.scale, interface, *exponents, tuple(blocks),
-            rule.points[:, :2], rule.weights, 4 * cell.mesh.dof,
+            cell.box, cell.reference, cell.scale, interface, *exponents,
+            tuple(replace(block, touch=from_mesh @ block.touch) for block in blocks), touch_m, weights, 4 * cell.mesh.dof,
         )
         for exponents, blocks in zip([everywhere, *(alone for _ in unseen)], zip(*reduced, strict=True), strict=True)
     )  # fmt: skip

@@ -9,10 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
-from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
 from solvers.parametric.affine import PITCH, SIDE, Sizes
@@ -27,7 +25,6 @@ KEPT = {True: 1e-6, False: 1e-5}
 INSIDE = Inner(8, 8)
 FUNCTION = 1e-6  # of the largest singular value, of the boundary functions
 SHARES = 9
-TOUCH = 5  # degree of u_z on each part of the touch face, a plate's thickness from the foot
 
 
 def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: Sequence[Sizes]) -> ParametricCell:
@@ -43,34 +40,8 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
             for sector in of:
                 for number, motion in _inside(cell, parts, sector, count):
                     moving[number].append(motion)
-        points, weights, from_old = _fewer_points(cell)
-        blocks = [_block(cell, *own, from_old) for own in zip(cell.blocks, rigid, moving, strict=True)]
-    return replace(cell, blocks=tuple(blocks), touch_m=points, touch_weights=weights)
-
-
-def _fewer_points(cell: ParametricCell) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points (p, 2) and weights (p,) of each part of the touch face; u_z there from the old points', (p, old)."""
-    lines = [0.0, cell.box.foot.reach * cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0]
-    s, w = legendre.leggauss(TOUCH + 1)
-    gauss, area = np.stack(np.meshgrid(s, s, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w, w).ravel()
-    points, weights, rows = [], [], []
-    for corner in product((0, 1), repeat=2):
-        low, high = np.array([lines[at] for at in corner]), np.array([lines[at + 1] for at in corner])
-        middle, half = (low + high) / 2.0, (high - low) / 2.0
-        inside = np.flatnonzero(((cell.touch_m > low) & (cell.touch_m < high)).all(axis=1))
-        known = _products((cell.touch_m[inside] - middle) / half)
-        row = np.zeros((len(gauss), len(cell.touch_m)))
-        row[:, inside] = _products(gauss) @ np.linalg.pinv(known)
-        rows.append(row)
-        points.append(middle + half * gauss)
-        weights.append(area * half.prod())
-    return np.concatenate(points), np.concatenate(weights), np.concatenate(rows)
-
-
-def _products(points: FloatArray) -> FloatArray:
-    """Products of Legendre polynomials at points (n, 2), (n, (TOUCH + 1)^2)."""
-    x, y = (legendre.legvander(points[:, axis], TOUCH) for axis in (0, 1))
-    return np.asarray((x[:, :, None] * y[:, None, :]).reshape(len(points), -1), dtype=float)
+        blocks = [_block(cell, *own) for own in zip(cell.blocks, rigid, moving, strict=True)]
+    return replace(cell, blocks=tuple(blocks))
 
 
 def _inside(
@@ -92,7 +63,7 @@ def _inside(
 
 
 def _block(
-    cell: ParametricCell, block: ReducedBlock, rigid: list[FloatArray], moving: list[FloatArray], touch: FloatArray
+    cell: ParametricCell, block: ReducedBlock, rigid: list[FloatArray], moving: list[FloatArray]
 ) -> ReducedBlock:
     f, foot = block.functions, cell.box.foot
     low, high = (np.array(edge) for edge in (cell.box.low, cell.box.high))
@@ -113,7 +84,7 @@ def _block(
 
     return replace(
         block, functions=boundary.shape[1], stiffness=turned(block.stiffness), mass=turned(block.mass),
-        pillar_mass=turned(block.pillar_mass), touch=single(touch @ block.touch @ whole),
+        pillar_mass=turned(block.pillar_mass), touch=single(block.touch @ whole),
         coordinates=single(boundary.T @ block.coordinates),
     )  # fmt: skip
 

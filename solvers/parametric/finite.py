@@ -26,7 +26,7 @@ from geometry.layout import Design
 from solvers.fem.assembly import Scale
 from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
 from solvers.parametric.bare import bare_cell, bare_strip
-from solvers.superelement.cell import Cell, Expansion
+from solvers.superelement.cell import Cell, Expansion, SurfaceRule
 from solvers.threads import one_thread
 from solvers.waves.column import Column
 
@@ -47,7 +47,7 @@ def wavenumbers(design: Design) -> FloatArray:
 class Piece:
     """One cell of the column: y of its middle (m), even and odd part (dof, n) of every trial function; whether it is bare.
 
-    touch: u_z at the points of a quadrature over its touch face, parted where the zone and the rows end.
+    touch: a quadrature over its touch face, parted where the zone and the rows end, with u_z at its own points.
     """
 
     cell: Cell
@@ -55,7 +55,7 @@ class Piece:
     even: FloatArray
     odd: FloatArray
     bare: bool
-    touch: Expansion
+    touch: SurfaceRule
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Strip:
 
     stiffness: FloatArray
     mass: FloatArray
-    touch: Expansion
+    touch: SurfaceRule
     motion: FloatArray
     middle: tuple[float, float]
     weight: float
@@ -109,7 +109,8 @@ class FinitePlate:
             moved = without_pillar(
                 bare_cell(cell.size_m, self.design.material, cell.interface), moved[: cell.interface.count], about
             )
-        return Strip(stiffness, mass, touch, moved, (float(x), piece.middle), 2.0 if beyond > 0.0 else -2.0)
+        rule = _at_quadrature(touch, [line - piece.middle for line in self.design.touch_lines_m])
+        return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if beyond > 0.0 else -2.0)
 
     @cached_property
     def _kernels(self) -> tuple[FloatArray, FloatArray]:
@@ -148,7 +149,7 @@ class FinitePlate:
         return self._forms("stiffness")[0], self._forms("mass")[0]
 
     def modes(self, low_hz: float, high_hz: float) -> FiniteModes:
-        """The modes between two frequencies, ascending."""
+        """The modes between two frequencies, ascending; from rigid-body motions on if these begin below 0."""
         with one_thread():
             (stiffness, *own_parts), (mass, *_) = self._forms("stiffness"), self._forms("mass")
             diagonal = np.diag(mass)
@@ -158,7 +159,8 @@ class FinitePlate:
             kept = values > INDEPENDENT * values[-1]
             basis = size[:, None] * (turn[:, kept] / np.sqrt(values[kept]))
             own, waves = np.linalg.eigh(basis.T @ stiffness @ basis)
-            inside = (own >= self.scale.eigenvalue(low_hz)) & (own <= self.scale.eigenvalue(high_hz))
+            least = -np.inf if low_hz < 0.0 else self.scale.eigenvalue(low_hz)
+            inside = (own >= least) & (own <= self.scale.eigenvalue(high_hz))
             vectors = basis @ waves[:, inside]
             zone, rows = (vectors.T @ part @ vectors for part in own_parts)
             return FiniteModes(self.scale, own[inside], zone, rows, vectors, self.faces.among(vectors))
@@ -170,9 +172,9 @@ class FinitePlate:
         places, weights, squares = [], [], []
         for piece in self.pieces:
             touch = piece.touch
-            assert touch.weights is not None
-            normal = touch.matrix[:, 0]
-            moved = even_along * vector @ (normal @ piece.even).T + odd_along * vector @ (normal @ piece.odd).T
+            moved = (
+                even_along * vector @ (touch.normal @ piece.even).T + odd_along * vector @ (touch.normal @ piece.odd).T
+            )
             places.append(np.abs(touch.points[:, 1] + piece.middle))
             weights.append(touch.weights)
             squares.append((moved**2).mean(axis=0))
@@ -314,11 +316,12 @@ def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: i
     return Piece(place.row.cell, place.middle, even, odd, columns[0].panels[number].foot is None, touch)
 
 
-def _at_quadrature(touch: Expansion, lines_m: Sequence[float]) -> Expansion:
-    """u_z of a touch face at the points of a quadrature that is parted at lines y = const of the cell; with its weights."""
+def _at_quadrature(touch: Expansion, lines_m: Sequence[float]) -> SurfaceRule:
+    """A quadrature over a touch face that is parted at lines y = const of the cell, with u_z at its own points."""
     rule = touch.rule(lines_m)
-    normal = rule.normal if rule.interpolation is None else rule.interpolation @ rule.normal
-    return Expansion(rule.points, normal[:, None], rule.weights)
+    if rule.interpolation is None:
+        return rule
+    return replace(rule, normal=np.asarray(rule.interpolation @ rule.normal), interpolation=None)
 
 
 def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray:
@@ -329,9 +332,8 @@ def without_pillar(bare: Cell, boundary: FloatArray, about: float) -> FloatArray
 
 
 def _inside(
-    touch: Expansion, middle: float, own: Callable[[FloatArray], BoolArray]
+    touch: SurfaceRule, middle: float, own: Callable[[FloatArray], BoolArray]
 ) -> tuple[IntArray, FloatArray, FloatArray]:
     """Which points of a touch face lie in a part of the plate by |y|; their weights, and u_z there by degrees of freedom."""
-    assert touch.weights is not None
     at = np.flatnonzero(own(np.abs(touch.points[:, 1] + middle)))
-    return np.asarray(at), touch.weights[at], np.asarray(touch.matrix[at, 0])
+    return np.asarray(at), touch.weights[at], touch.normal[at]

@@ -20,7 +20,7 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.analytic.beam_elements import hermite
 from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
-from solvers.analytic.predesign import strip_of
+from solvers.analytic.predesign import free_kx_per_m, strip_of
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile, measure_profile
 from solvers.measures.driven_zones import BESIDE, DrivenZones, drive_zones
@@ -41,12 +41,6 @@ class StripModes:
 
     frequency_hz: FloatArray
     confinement: Confinement
-
-
-def wavenumber_along_per_m(design: Design) -> float:
-    """(N - 1/2) pi / L of the wanted mode, rad/m; 0 for the shapes that are rigid along x."""
-    lines = design.nodal_lines
-    return (lines - 0.5) * pi / design.length_m if lines > 1 else 0.0
 
 
 def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> StripModes:
@@ -73,7 +67,7 @@ def _solved(design: Design, window_hz: tuple[float, float], softness: float) -> 
     strip = strip_of(design)
     if strip is None:
         raise SolverError("a strip across the plate needs a zone and a thickness")
-    kx = wavenumber_along_per_m(design)
+    kx = free_kx_per_m(design)
     nodes = _nodes(design)
     stiffness, mass = _plate(nodes, strip, kx, _rigidity(strip, kx))
     if design.pillar and design.rows:

@@ -19,6 +19,7 @@ from scipy.linalg import block_diag
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
+from solvers.fem import gauss_grid
 from solvers.fem.assembly import Scale, System
 from solvers.fem.coarser import SHADE, Shares
 from solvers.fem.constraints import constrain, free_mask, rigid_body_modes
@@ -41,8 +42,9 @@ SAME = 1e-6  # of the thickness: one place
 class Expansion:
     """Displacements at fixed points of the cell: u(points) = matrix @ degrees of freedom.
 
-    points (p, 3) in m from the cell's middle, matrix (p, c, dof) for c components, weights (p,) in m2 of a quadrature,
-    facets (m, corners) of a surface between the points, order that of the elements whose nodes they are.
+    points (p, 3) in m from the cell's middle, matrix (p, c, dof) for c components, weights (p,) in m2 of a quadrature by
+    `gauss_points` of rectangles, facets (m, corners) of a surface between the points, order that of the elements whose nodes
+    they are.
     """
 
     points: FloatArray
@@ -52,10 +54,11 @@ class Expansion:
     order: int | None = None
 
     def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
-        """Quadrature over the surface, parted at the lines y = const: its own where it is one already, whose lines part it."""
+        """Quadrature over the surface, parted at the lines y = const."""
         normal = self.matrix[:, -1]
         if self.weights is not None:
-            return SurfaceRule(self.points, self.weights, normal)
+            points, weights, interpolation = gauss_grid.parted(self.points, self.weights, lines_m)
+            return SurfaceRule(points, weights, normal, interpolation)
         assert self.facets is not None and self.order is not None
         rule = facet_quadrature(self.points, self.facets, self.order, lines_m)
         return SurfaceRule(rule.points, rule.weights, normal, rule.interpolation)

@@ -145,16 +145,18 @@ def test_a_page_whose_program_has_ended_says_so(browser: Any, explorer: Explorer
 
 
 def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None:
+    """The design is the dot's; its level is that of the finite plate, where the dot has a column's estimate."""
     page = opened()
     page.locator("#gather").click()
     until(page, "document.querySelectorAll('#by-frequency .dot.front').length > 0 && cloud.points.length > 4")
     page.locator("#gather").click()
     until(page, "!cloud.running")
     dot = page.locator("#by-mass .dot.front").first
-    wanted = float(dot.locator("title").text_content().split(" dB")[0])
+    wanted = dot.locator("title").text_content().split(" dB")[0]
     dot.focus()
     page.keyboard.press("Enter")
-    until(page, f"{READY} && Math.abs(state.shown.plate.confinement_db - {wanted}) < 0.06")
+    chosen = f"cloud.points.find((point) => level(point.confinement_db, null) === '{wanted} dB').design"
+    until(page, f"{READY} && Object.entries({chosen}).every(([name, value]) => state.shown.design[name] === value)")
     assert page.locator("#pins tbody tr").count() == 0 and not page.faults
 
 

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
+import shutil
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -41,13 +45,22 @@ MEASURED = np.linspace(1e-3, 4e-3, 160).reshape(16, 10)
 MESH = MeshTable(BOX, MEASURED, 1.25, 0.5 * MEASURED[::-1])  # as if it had been measured
 
 
+@lru_cache
+def _made(settings: tuple[str, ...]) -> Path:
+    """A folder where the bases of some settings are made once, whichever tests ask."""
+    folder = tempfile.mkdtemp(prefix="antinode-bases-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
+
+
 def small_explorer(folder: Path, *settings: str) -> Explorer:
     """The explorer of examples/small.toml with --set words, its bases kept in a folder."""
     raw = read_toml(SMALL)
     case = case_from_dict(raw, SMALL, list(settings))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(folder))
+        patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(_made(settings)))
         model = cell_model.cell_model(case, WarningLog(), OFFLINE)
+    shutil.copytree(_made(settings), folder, dirs_exist_ok=True)
     return Explorer(Scene(case, raw, settings), replace(model, mesh=replace(MESH, box=model.cell.box)))
 
 

@@ -125,7 +125,7 @@ function headline(found) {
   else {
     numbers.push(["Wanted frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}${plate.status === "split" ? ", split among several modes" : ""}`]);
     numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}${plate.near_hz === null ? "" : `, a mode at ${frequency(plate.near_hz, null)} is near`}`]);
-    if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, null), "no bar known"]);
+    if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, plate.extension_error_db), ofBar(plate.extension_error_db, "dB")]);
     const decay = decayAt(found.rows, plate.frequency_hz);
     if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the wanted frequency and wavenumber"]);
   }
@@ -350,9 +350,12 @@ function compared(live, real) {
   const bar = real.frequency_error === null ? "" : ` ${frequencyBar(real.frequency_hz, real.frequency_error)}`;
   const own = real.confinement_error_db, spread = isKnown(own) ? ` ${ofBar(own, "dB")}` : "";
   const confined = real.confinement_db === null ? "" : `, ${level(real.confinement_db, own)}${spread}`;
-  const text = `Full plate: ${frequency(real.frequency_hz, real.frequency_error)}${bar}${confined}.`;
+  const split = real.status === "split" ? ", split among several modes" : "";
+  const text = `Full plate: ${frequency(real.frequency_hz, real.frequency_error)}${bar}${confined}${split}.`;
   if (live.why_not) return text;
   const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
+  if ((split || live.status === "split") && Math.abs(off) > 100 * (live.frequency_error + (real.frequency_error || 0)))
+    return `${text} The live answer names another of the modes that share the wanted shape, at ${frequency(live.frequency_hz, live.frequency_error)}.`;
   const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${level(live.confinement_db - real.confinement_db, own)}`;
   return `${text} The live answer was off by ${figure(off, isKnown(real.frequency_error) ? 100 * real.frequency_error : null)} %${levels}.`;
 }

@@ -478,7 +478,7 @@ function columnPanels(data, design) { // solvers/waves/column.py and solvers/sup
   if (!rows) { bare(half, true); if (extension > 1e-9) bare(half + extension, false); return { lines, feet, end: half + extension }; }
   const first = half + side / 2, end = first + (rows - 1) * pitch + side / 2 + extension;
   if (first - pitch / 2 <= half / 4) throw new Error("the first row's cell reaches over the zone's middle: no live answer for the plate");
-  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last row's cell: no live answer for the plate`);
+  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last rows' cells: this page has no answer for such a plate without its program, antinode explore`);
   bare(first - pitch / 2, true);
   for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(true); }
   if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
@@ -530,15 +530,37 @@ function motionsOf(data, places, steps, motion, free) { // of every cell, the ou
   }
   return out;
 }
-function profileOf(motions) { // u_z on the touch face
-  return motions.flatMap(({ cell, middle, re, im }) => {
-    const x = mul(cell.touch, re), y = mul(cell.touch, im), count = re.m;
+const linesOf = (data, design, end, middle) => [data.zone_width / 2, end - design.extension].flatMap((line) => [line - middle, -line - middle]);
+function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/gauss_grid.py
+  const { gauss, weights } = data.bare, n = gauss.length, points = [], areas = [], rows = [], width = cell.touch.m, own = (i) => cell.touch.a.subarray(i * width, (i + 1) * width);
+  for (let first = 0; first < cell.points.length; first += n * n) {
+    const low = cell.points[first][1], high = cell.points[first + n - 1][1], middle = (low + high) / 2, half = (high - low) / (gauss[n - 1] - gauss[0]);
+    const inside = lines.map((line) => (line - middle) / half).filter((at) => Math.abs(at) < 1 - 1e-9).sort((a, b) => a - b), ends = [-1, ...inside, 1];
+    const t = inside.length ? ends.slice(1).flatMap((end, i) => gauss.map((s) => ends[i] + (end - ends[i]) * (s + 1) / 2)) : gauss;
+    const share = inside.length ? ends.slice(1).flatMap((end, i) => weights.map((w) => (end - ends[i]) / 2 * w)) : weights;
+    const values = t.map((at, r) => gauss.map((s, j) => inside.length ? gauss.reduce((v, other, k) => k === j ? v : v * (at - other) / (s - other), 1) : +(r === j)));
+    for (let i = 0; i < n; i++) {
+      const start = first + i * n, across = cell.weights.slice(start, start + n).reduce((a, b) => a + b, 0) / 2;
+      t.forEach((at, r) => {
+        const row = zeros(width);
+        values[r].forEach((v, j) => { if (v) own(start + j).forEach((u, c) => { row[c] += v * u; }); });
+        points.push([cell.points[start][0], middle + half * at]); areas.push(across * share[r]); rows.push(row);
+      });
+    }
+  }
+  const touch = mat(rows.length, width);
+  rows.forEach((row, i) => touch.a.set(row, i * width));
+  return { ...cell, points, weights: areas, touch };
+}
+function profileOf(data, design, { motions, half_span }) { // u_z on the touch face
+  return motions.flatMap(({ cell: whole, middle, re, im }) => {
+    const cell = parted(data, whole, linesOf(data, design, half_span, middle)), x = mul(cell.touch, re), y = mul(cell.touch, im), count = re.m;
     return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
   });
 }
 function measured(data, found, design) { // solvers/measures: confinement.py, wanted_mode.py
   const half = data.zone_width / 2, beyond = found.half_span - design.extension, unit = data.plate_density * design.thickness ** 3;
-  const places = profileOf(found.motions), modes = found.frequency.map((hz, c) => {
+  const places = profileOf(data, design, found), modes = found.frequency.map((hz, c) => {
     let inside = 0, all = 0, active = 0, passive = 0, passiveArea = 0, far = 0, farArea = 0, own = 0, re = 0, im = 0;
     for (const p of places) {
       const square = p.re[c] ** 2 + p.im[c] ** 2, y = Math.abs(p.y);
@@ -561,6 +583,12 @@ function measured(data, found, design) { // solvers/measures: confinement.py, wa
   const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
   return { ...best, rivals: Math.min(rivals, 3) };
 }
+function windowsOf(data, thickness, search = false) { // pipeline/planning/mesh_rules.py at some thicknesses; where a search begins
+  const { thicknesses, ends } = data.windows, last = thicknesses.length - 1, place = Math.min(Math.max((thickness - thicknesses[0]) / (thicknesses[last] - thicknesses[0]), 0), 1) * last;
+  const at = Math.min(Math.floor(place), last - 1), [low, high, first] = ends[at].map((v, i) => v + (place - at) * (ends[at + 1][i] - v));
+  return [search ? first : low, high];
+}
+
 // ---- the finite plate: solvers/parametric/finite.py, pipeline/models/live_column.py ----
 function wavenumbersOf(data) {
   const { beyond, more, lines } = data.finite, last = Math.ceil(beyond * (Math.max(lines, 2) - 0.5 + more));
@@ -576,15 +604,15 @@ function middlesOf(data, design, pitch) {
   return range(0, count).map((i) => (i - (count - 1) / 2) * pitch);
 }
 function finitePlate(data, pillarCell, design, window) {
-  const { lines, tried, known, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
+  const { lines, tried, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
   const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
-  const pieces = columns[0].motions.map((place, number) => ({ ...place, even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
+  const pieces = columns[0].motions.map((place, number) => ({ ...place, cell: parted(data, place.cell, linesOf(data, design, columns[0].half_span, place.middle)), even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
     part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
   const over = (data.zone_length - xs.length * pitch) / 2, wide = 2 * Math.abs(over) / pitch, last = xs[xs.length - 1];
-  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about));
+  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about, linesOf(data, design, columns[0].half_span, piece.middle)));
   const weight = over > 0 ? 2 : -2, kernels = kernelsOf(kx, xs, odd);
   const whole = (parts) => { // a form of the plate from even and odd ones of the column and that of the strips
     const out = mat(n, n);
@@ -607,7 +635,7 @@ function finitePlate(data, pillarCell, design, window) {
   const kept = range(0, n).filter((i) => mass.values[i] > independent * mass.values[n - 1]);
   const basis = scaledColumns(picked(mass.vectors, range(0, n), kept), kept.map((i) => 1 / Math.sqrt(mass.values[i])));
   for (let i = 0; i < n; i++) for (let j = 0; j < basis.m; j++) basis.a[i * basis.m + j] *= size[i];
-  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] >= value(known[0] * window[0]) && own.values[i] <= value(known[1] * window[1]));
+  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] <= value(tried * window[1]));
   const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => mulT(vectors, mul(x, vectors));
   const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last: over > 0 ? last + pitch : last, beyond: end - design.extension });
   return { values: inside.map((i) => own.values[i]), zone: among(stiff[1]), rows: among(stiff[2]), vectors, pieces, xs, kx, along, end, angular,
@@ -619,10 +647,10 @@ function kernelsOf(kx, xs, odd) {
   for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { apart[i * n + j] = sum(kx[i] - kx[j]); together[i * n + j] = (odd ? -1 : 1) * sum(kx[i] + kx[j]); }
   return { apart, together };
 }
-function stripOf(data, design, piece, pitch, kx, along, span, x, about) { // of the plate beyond its whole cells, or lacking in the last ones
+function stripOf(data, design, piece, pitch, kx, along, span, x, about, lines) { // of the plate beyond its whole cells, or lacking in the last ones
   const n = kx.length, { shapes } = piece.foot ? condensedBare(data, pitch, piece.depth, design.thickness, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
   for (let i = 0; i < moved.n; i++) for (let j = 0; j < n; j++) moved.a[i * n + j] = at[j][0] * piece.even.a[i * n + j] + at[j][1] * piece.odd.a[i * n + j];
-  return { cell: among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), motion: moved };
+  return { cell: parted(data, among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), lines), motion: moved };
 }
 function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last, beyond }) {
   const n = kx.length, half = data.zone_width / 2, parts = [(y) => y < half, (y) => y >= half, (y) => y > beyond], areas = [0, 0, 0], overlap = zeros(n);
@@ -663,36 +691,50 @@ function detuned(plate, zone, rows) { // frequencies and measures where zone and
   });
   return { modes, vectors };
 }
-function verdictOf(rule, modes, [low, high]) { // solvers/measures/wanted_mode.py
-  const { similar, clear, lead, majority, rival, named } = rule, score = modes.map((one) => one.hz >= low && one.hz <= high ? one.strength * (one.zone_share === null ? 1 : one.zone_share) : 0);
+const weightOf = (one) => one.strength * (one.zone_share === null ? 1 : one.zone_share) * one.mac;
+function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/measures/wanted_mode.py over modes within reach
+  const { similar, clear, lead, majority, rival, named } = rule, inside = ([from, to], { hz }) => hz >= from && hz <= to, known = modes.map((one) => inside(reach, one));
+  const weights = modes.map((one, i) => known[i] ? weightOf(one) : 0), candidate = modes.map((one, i) => known[i] && one.hz >= low && one.mac >= similar);
   let best = -1;
-  modes.forEach((one, i) => { if (one.mac >= similar && score[i] > 0 && (best < 0 || score[i] > score[best])) best = i; });
+  modes.forEach((_, i) => { if (candidate[i] && weights[i] > 0 && (best < 0 || weights[i] > weights[best])) best = i; });
   if (best < 0) return null;
-  const weights = modes.map((one, i) => score[i] * one.mac), others = weights.filter((_, i) => i !== best), own = weights[best];
-  const single = modes[best].mac >= clear && own >= lead * Math.max(0, ...others) && own >= majority * weights.reduce((a, b) => a + b, 0);
-  return { index: best, status: single ? "single" : "split", rivals: Math.min(others.filter((w) => w >= rival * own).length, named) };
+  const others = weights.filter((_, i) => i !== best), own = weights[best], bound = Math.max(0, 1 - modes.reduce((sum, one, i) => known[i] ? sum + one.strength : sum, 0));
+  const near = modes.reduce((sum, one, i) => i === best || inside(ends, one) ? sum + weights[i] : sum, 0);
+  const single = modes[best].mac >= clear && own >= lead * Math.max(missing ?? bound, ...others) && own >= majority * near;
+  return { index: best, status: single ? "single" : "split", open: lead * bound > own, rivals: Math.min(others.filter((w) => w >= rival * own).length, named),
+    tied: (least) => [best, ...range(0, modes.length).filter((i) => i !== best && candidate[i] && weights[i] >= least * own)] };
+}
+function searched(rule, modes, window) { // solvers/measures/wanted_search.py where all modes that are known are at hand
+  let ends = window, reach = window, steps = 0, found = null;
+  for (let round = 0; round < rule.rounds; round++) {
+    found = verdictOf(rule, modes, window[0], ends, reach);
+    if (!found) return null;
+    const { hz } = modes[found.index], wider = [Math.min(ends[0], (1 - rule.past) * hz), Math.max(ends[1], (1 + rule.past) * hz)];
+    if (wider[0] !== ends[0] || wider[1] !== ends[1]) { ends = wider; reach = [Math.min(reach[0], wider[0]), Math.max(reach[1], wider[1])]; }
+    else if (!found.open || verdictOf(rule, modes, window[0], ends, reach, 0).status !== "single") return found;
+    else if (reach[0] > 0) reach = [0, reach[1]];
+    else if (steps++ < rule.steps) reach = [0, rule.step * reach[1]];
+    else return found;
+  }
+  return found;
 }
 function changed(data, plate, window, zone = 0, rows = 0) {
-  const { modes, vectors } = detuned(plate, zone, rows);
-  let found = verdictOf(data.rule, modes, window);
-  if (found) { const hz = modes[found.index].hz; found = verdictOf(data.rule, modes, [Math.min(window[0], (1 - data.rule.past) * hz), Math.max(window[1], (1 + data.rule.past) * hz)]); }
-  const [low, high] = data.finite.wider, wide = found && verdictOf(data.rule, modes, [low * window[0], high * window[1]]);
-  if (found && wide.index !== found.index) found = { ...found, status: "split" };
-  return { found, modes, vectors };
+  const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 10 ** (-0.2 * data.finite.tied);
+  return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
 function plateOf(data, pillarCell, design, window, meshError) {
-  const plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors } = changed(data, plate, window);
+  const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors, tied } = changed(data, plate, search);
   if (!found) return { why_not: "no mode of the wanted shape in the window" };
-  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, level_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
-  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, window, change, sign * change); }));
-  const others = each.filter((one) => one.found), wanted = others.map((one) => one.modes[one.found.index]), single = others.length === each.length && others.every((one) => one.found.status === "single");
-  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1))), levels = best.confinement_db === null ? null : [best.confinement_db, ...wanted.map((one) => one.confinement_db)];
-  const range_db = levels && [Math.min(...levels), Math.max(...levels)], close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
+  const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
+  const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
+  const others = each.filter((one) => one.found), wanted = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
+  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
+  const half_db = (range, own) => range && tied_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${frequency(rival, error)} lies near the wanted one, whose frequency is known to ${percent(error)}: the confinement may lie between ${level(range_db[0], null)} and ${level(range_db[1], null)}`);
   if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
   const { mac, zone_share, confinement_db, extension_db } = best;
-  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: range_db && level_db + Math.max(range_db[1] - confinement_db, confinement_db - range_db[0]),
+  return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: half_db(range_db, confinement_db), extension_error_db: half_db(between("extension_db"), extension_db),
     status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
 }
 function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1
@@ -826,7 +868,7 @@ function cloudOf(data, first) {
   };
   return data.cloud.slice(first, first + data.batch).map((given) => {
     const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g: 1e3 * massOf(data, design), frequency_hz: null, confinement_db: null };
-    const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+    const window = windowsOf(data, design.thickness);
     try {
       const best = measured(data, columnOf(data, cellOf(sizes), design, window, data.finite.free_kx), design);
       if (best) Object.assign(out, { frequency_hz: best.hz, confinement_db: best.confinement_db });
@@ -839,7 +881,7 @@ function answerOf(data, given) {
   if (faults.length) throw new Error(faults.join("; "));
   const design = inMetres(given);
   const sizes = [design.thickness, design.height, design.side, design.pitch], ready = prepared(data, sizes);
-  const window = data.window_hz.map((hz) => hz * design.thickness / data.window_thickness);
+  const window = windowsOf(data, design.thickness);
   let kept = null;
   const pillarCell = () => kept = kept || joinedCell(data, ready, sizes);
   const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, realRow(data, pillarCell(), data.kx), design, window) };

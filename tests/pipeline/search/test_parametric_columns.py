@@ -17,12 +17,15 @@ from tests.helpers.exploring import MESH, SMALL, small_explorer
 def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same design by both cells; the evaluations are kept apart, and a design outside the box is meshed."""
     case, cache = load_case(SMALL), EvaluationCache(tmp_path / "search")
-    model = small_explorer(tmp_path).model
+    explorer = small_explorer(tmp_path)
+    model = explorer.model
     monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: None)
     meshed = evaluate(case, COLUMN, None, cache)
     monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: model)
     live = evaluate(case, COLUMN, None, cache)
     assert cache.reused == 0 and live != meshed
+    page = explorer.estimate(case)  # both at the wavenumber between free ends
+    assert (live.frequency_hz, live.confinement_db) == (page["frequency_hz"], page["confinement_db"])
     assert meshed.frequency_hz is not None
     assert live.frequency_hz == pytest.approx(
         meshed.frequency_hz, rel=2.0 * SLACK[COLUMN]

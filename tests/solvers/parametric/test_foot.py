@@ -21,6 +21,7 @@ from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
 from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
+from solvers.parametric.touch_face import APART, fitted_touch
 from solvers.superelement.build import Reductions
 from solvers.superelement.diagonal import diagonal_image
 from solvers.superelement.lattice import Lattice
@@ -57,6 +58,25 @@ def test_the_quarter_is_sound_and_as_alike_along_x_and_y_as_its_foot(foot: Foot)
     assert all(shared[facet] == 1 for facet in named)
     flat = [face_quadrature(mesh, name).weights.sum() for name in ("touch", "top")]
     assert flat == pytest.approx([p * p / 4.0, foot.taper**2 * foot.area * a * a / 4.0], rel=2e-5)
+
+
+@pytest.mark.parametrize("mesh", [FixedMesh(), FixedMesh(2, beside=1, along=3, layers=0)], ids=["shipped", "coarse"])
+def test_a_touch_face_follows_what_its_elements_do(foot: Foot, mesh: FixedMesh) -> None:
+    """Cubic polynomials (of coarse elements quadratic ones) are kept, and no value grows much, though few of the elements that
+    stand along a round foot's block tell polynomials of a high degree apart.
+    """
+    layers = min(mesh.layers, 1) if foot.arm < 1.0 else mesh.layers
+    quarter, _ = quarter_mesh(foot, SIZES, replace(mesh, layers=layers))
+    points, weights, rows = fitted_touch(quarter, foot, SIZES)
+    at, half = face_quadrature(quarter, "touch").points[:, :2], SIZES[3] / 2.0
+
+    def moved(places: np.ndarray) -> np.ndarray:
+        x, y = places.T / half
+        return np.asarray((1.0 + x - x**mesh.order) * (2.0 + y**mesh.order))
+
+    assert rows @ moved(at) == pytest.approx(moved(points), abs=1e-10)
+    assert np.abs(rows).sum(axis=1).max() < 6.0 * APART  # of 36 products at most 1 each, by Schwarz's inequality
+    assert weights.sum() == pytest.approx(half**2)
 
 
 def test_a_foot_is_as_large_as_the_pillar_of_its_shape() -> None:

@@ -12,6 +12,7 @@ import pytest
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import verdict
@@ -57,7 +58,7 @@ def test_a_thin_bare_column_is_the_strip_of_plate_theory() -> None:
     what rotation and shear take, k^2 h^2 / 24 (1 + 2.4 / (1 - nu)), k^2 = omega sqrt(rho h / D).
     """
     bare = replace(DESIGN, pillar=None, rows=0, thickness_m=0.5e-3)
-    kx = 3.5 * pi / bare.length_m
+    kx = free_kx_per_m(bare)
     thin = strip_modes(bare, 1e3, 40e3)
     settings = HexSettings(3, 3e-3, 0, 0.25)
     result = Column(bare, Reductions(0.5e-3, ALUMINIUM, None, replace(REDUCTION, hexahedra=settings)), kx).modes(
