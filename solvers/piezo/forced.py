@@ -49,14 +49,20 @@ class GroupModes:
     residual_gain: tuple[FloatArray, FloatArray]
     bond: BondErrors | None = None
 
-    def amplitudes(self, eigenvalue: float, loss: float, volts: ComplexArray) -> ComplexArray:
-        """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
-        modal = (self.gain @ volts) / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)
-        return np.concatenate([modal, volts, (eigenvalue - self.middle) * volts])
+    def amplitudes(self, eigenvalue: float | FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
+        """Coefficients (..., columns) at eigenvalues (...) (scaled frequency squared), per voltages (..., patches)."""
+        at = np.asarray(eigenvalue)[..., None]
+        return np.concatenate(
+            [volts @ self.gain.T * self.flexibility(eigenvalue, loss), volts, (at - self.middle) * volts], -1
+        )
 
-    def receptance(self, eigenvalue: float, loss: float) -> ComplexArray:
-        """theta' u per volt, (patches, patches), scaled."""
-        modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
+    def flexibility(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
+        """1 / (lambda_r (1 + i/Q) - lambda) of each mode at eigenvalues lambda (...), (..., modes)."""
+        return np.asarray(1.0 / (self.eigenvalue * (1.0 + 1j * loss) - np.asarray(eigenvalue)[..., None]))
+
+    def receptance(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
+        """theta' u per volt at eigenvalues (...), (..., patches, patches), scaled."""
+        modal = self.flexibility(eigenvalue, loss)[..., None] * self.gain
         return np.asarray(self.gain.T @ modal + self.residual(eigenvalue))
 
     @cached_property
@@ -73,9 +79,10 @@ class GroupModes:
             parts.append(np.block([[np.diag(diagonal), beside], [beside.T, (within + within.T) / 2.0]]))
         return parts[0], parts[1]
 
-    def residual(self, eigenvalue: float) -> FloatArray:
-        """What the modes beyond the band add to the receptance, (patches, patches), scaled."""
-        return self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
+    def residual(self, eigenvalue: float | FloatArray) -> FloatArray:
+        """What the modes beyond the band add to the receptance at eigenvalues (...), (..., patches, patches), scaled."""
+        away = np.asarray(eigenvalue - self.middle)[..., None, None]
+        return np.asarray(self.residual_gain[0] + away * self.residual_gain[1])
 
 
 @dataclass(frozen=True)
@@ -291,15 +298,19 @@ class ForcedPlate:
         """Voltages of all patches: of those that drive +-1, or what +-1 V on the clamped patch would charge them with when
         the circuit is open; of those that listen what leaves them without charge.
         """
+        return np.asarray(self.volts_over(np.array([eigenvalue]))[0])
+
+    def volts_over(self, eigenvalues: FloatArray) -> ComplexArray:
+        """The same at eigenvalues (n,), (n, loads)."""
 
         def charge() -> ComplexArray:
-            parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
+            parts = [basis.receptance(eigenvalues, self.loss) for basis in self.modes]
             return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
 
-        return self.patch_volts(charge)
+        return np.broadcast_to(self.patch_volts(charge), (len(eigenvalues), len(self.plate.patches)))
 
     def patch_volts(self, charge: Callable[[], ComplexArray]) -> ComplexArray:
-        """The same from theta' u per volt, (patches, patches) in C/V, which is asked for only when a circuit is open."""
+        """The same from theta' u per volt, (..., patches, patches) in C/V, which is asked for only when a circuit is open."""
         capacitance = self.plate.capacitance_f
         volts = np.zeros(len(self.plate.patches), dtype=complex)
         charged = np.zeros(len(self.plate.patches))
@@ -308,9 +319,11 @@ class ForcedPlate:
             charged[self.drivers] = (self.signs * capacitance)[self.drivers]
         volts[fed] = (self.signs if self.feed is None else self.feed)[fed]
         if left:
-            moved = charge()
-            clamped = moved[np.ix_(left, left)] + np.diag(capacitance[left])
-            volts[left] = np.linalg.solve(clamped, charged[left] - moved[np.ix_(left, fed)] @ volts[fed])
+            moved = charge()[..., left, :]
+            clamped = moved[..., left] + np.diag(capacitance[left])
+            given = charged[left] - moved[..., fed] @ volts[fed]
+            volts = np.tile(volts, (*given.shape[:-1], 1))
+            volts[..., left] = np.linalg.solve(clamped, given[..., None])[..., 0]
         return volts
 
     @cached_property
@@ -333,16 +346,14 @@ class ForcedPlate:
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
-        at = [self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz]
-        volts = [self.volts(eigenvalue) for eigenvalue in at]
-        sensors = np.array(volts)[:, self.sensors]
+        at = np.array([self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz])
+        volts = self.volts_over(at)
         zone, passive = np.zeros(len(at)), np.zeros(len(at))
         for basis, grams in zip(self.modes, self.grams, strict=True):
-            tones = zip(at, volts, strict=True)
-            amplitudes = np.stack([basis.amplitudes(each, self.loss, given) for each, given in tones], axis=1)
+            amplitudes = basis.amplitudes(at, self.loss, volts).T
             for total, gram in zip((zone, passive), grams, strict=True):
                 total += quadratic(gram, amplitudes)
-        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), sensors)
+        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), volts[:, self.sensors])
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""
