@@ -22,7 +22,8 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
-from solvers.measures.confinement import TouchField, measure, wanted_symmetry
+from solvers.fem.missing_mode import largest_outside
+from solvers.measures.confinement import TouchField, measure, strength_force, wanted_symmetry
 from solvers.measures.wanted_mode import NONE, Verdict, verdict
 from solvers.measures.wanted_search import Found, Interval, search
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
@@ -198,7 +199,10 @@ class ForcedPlate:
         vectors = basis.columns[:, : len(basis.frequency_hz)]
         own = self._measured(basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist())
         if self.wanted_window_hz is not None:
-            return search(self.wanted_window_hz, self.solved_hz, own, partial(self._between, basis.group))
+            group = basis.group
+            return search(
+                self.wanted_window_hz, self.solved_hz, own, partial(self._between, group), partial(self._largest, group)
+            )
         judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
         return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
 
@@ -241,6 +245,14 @@ class ForcedPlate:
         """Every mode of a group between two frequencies, measured."""
         modes = modes_in_band(group.pencil, low_hz, high_hz, Shared(group.factorise))
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
+
+    def _largest(self, group: Group, modes: Sequence[PlateMode], reach_hz: Interval) -> float:
+        """Upper bound of the strength of any one mode of a group outside an interval whose modes are known."""
+        parts = zip(group.plates, group.touch(np.zeros((group.pencil.dof, 0))), strict=True)
+        load = [plate.work(strength_force(field, self.design, plate.symmetry or None)) for plate, field in parts]
+        low, high = (self.plate.scale.eigenvalue(end) for end in reach_hz)
+        vectors = np.column_stack([mode.vector for mode in modes])
+        return largest_outside(group.pencil, group.factorise, np.concatenate(load), vectors, (low, high))
 
     def _measured(
         self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None]
