@@ -403,7 +403,6 @@ def export(arguments: Namespace) -> int:
 
     if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
         _require_part(case, arguments.part, f"export {arguments.format}")
-    outputs.check_apart(arguments.json, arguments.output)
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     answer = Answer({"schema": 1, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written])
     return emit(arguments, "export", answer)
