@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Protocol, Self
 
@@ -199,10 +199,9 @@ class ForcedPlate:
         vectors = basis.columns[:, : len(basis.frequency_hz)]
         own = self._measured(basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist())
         if self.wanted_window_hz is not None:
-            group = basis.group
-            return search(
-                self.wanted_window_hz, self.solved_hz, own, partial(self._between, group), partial(self._largest, group)
-            )
+            group, window = basis.group, self.wanted_window_hz
+            found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
+            return self._extrapolated(group, found)
         judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
         return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
 
@@ -245,6 +244,21 @@ class ForcedPlate:
         """Every mode of a group between two frequencies, measured."""
         modes = modes_in_band(group.pencil, low_hz, high_hz, Shared(group.factorise))
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
+
+    def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
+        """The same with a wanted mode beyond the band at the mesh size of 0, as those about it are, its neighbours with it."""
+        if found.verdict.index is None or found.modes[found.verdict.index].place is not None:
+            return found
+        beyond = [number for number, mode in enumerate(found.modes) if mode.place is None]
+        values = np.array([self.plate.scale.eigenvalue(found.modes[number].frequency_hz) for number in beyond])
+        better = extrapolated_modes(group, values, np.column_stack([found.modes[number].vector for number in beyond]))
+        again = self._measured(
+            group, self.plate.scale.frequency(better.eigenvalue), better.vectors, [None] * len(beyond)
+        )
+        modes = list(found.modes)
+        for number, mode in zip(beyond, again, strict=True):
+            modes[number] = mode
+        return replace(found, modes=tuple(modes))
 
     def _largest(self, group: Group, modes: Sequence[PlateMode], reach_hz: Interval) -> float:
         """Upper bound of the strength of any one mode of a group outside an interval whose modes are known."""
