@@ -197,7 +197,10 @@ class ForcedPlate:
             window = self.wanted_window_hz or self.solved_hz
             return Found(NONE, (), window, window, 0.0)
         vectors = basis.columns[:, : len(basis.frequency_hz)]
-        own = self._measured(basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist())
+        fields = self._fields[next(i for i, each in enumerate(self.modes) if each is basis)]
+        own = self._measured(
+            basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist(), fields
+        )
         if self.wanted_window_hz is not None:
             group, window = basis.group, self.wanted_window_hz
             found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
@@ -269,15 +272,17 @@ class ForcedPlate:
         return largest_outside(group.pencil, group.factorise, np.concatenate(load), vectors, (low, high))
 
     def _measured(
-        self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None]
-    ) -> list[PlateMode]:
+        self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None],
+        columns: list[TouchField] | None = None,
+    ) -> list[PlateMode]:  # fmt: skip
         """Modes of a group with their measures.
 
         Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
         """
         if not len(tones):
             return []
-        fields = group.touch(vectors)
+        known = columns or group.touch(vectors)
+        fields = [replace(field, values=field.values[:, : len(tones)]) for field in known]
         inside, outside = (np.diag(gram) for gram in touch_grams(fields, self.design))
         parts = zip(group.symmetries, fields, strict=True)
         strength = np.sum([measure(field, self.design, symmetry or None).strength for symmetry, field in parts], axis=0)
