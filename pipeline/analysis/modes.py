@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -48,8 +49,9 @@ from solvers.fem.coarser import CoarserMeshes, largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
+from solvers.fem.missing_mode import largest_outside
 from solvers.fem.recovery import StressRecovery
-from solvers.measures.confinement import Confinement, measure, wanted_symmetry
+from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
@@ -439,6 +441,15 @@ class _Class:
             solution = modes_in_band(self.pencil, low_hz, high_hz, self.shared)
             return self._kept(solution), solution.count
 
+    def largest_outside(self, rows: Sequence[ModeRow], reach_hz: tuple[float, float]) -> float:
+        """Upper bound of the strength of any one mode of an assembled plate outside an interval whose modes are known."""
+        assert isinstance(self.model, PlateModel)
+        plate = self.model.assembled(self.symmetry)
+        force = strength_force(plate.touch(self.vectors[:, :0]), self.case.design, self.symmetry or None)
+        low, high = (self.pencil.scale.eigenvalue(end) for end in reach_hz)
+        vectors = self.vectors[:, [row.column for row in rows]]
+        return largest_outside(self.pencil, self.shared.factorise, plate.work(force), vectors, (low, high))
+
     def _solve(self, query: Request) -> Modes:
         if query.band_hz:
             return modes_in_band(self.pencil, *query.band_hz, self.shared)
@@ -464,7 +475,8 @@ def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
         return wanted_search.look_about(query.expected, one.count, one.rows, one.between)
     if not query.search:
         return wanted_search.look_among(one.rows, one.count)
-    return wanted_search.look(window, one.count, one.rows, one.between)
+    bound = one.largest_outside if isinstance(one.model, PlateModel) else None
+    return wanted_search.look(window, one.count, one.rows, one.between, bound)
 
 
 def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | None:

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.planning import calibration
-from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, sources
-from solvers.piezo.forced import ForcedPlate
+from solvers.control.resonance import half_power_points
+from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, louder, variations
+from solvers.driven.peak_width import width_rates
+from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, near_hz, peak_of
 
 DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
 AROUND_PEAK = 65  # points over them, and more at the peak
+FIRST_ORDER = 0.05  # of a change: what its second order may add where the plate is not computed again
 
 
 def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
@@ -20,7 +25,8 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
 
     The damping is given and not judged. A peak is wider or narrower than its own mode where neighbours carry some of the
     response: the factor is read again on plates whose resonances lie elsewhere within their bars, whose modes are mixed within
-    them, and whose patches push harder by the error of their loads. The change by a finer curve is added.
+    them, and whose patches push harder by the error of their loads; to first order where that is enough. The change by a finer
+    curve is added.
 
     Parameters
     ----------
@@ -36,14 +42,40 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
         return _read(each.of(forced), peak.frequency_hz * each.own)
 
     nominal, load = _read(forced, peak.frequency_hz), height_error(forced, peak.frequency_hz)
-    half = half_widths(nominal, sources(forced, errors, peak.frequency_hz, share, load), again)
-    error = float(half[0] + abs(nominal[0] - peak.quality_factor))
+    far, near = _parted(forced, errors, peak.frequency_hz, share)
+    half = half_widths(nominal, chain(near, louder(forced, np.nan if load is None else load)), again)
+    error = float(np.hypot(half[0], far * nominal[0]) + abs(nominal[0] - peak.quality_factor))
     return error if np.isfinite(error) else None
+
+
+def _parted(
+    forced: ForcedPlate, errors: list[FloatArray], peak_hz: float, share: float
+) -> tuple[float, list[tuple[Variation, ...]]]:
+    """Relative half-width by all sources whose change is that of first order, and the other sources."""
+    top, curve = _curve(forced, peak_hz)
+    ends = half_power_points(
+        curve.frequency_hz, curve.zone_rms_m_per_v, int(np.argmin(np.abs(curve.frequency_hz - top)))
+    )
+    every = list(variations(forced, errors, peak_hz, share))
+    if ends is None:
+        return 0.0, every
+    rates = width_rates(forced, top, ends)
+    is_far = [max(rates.ratio(each) for each in source) <= FIRST_ORDER for source in every]
+    far = [
+        max(abs(rates.change(each)) for each in source) for source, plain in zip(every, is_far, strict=True) if plain
+    ]
+    return float(np.linalg.norm(far)), [source for source, plain in zip(every, is_far, strict=True) if not plain]
 
 
 def _read(forced: ForcedPlate, tone: float) -> FloatArray:
     """The quality factor of a peak near a frequency, (1,); NaN where the curve has no half-power points there."""
+    top, curve = _curve(forced, tone)
+    found = peak_of(curve, top).quality_factor
+    return np.array([np.nan if found is None else found])
+
+
+def _curve(forced: ForcedPlate, tone: float) -> tuple[float, Curve]:
+    """A peak near a frequency, Hz, and the response about it."""
     top = near_hz(forced, tone)
     reach = DECAYED * top * forced.loss
-    found = peak_of(curve_about(forced, top - reach, top + reach, AROUND_PEAK, [top]), top)
-    return np.array([np.nan if found.quality_factor is None else found.quality_factor])
+    return top, curve_about(forced, top - reach, top + reach, AROUND_PEAK, [top])

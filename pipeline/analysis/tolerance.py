@@ -39,6 +39,7 @@ DRAWN = 241  # of the curves kept for the picture
 AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
 NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
 MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
+MEASURES = ("peak_hz", "confinement_db")
 ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
 
 
@@ -126,8 +127,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
     log.info(_summary("nominal", nominal))
     samples, more = _sampled(plate, changes, summary, log)
     with log.step("a sample in a smaller space"):
-        low, high = (factor * edge for factor, edge in zip(NARROWER, band, strict=True))
-        narrow = _measured(plate.sample(changes[0], (low, high)))
+        space_check = _space_check(plate, changes[0], samples[0], (NARROWER[0] * band[0], NARROWER[1] * band[1]))
     with log.step("pillars as interpolated and as reduced"):
         interpolated, reduced = (_measured(one) for one in plate.checked())
     tolerance_study = ToleranceStudy(
@@ -138,7 +138,7 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None) -> T
         plate.space.size,
         nominal,
         tuple(samples),
-        _apart(narrow, samples[0]),
+        space_check,
         _apart(interpolated, reduced),
         summary,
         np.array([first, *more]),
@@ -239,10 +239,19 @@ def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
     return np.union1d(np.linspace(low, high, DRAWN), [peak_hz])
 
 
+def _space_check(
+    plate: VariedPlate, change_m: FloatArray, sample: SampleRecord, band_hz: tuple[float, float]
+) -> dict[str, float | None]:
+    """How far a sample lies from itself in the space of a narrower band; None where that is no other space."""
+    if not plate.space.is_wider(band_hz):
+        return dict.fromkeys(MEASURES)
+    return _apart(_measured(plate.sample(change_m, band_hz)), sample)
+
+
 def _apart(first: SampleRecord, second: SampleRecord) -> dict[str, float | None]:
     """How far two measures of a plate lie apart; None where one of them has none."""
     apart: dict[str, float | None] = {}
-    for name in ("peak_hz", "confinement_db"):
+    for name in MEASURES:
         one, other = getattr(first, name), getattr(second, name)
         apart[name] = None if one is None or other is None else abs(one - other)
     return apart

@@ -14,7 +14,7 @@ from pipeline.planning.request import Expected
 from pipeline.records.record import RivalRecord, WantedMode, WantedRecord
 from solvers.fem.eigen import Count
 from solvers.measures.wanted_mode import NONE, Status, Verdict, verdict
-from solvers.measures.wanted_search import leaves_room, measures, missing_strength, search, weights
+from solvers.measures.wanted_search import Largest, leaves_room, measures, missing_strength, search, weights
 
 if TYPE_CHECKING:
     from pipeline.analysis.mode_rows import ModeRow
@@ -85,14 +85,16 @@ def look(
     known: Count,
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
+    largest: Largest[ModeRow] | None = None,
 ) -> Wanted:
     """Search the wanted mode from a window outwards, reusing the `rows` of its class that are already known.
 
-    `solve` returns every mode of the class between two frequencies. The outcome is the same whatever is known.
+    `solve` returns every mode of the class between two frequencies, `largest` what any one outside an interval may have of the
+    shape. The outcome is the same whatever is known.
     """
     if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
         return Wanted(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
-    found = search(window_hz, (known.low_hz, known.high_hz), rows, lambda low, high: solve(low, high)[0])
+    found = search(window_hz, (known.low_hz, known.high_hz), rows, lambda low, high: solve(low, high)[0], largest)
     low, high = found.window_hz
     inside = [low <= row.frequency_hz <= high for row in found.modes]
     order = [i for side in (True, False) for i, own in enumerate(inside) if own is side]

@@ -10,6 +10,7 @@ from pipeline.batch.job import Forecast, Job
 from pipeline.batch.study_file import StudyFile
 from pipeline.case.model import Case, case_from_dict, load_case, read_case
 from pipeline.case.overrides import toml_text
+from pipeline.case.plausible import warn_of_doubts
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measures import registry
@@ -87,6 +88,7 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) 
     case = load_case(case_path, payload["overrides"])
     if case.to_dict() != payload["case"]:
         raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")
+    warn_of_doubts(case.design, log)
     planned = registry.plan_of(case, payload["measure"])
     log.info(planned.text(), "PLAN")
     resources.refuse(planned.demands)

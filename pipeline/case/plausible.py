@@ -6,6 +6,7 @@ from math import sqrt
 
 from geometry.layout import Design
 from geometry.materials import Material
+from pipeline.logs import Log
 
 FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
 """Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
@@ -18,6 +19,12 @@ def doubts(design: Design) -> list[str]:
     tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
     materials = dict.fromkeys([design.material, *(pillar.material for pillar in design.kinds), *tips])
     return [line for material in materials for line in _doubt(material)]
+
+
+def warn_of_doubts(design: Design, log: Log) -> None:
+    """A warning for each of them: whoever reads a case for a computation says so."""
+    for doubt in doubts(design):
+        log.warning("MATERIAL", doubt)
 
 
 def _doubt(material: Material) -> list[str]:

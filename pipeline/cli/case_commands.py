@@ -6,7 +6,7 @@ from argparse import Namespace
 from typing import Any
 
 from pipeline.case.model import Case, load_case
-from pipeline.case.plausible import doubts
+from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -24,8 +24,7 @@ def _read(arguments: Namespace, *overrides: str) -> tuple[Case, TerminalLog, Ban
     """Case, log and band of a command line."""
     case = of_case(arguments, load_case(arguments.case, [*arguments.set, *overrides]))
     log, band = TerminalLog(arguments.quiet), getattr(arguments, "band", None)
-    for doubt in doubts(case.design):
-        log.warning("MATERIAL", doubt)
+    warn_of_doubts(case.design, log)
     return case, log, parse_band(band, "--band") if band else None
 
 
@@ -404,7 +403,6 @@ def export(arguments: Namespace) -> int:
 
     if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
         _require_part(case, arguments.part, f"export {arguments.format}")
-    outputs.check_apart(arguments.json, arguments.output)
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
     answer = Answer({"schema": 1, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written])
     return emit(arguments, "export", answer)

@@ -9,6 +9,7 @@ from typing import Any
 
 from pipeline.analysis.bands import solve_bands
 from pipeline.case.model import load_case
+from pipeline.case.plausible import warn_of_doubts
 from pipeline.errors import CheckFailed
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
@@ -89,6 +90,7 @@ def check_gap(arguments: Namespace) -> int:
     """Compare every committed edge with what is found now. Raises CheckFailed with a line for each that moved too far."""
     place = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
+    warn_of_doubts(case.design, log)
     record = solve_bands(case, log, every_gap=False).record
     computed = edges_of(record)
     edges = [Edge(name, hz, computed.get(name), allowed) for name, (hz, allowed) in read_reference().items()]

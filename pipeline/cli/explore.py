@@ -43,6 +43,7 @@ def run(arguments: Namespace) -> int:
     """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
     from pipeline.case.model import case_from_dict
     from pipeline.case.overrides import read_toml
+    from pipeline.case.plausible import warn_of_doubts
     from pipeline.logs import TerminalLog
     from pipeline.records import outputs
 
@@ -52,6 +53,7 @@ def run(arguments: Namespace) -> int:
     if arguments.export:
         outputs.check_files("--export", [arguments.export])
     log = TerminalLog(arguments.quiet)
+    warn_of_doubts(case.design, log)
     explorer = explorer_of(case, raw, tuple(arguments.set), log)
     if arguments.export:
         export(explorer, Path(arguments.export), log)

@@ -6,6 +6,7 @@ from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import load_case
+from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.quantities import parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -39,6 +40,7 @@ def search(arguments: Namespace) -> int:
     from pipeline.search.plots import landscape
 
     log = TerminalLog(arguments.quiet)
+    warn_of_doubts(case.design, log)
     outcome = find(space, Settings(arguments.goal, limits, arguments.evaluations), log)
     document = to_dict(outcome) | _proof(outcome, arguments, log)
     head = ("fidelity", *(v.name for v in space.variables), *MEASURES, "mass_kg", "violations", "why_not")

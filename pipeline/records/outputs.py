@@ -39,13 +39,13 @@ def check_places(arguments: Namespace) -> None:
     alone = {f"--{name}": place for name in DOCUMENTS if (place := getattr(arguments, name, None)) is not None}
     for option, place in (alone | {"--plot": getattr(arguments, "plot", None)}).items():
         lines += _violations(option, [place])
-    first, *others = [option for option, place in alone.items() if is_standard_output(place)] or [""]
+    each = alone | {"-o": getattr(arguments, "output", None)}
+    first, *others = [option for option, place in each.items() if place and is_standard_output(place)] or [""]
     lines += [
-        f"{option} = {alone[option]}: standard output takes one document, here that of {first}" for option in others
+        f"{option} = {each[option]}: standard output takes one document, here that of {first}" for option in others
     ]
-    lines += _violations("--out", _known_files(arguments)) + _same_place(
-        alone | {"--plot": getattr(arguments, "plot", None)}
-    )
+    lines += _violations("--out", _known_files(arguments))
+    lines += _same_place(each | {"--plot": getattr(arguments, "plot", None)})
     if lines:
         raise InputError(lines)
 
@@ -68,17 +68,6 @@ def _mode(place: str) -> int:
         return Path(place).stat().st_mode
     except OSError:
         return 0
-
-
-def check_apart(json_place: str | None, output: str | None) -> None:
-    """InputError when --json and -o name the same place, where one document would spoil the other."""
-    if not json_place or not output:
-        return
-    both = [is_standard_output(place) for place in (json_place, output)]
-    if all(both) or (not any(both) and os.path.realpath(json_place) == os.path.realpath(output)):
-        raise InputError(
-            f"--json = {json_place} and -o = {output}: go to the same place; name another one for one of them"
-        )
 
 
 def check_files(option: str, places: Iterable[str | Path]) -> None:

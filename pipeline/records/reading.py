@@ -42,6 +42,7 @@ ENDINGS = {
 KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3, ".3f")
 NAMES = {
     "db_per_row": ("decay per row", Form("dB", 1.0, ".2f")),
+    "quality_error": ("± quality factor", Form("", 1.0, ".2g")),
     "db_error": ("± decay per row", Form("dB", 1.0, ".2g")),
     "formula_hz": ("beam formula", KHZ),
     "pinned_hz": ("pinned sides (Mindlin)", KHZ),
@@ -126,7 +127,7 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
         if name.endswith("_hz"):
             at_rest = not value or (own == 0.0 and abs(value) < RIGID * largest)
             return "0" if at_rest else quantity.frequency_figure(value, own, unit)
-        absolute = own if named(bar)[1].unit == "dB" or own is None else abs(value) * own
+        absolute = abs(value) * own if own is not None and named(bar)[1] is PERCENT else own
         return quantity.level_figure(value, absolute) if form.unit == "dB" else quantity.figure(value, absolute)
 
     named_rows = (dict(zip(head, row, strict=True)) for row in rows)

@@ -74,7 +74,13 @@ def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:
 
 
 def half_power_quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> float | None:
-    """f0 over the width at 1/sqrt(2) of the peak, between interpolated crossings; None when a side does not fall that far."""
+    """f0 over the width at 1/sqrt(2) of the peak; None when a side does not fall that far."""
+    ends = half_power_points(frequency_hz, amplitude, peak)
+    return None if ends is None else float(frequency_hz[peak] / (ends[1] - ends[0]))
+
+
+def half_power_points(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> tuple[float, float] | None:
+    """Interpolated crossings of 1/sqrt(2) of the peak below and above it; None when a side does not fall that far."""
     level = amplitude[peak] / np.sqrt(2.0)
     sides = []
     for step in (-1, 1):
@@ -86,4 +92,4 @@ def half_power_quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, p
         inner = i - step
         share = (amplitude[inner] - level) / (amplitude[inner] - amplitude[i])
         sides.append(float(frequency_hz[inner] + share * (frequency_hz[i] - frequency_hz[inner])))
-    return float(frequency_hz[peak] / (sides[1] - sides[0]))
+    return sides[0], sides[1]

@@ -20,7 +20,7 @@ from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
-CACHED = ("verdict", "all_modes", "_fields")  # what follows from modes and is computed again when asked for
+CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for; the target mode stays
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
@@ -75,7 +75,6 @@ class Variation:
                     self._turn_kept(plate, other)
                 return other
         other.modes = [self._basis(each) for each in plate.modes]
-        _keep_wanted(plate, other)
         if self.turn is not None:
             self._turn_kept(plate, other)
         return other
@@ -168,14 +167,6 @@ def _nearest(moving: list[GroupModes], frequency_hz: float) -> tuple[int, int]:
     return min(away)[1:]
 
 
-def _keep_wanted(plate: ForcedPlate, other: ForcedPlate) -> None:
-    """The same mode stays the target mode on a plate within the bars."""
-    if plate.__dict__.get("_wanted") is not None:
-        held, index = plate.__dict__["_wanted"]
-        number = next(i for i, each in enumerate(plate.modes) if each is held)
-        other.__dict__["_wanted"] = (other.modes[number], index)
-
-
 @dataclass(frozen=True)
 class Louder:
     """A plate whose patches push harder, all or one of them."""
@@ -191,7 +182,6 @@ class Louder:
         if free is not None:
             other.__dict__["free"] = self.of(free)
         other.modes = [self._basis(each, len(plate.plate.patches)) for each in plate.modes]
-        _keep_wanted(plate, other)
         return other
 
     def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:

@@ -2,8 +2,10 @@
 
 Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches past the
 mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight exceeds its strength:
-1 less the strengths found bounds the weight of any mode that was not computed. While that bound leaves room for a rival of a
-mode that would be single, modes down to rest are computed, then higher ones, up to a limit beyond which nothing is single.
+1 less the strengths found bounds the weight of any mode that was not computed. Where that
+leaves room for a rival of a mode that would be single, a few solves bound what any one mode may have of it
+(`solvers.fem.missing_mode`); where they leave room too, modes down to rest are computed, then higher ones, up to a limit beyond
+which nothing is single.
 """
 
 from __future__ import annotations
@@ -49,6 +51,7 @@ class Measured(Protocol):
 T = TypeVar("T", bound=Measured)
 Solve = Callable[[float, float], Sequence[T]]
 Interval = tuple[float, float]
+Largest = Callable[[Sequence[T], Interval], float]
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,9 @@ class Found(Generic[T]):
         return best is not None and leaves_room(self.missing, float(weights(self.modes)[best]))
 
 
-def search(window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T]) -> Found[T]:
+def search(
+    window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T], largest: Largest[T] | None = None
+) -> Found[T]:
     """Search the wanted mode from a window outwards.
 
     Parameters
@@ -95,6 +100,8 @@ def search(window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: S
         Modes of the class.
     solve : callable
         Returns every mode of the class between two frequencies in Hz.
+    largest : callable, optional
+        Returns an upper bound of the strength of any one mode outside an interval, from all modes within it.
 
     Returns
     -------
@@ -111,9 +118,15 @@ def search(window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: S
         wider = reaching(ends, found.modes[found.verdict.index].frequency_hz)
         if wider != ends:
             ends, reach = wider, (min(reach[0], wider[0]), max(reach[1], wider[1]))
-        elif not (found.is_open and _judged(found.modes, window_hz[0], ends, reach, 0.0).verdict.status == "single"):
+            continue
+        if not (found.is_open and _judged(found.modes, window_hz[0], ends, reach, 0.0).verdict.status == "single"):
             break
-        elif reach[0] > 0.0:
+        if largest is not None:
+            bound = min(found.missing, largest(found.modes, reach))
+            found = _judged(found.modes, window_hz[0], ends, reach, bound)
+        if not found.is_open:
+            break
+        if reach[0] > 0.0:
             reach = 0.0, reach[1]
         elif steps < STEPS:
             steps, reach = steps + 1, (0.0, STEP * reach[1])

@@ -98,11 +98,12 @@ def _aligned(
     """
     pencil, (values, vectors) = coarser.join(), modes
     factor, _ = factor_near(pencil, amid(values), Factoriser())
-    moved, _ = np.linalg.qr(factor.solve(group.pencil.apply_mass(vectors)))
+    heavy = group.pencil.apply_mass(vectors)
+    moved, _ = np.linalg.qr(factor.solve(heavy))
     stiffness, mass = moved.T @ (pencil.stiffness @ moved), moved.T @ pencil.apply_mass(moved)
     eigenvalues, own = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     moved = moved @ own
-    fine, overlap, coarse = svd(vectors.T @ group.pencil.apply_mass(moved))
+    fine, overlap, coarse = svd(heavy.T @ moved)
     alike = overlap > ALIKE
     fine, turn = fine[:, alike], coarse[alike].T
     own = np.diag(values)

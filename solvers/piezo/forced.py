@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Protocol, Self
 
@@ -22,7 +22,8 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
-from solvers.measures.confinement import TouchField, measure, wanted_symmetry
+from solvers.fem.missing_mode import largest_outside
+from solvers.measures.confinement import TouchField, measure, strength_force, wanted_symmetry
 from solvers.measures.wanted_mode import NONE, Verdict, verdict
 from solvers.measures.wanted_search import Found, Interval, search
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
@@ -49,14 +50,20 @@ class GroupModes:
     residual_gain: tuple[FloatArray, FloatArray]
     bond: BondErrors | None = None
 
-    def amplitudes(self, eigenvalue: float, loss: float, volts: ComplexArray) -> ComplexArray:
-        """Coefficients of the columns at an eigenvalue (scaled frequency squared), per the patches' voltages."""
-        modal = (self.gain @ volts) / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)
-        return np.concatenate([modal, volts, (eigenvalue - self.middle) * volts])
+    def amplitudes(self, eigenvalue: float | FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
+        """Coefficients (..., columns) at eigenvalues (...) (scaled frequency squared), per voltages (..., patches)."""
+        at = np.asarray(eigenvalue)[..., None]
+        return np.concatenate(
+            [volts @ self.gain.T * self.flexibility(eigenvalue, loss), volts, (at - self.middle) * volts], -1
+        )
 
-    def receptance(self, eigenvalue: float, loss: float) -> ComplexArray:
-        """theta' u per volt, (patches, patches), scaled."""
-        modal = self.gain / (self.eigenvalue * (1.0 + 1j * loss) - eigenvalue)[:, None]
+    def flexibility(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
+        """1 / (lambda_r (1 + i/Q) - lambda) of each mode at eigenvalues lambda (...), (..., modes)."""
+        return np.asarray(1.0 / (self.eigenvalue * (1.0 + 1j * loss) - np.asarray(eigenvalue)[..., None]))
+
+    def receptance(self, eigenvalue: float | FloatArray, loss: float) -> ComplexArray:
+        """theta' u per volt at eigenvalues (...), (..., patches, patches), scaled."""
+        modal = self.flexibility(eigenvalue, loss)[..., None] * self.gain
         return np.asarray(self.gain.T @ modal + self.residual(eigenvalue))
 
     @cached_property
@@ -73,9 +80,10 @@ class GroupModes:
             parts.append(np.block([[np.diag(diagonal), beside], [beside.T, (within + within.T) / 2.0]]))
         return parts[0], parts[1]
 
-    def residual(self, eigenvalue: float) -> FloatArray:
-        """What the modes beyond the band add to the receptance, (patches, patches), scaled."""
-        return self.residual_gain[0] + (eigenvalue - self.middle) * self.residual_gain[1]
+    def residual(self, eigenvalue: float | FloatArray) -> FloatArray:
+        """What the modes beyond the band add to the receptance at eigenvalues (...), (..., patches, patches), scaled."""
+        away = np.asarray(eigenvalue - self.middle)[..., None, None]
+        return np.asarray(self.residual_gain[0] + away * self.residual_gain[1])
 
 
 @dataclass(frozen=True)
@@ -189,9 +197,14 @@ class ForcedPlate:
             window = self.wanted_window_hz or self.solved_hz
             return Found(NONE, (), window, window, 0.0)
         vectors = basis.columns[:, : len(basis.frequency_hz)]
-        own = self._measured(basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist())
+        fields = self._fields[next(i for i, each in enumerate(self.modes) if each is basis)]
+        own = self._measured(
+            basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist(), fields
+        )
         if self.wanted_window_hz is not None:
-            return search(self.wanted_window_hz, self.solved_hz, own, partial(self._between, basis.group))
+            group, window = basis.group, self.wanted_window_hz
+            found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
+            return self._extrapolated(group, found)
         judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
         return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
 
@@ -235,16 +248,41 @@ class ForcedPlate:
         modes = modes_in_band(group.pencil, low_hz, high_hz, Shared(group.factorise))
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
 
+    def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
+        """The same with a wanted mode beyond the band at the mesh size of 0, as those about it are, its neighbours with it."""
+        if found.verdict.index is None or found.modes[found.verdict.index].place is not None:
+            return found
+        beyond = [number for number, mode in enumerate(found.modes) if mode.place is None]
+        values = np.array([self.plate.scale.eigenvalue(found.modes[number].frequency_hz) for number in beyond])
+        better = extrapolated_modes(group, values, np.column_stack([found.modes[number].vector for number in beyond]))
+        again = self._measured(
+            group, self.plate.scale.frequency(better.eigenvalue), better.vectors, [None] * len(beyond)
+        )
+        modes = list(found.modes)
+        for number, mode in zip(beyond, again, strict=True):
+            modes[number] = mode
+        return replace(found, modes=tuple(modes))
+
+    def _largest(self, group: Group, modes: Sequence[PlateMode], reach_hz: Interval) -> float:
+        """Upper bound of the strength of any one mode of a group outside an interval whose modes are known."""
+        parts = zip(group.plates, group.touch(np.zeros((group.pencil.dof, 0))), strict=True)
+        load = [plate.work(strength_force(field, self.design, plate.symmetry or None)) for plate, field in parts]
+        low, high = (self.plate.scale.eigenvalue(end) for end in reach_hz)
+        vectors = np.column_stack([mode.vector for mode in modes])
+        return largest_outside(group.pencil, group.factorise, np.concatenate(load), vectors, (low, high))
+
     def _measured(
-        self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None]
-    ) -> list[PlateMode]:
+        self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None],
+        columns: list[TouchField] | None = None,
+    ) -> list[PlateMode]:  # fmt: skip
         """Modes of a group with their measures.
 
         Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
         """
         if not len(tones):
             return []
-        fields = group.touch(vectors)
+        known = columns or group.touch(vectors)
+        fields = [replace(field, values=field.values[:, : len(tones)]) for field in known]
         inside, outside = (np.diag(gram) for gram in touch_grams(fields, self.design))
         parts = zip(group.symmetries, fields, strict=True)
         strength = np.sum([measure(field, self.design, symmetry or None).strength for symmetry, field in parts], axis=0)
@@ -291,15 +329,19 @@ class ForcedPlate:
         """Voltages of all patches: of those that drive +-1, or what +-1 V on the clamped patch would charge them with when
         the circuit is open; of those that listen what leaves them without charge.
         """
+        return np.asarray(self.volts_over(np.array([eigenvalue]))[0])
+
+    def volts_over(self, eigenvalues: FloatArray) -> ComplexArray:
+        """The same at eigenvalues (n,), (n, loads)."""
 
         def charge() -> ComplexArray:
-            parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
+            parts = [basis.receptance(eigenvalues, self.loss) for basis in self.modes]
             return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
 
-        return self.patch_volts(charge)
+        return np.broadcast_to(self.patch_volts(charge), (len(eigenvalues), len(self.plate.patches)))
 
     def patch_volts(self, charge: Callable[[], ComplexArray]) -> ComplexArray:
-        """The same from theta' u per volt, (patches, patches) in C/V, which is asked for only when a circuit is open."""
+        """The same from theta' u per volt, (..., patches, patches) in C/V, which is asked for only when a circuit is open."""
         capacitance = self.plate.capacitance_f
         volts = np.zeros(len(self.plate.patches), dtype=complex)
         charged = np.zeros(len(self.plate.patches))
@@ -308,9 +350,11 @@ class ForcedPlate:
             charged[self.drivers] = (self.signs * capacitance)[self.drivers]
         volts[fed] = (self.signs if self.feed is None else self.feed)[fed]
         if left:
-            moved = charge()
-            clamped = moved[np.ix_(left, left)] + np.diag(capacitance[left])
-            volts[left] = np.linalg.solve(clamped, charged[left] - moved[np.ix_(left, fed)] @ volts[fed])
+            moved = charge()[..., left, :]
+            clamped = moved[..., left] + np.diag(capacitance[left])
+            given = charged[left] - moved[..., fed] @ volts[fed]
+            volts = np.tile(volts, (*given.shape[:-1], 1))
+            volts[..., left] = np.linalg.solve(clamped, given[..., None])[..., 0]
         return volts
 
     @cached_property
@@ -333,16 +377,14 @@ class ForcedPlate:
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
-        at = [self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz]
-        volts = [self.volts(eigenvalue) for eigenvalue in at]
-        sensors = np.array(volts)[:, self.sensors]
+        at = np.array([self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz])
+        volts = self.volts_over(at)
         zone, passive = np.zeros(len(at)), np.zeros(len(at))
         for basis, grams in zip(self.modes, self.grams, strict=True):
-            tones = zip(at, volts, strict=True)
-            amplitudes = np.stack([basis.amplitudes(each, self.loss, given) for each, given in tones], axis=1)
+            amplitudes = basis.amplitudes(at, self.loss, volts).T
             for total, gram in zip((zone, passive), grams, strict=True):
                 total += quadratic(gram, amplitudes)
-        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), sensors)
+        return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), volts[:, self.sensors])
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""

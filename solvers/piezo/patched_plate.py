@@ -137,6 +137,7 @@ class PatchedPlate:
         some = next(iter(plates.values()))
         classes = [[WHOLE]] if WHOLE in plates else coupled_classes(self.patches)
         self._panel_contacts: dict[int, list[tuple[PanelContact, ...]]] = {}
+        self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
         self._whole = some
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
@@ -225,7 +226,7 @@ class PatchedPlate:
 
     def _pencil(self, plates: list[AssembledPlate], mesh: int) -> PlainPencil:
         """K and M of the classes with the patches of a mesh, which move with their bonded faces, (3 b, dof) each."""
-        pencils = [plate.pencil() for plate in plates]
+        pencils = [self._bare(plate) for plate in plates]
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
         stiff: list[_Bonded] = []
@@ -237,6 +238,12 @@ class PatchedPlate:
         rigid = sum(RIGID_OF_CLASS[plate.symmetry] for plate in plates)
         matrices = self._matrices
         return PlainPencil(matrices.added(whole, stiff), matrices.added(heavy, weights), self.scale, rigid)
+
+    def _bare(self, plate: AssembledPlate) -> PlainPencil:
+        """K and M of a class without patches, kept: each mesh of the patches begins with them."""
+        if plate.symmetry not in self._pencils:
+            self._pencils[plate.symmetry] = plate.pencil()
+        return self._pencils[plate.symmetry]
 
     def _yielding(self, plates: list[AssembledPlate], vectors: FloatArray) -> FloatArray:
         """f'F f of the forces f of all patches in motions (dof, k) of the classes, (k,)."""

@@ -118,6 +118,16 @@ class AssembledPlate:
         mass = self.placed_cells[0].cell.scale.mass_kg
         return TouchField(np.concatenate(points), np.concatenate(weights), np.concatenate(values), mass)
 
+    def work(self, force: FloatArray) -> FloatArray:
+        """Work of forces (q,) along z at the points of `touch` on each degree of freedom, (dof,)."""
+        out, first = np.zeros(self.dof), 0
+        for placed_cell in self.placed_cells:
+            rule = self.touch_rule(placed_cell)
+            own = force[first : first + len(rule.weights)]
+            np.add.at(out, np.maximum(placed_cell.dofs, 0), placed_cell.coefficient * rule.work(own))
+            first += len(rule.weights)
+        return out
+
     def skin(self, vectors: FloatArray) -> Skin:
         """Outer skin of the cells of the class."""
         points, facets, values, start = [], [], [], 0

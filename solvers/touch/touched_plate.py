@@ -149,6 +149,10 @@ class TouchedPlate(ForcedPlate):
         frequency = float(self.plate.scale.frequency(np.array(eigenvalue)))
         return self.loads_of(self.receptance(eigenvalue), self.finger.dynamic_stiffness(frequency))
 
+    def volts_over(self, eigenvalues: FloatArray) -> ComplexArray:
+        """The same at eigenvalues (n,), (n, loads)."""
+        return np.array([self.volts(eigenvalue) for eigenvalue in eigenvalues])
+
     def loads_of(self, receptance: ComplexArray, stiffness_n_m: complex) -> ComplexArray:
         """The same from a receptance of patches and moments and the contact's dynamic stiffness."""
         count = len(self.plate.patches)

@@ -41,6 +41,11 @@ class PlateSpace:
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
         self._static = [_static(own, basis, extra) for own, (basis, extra) in zip(self.bases, raw, strict=True)]
 
+    def is_wider(self, band_hz: tuple[float, float]) -> bool:
+        """Whether it has modes that do not lie between two frequencies."""
+        tones = np.concatenate([basis.frequency_hz for basis in self.bases])
+        return bool(((tones <= band_hz[0]) | (tones >= band_hz[1])).any())
+
     def within(self, band_hz: tuple[float, float]) -> FloatArray:
         """The space that modes between two frequencies and the static answers alone would span, (n, m) in this one.
 

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pipeline.analysis import tolerance
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
+from pipeline.records.record import SampleRecord
+from solvers.variation.plate_space import PlateSpace
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
@@ -147,3 +151,19 @@ def test_a_case_without_the_table_is_understood_as_before(tmp_path: Path) -> Non
     assert given == {"height_m": 0.0, "side_m": 2e-5, "position_m": 0.0, "samples": 20, "seed": 1}
     with pytest.raises(InputError, match=r"did you mean tolerance\.side_mm"):
         load_case(path, ["tolerance.sides_mm=0.02"])
+
+
+@pytest.mark.parametrize(("tones_hz", "known"), [((30e3,), False), ((20e3, 30e3), True)])
+def test_a_narrower_space_that_is_the_same_one_checks_nothing(tones_hz: tuple[float, ...], known: bool) -> None:
+    """With a single mode in the margin the narrower band leaves none out."""
+    one, other = (
+        SampleRecord(peak_hz=p, zone_rms=1.0, confinement_db=9.0, quality_factor=None, tracking="single")
+        for p in (3e4, 3.1e4)
+    )
+    space = object.__new__(PlateSpace)
+    space.bases = [SimpleNamespace(frequency_hz=np.array(tones_hz))]  # type: ignore[list-item]
+    plate = SimpleNamespace(space=space, sample=lambda *_: other)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tolerance, "_measured", lambda sample: sample)
+        check = tolerance._space_check(plate, np.zeros((1, 4)), one, (25e3, 35e3))  # type: ignore[arg-type]
+    assert check["peak_hz"] == (pytest.approx(1e3) if known else None)

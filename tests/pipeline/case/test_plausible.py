@@ -7,9 +7,12 @@ from pathlib import Path
 import pytest
 
 from geometry.materials import MATERIALS
+from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.case.plausible import doubts
 from pipeline.cli.main import main
+from pipeline.errors import InputError
+from tests.helpers.recording_log import RecordingLog
 
 CASE = """name = "p"
 material = {{ young_GPa = {young}, density_kg_m3 = {density}, poisson = 0.3 }}
@@ -49,3 +52,28 @@ def test_a_slip_of_units_gives_one_line(name: str, tmp_path: Path, capsys: pytes
     assert main(["predesign", str(file), "--quiet"]) == 0
     lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("warning MATERIAL")]
     assert len(lines) == 1 and "check the units" in lines[0]
+
+
+def test_python_and_studies_doubt_it_too(tmp_path: Path) -> None:
+    import antinode
+
+    file = written(tmp_path, *SLIPS["too stiff"])
+    with pytest.warns(antinode.Caution, match="MATERIAL: .*check the units"), pytest.raises(InputError):
+        antinode.load(file).response()
+    log, case = RecordingLog(), load_case(file)
+    with pytest.raises(InputError):
+        payload = {"overrides": [], "case": case.to_dict(), "measure": ["response"]}
+        case_study.compute(str(file), payload, tmp_path, log)  # type: ignore[arg-type]
+    assert "MATERIAL" in log.warnings
+
+
+def test_the_search_doubts_it_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def begun(*given: object) -> None:
+        raise InputError("begun")
+
+    monkeypatch.setattr("pipeline.search.optimiser.search", begun)
+    assert main(["search", str(written(tmp_path, *SLIPS["too stiff"])), "--vary", "plate.thickness_mm=1:2"]) == 2
+    said = capsys.readouterr().err
+    assert "warning MATERIAL" in said and "begun" in said

@@ -79,3 +79,12 @@ def test_words_of_other_fields_have_their_units() -> None:
         "gain K' (N/m)  95 % reached (ms)  mass (g)  zone (nm/N)  stop band (kHz)",
         "        1e+07              1.980      12.1           22              1.5",
     ]
+
+
+def test_a_quality_factor_s_bar_is_in_its_own_unit() -> None:
+    head = ("quality_factor", "quality_error")
+    assert reading_table(head, [[300.4, 0.08], [58.31, 2.0]]).splitlines() == [
+        "quality factor  ± quality factor",
+        "        300.40              0.08",
+        "          58.3                 2",
+    ]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from solvers.measures.wanted_mode import LEAD, verdict
-from solvers.measures.wanted_search import Found, measures, search, weights
+from solvers.measures.wanted_search import Found, Largest, measures, search, weights
 
 WINDOW = (30.0, 60.0)
 
@@ -32,10 +33,13 @@ class Plate:
         self.solved.append((low_hz, high_hz))
         return [mode for mode in self.modes if low_hz <= mode.frequency_hz < high_hz]
 
-    def found(self, known_hz: tuple[float, float] = WINDOW) -> Found[Mode]:
-        return search(
-            WINDOW, known_hz, [m for m in self.modes if known_hz[0] <= m.frequency_hz < known_hz[1]], self.between
-        )
+    def found(self, known_hz: tuple[float, float] = WINDOW, largest: Largest[Mode] | None = None) -> Found[Mode]:
+        known = [m for m in self.modes if known_hz[0] <= m.frequency_hz < known_hz[1]]
+        return search(WINDOW, known_hz, known, self.between, largest)
+
+    def bound(self, modes: Sequence[Mode], reach_hz: tuple[float, float]) -> float:
+        """The best bound there is."""
+        return max((m.strength for m in self.modes if not reach_hz[0] <= m.frequency_hz <= reach_hz[1]), default=0.0)
 
 
 def drawn(seed: int) -> Plate:
@@ -77,6 +81,20 @@ def test_what_is_known_before_changes_nothing(known_hz: tuple[float, float]) -> 
     for seed in range(100):
         ours, theirs = drawn(seed).found(), drawn(seed).found(known_hz)
         assert (ours.verdict, ours.modes, ours.reach_hz) == (theirs.verdict, theirs.modes, theirs.reach_hz)
+
+
+def test_a_bound_of_one_mode_s_strength_saves_solves_and_overturns_nothing() -> None:
+    saved = 0
+    for seed in range(400):
+        plate, other = drawn(seed), drawn(seed)
+        found, without = plate.found(largest=plate.bound), other.found()
+        saved += len(other.solved) - len(plate.solved)
+        if found.verdict.status == "single":
+            every = weights(plate.modes)
+            own = plate.modes.index(found.modes[found.verdict.index or 0])
+            assert every[own] >= LEAD * np.delete(every, own).max()
+        assert found.verdict.status == "single" or without.verdict.status != "single"
+    assert saved >= 20
 
 
 def test_a_rival_below_the_window_makes_a_split() -> None:
