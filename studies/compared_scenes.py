@@ -17,7 +17,6 @@ from pipeline.logs import TerminalLog
 from pipeline.models.parts import tet_cell
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules
-from solvers.analytic.ritz_blocks import free_block_hz
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.piezo.frequency_bar import frequency_errors
@@ -28,6 +27,7 @@ from solvers.superelement.lattice_error import mesh_error
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 from studies.bonded_solid import UNSURE, BondedPlate, solid_modes
+from studies.ritz_blocks import free_block_hz
 from studies.scenes_drawn import CASE
 
 BANDS = 10

@@ -78,7 +78,11 @@ def touch(document: Document) -> Rows:
 def hybrid(document: Document) -> Rows:
     """One row a frequency: of each method the level in dB, with every resonance or the pillars' alone off, and V for 1 um."""
     keys = {"confinement_db": "db", "off_db": "off_db", "rows_off_db": "rows_off_db", "volts_per_um": "volts_per_um"}
-    keys |= {"confinement_error_db": "error_db", "off_error_db": "off_error_db", "rows_off_error_db": "rows_off_error_db"}
+    keys |= {
+        "confinement_error_db": "error_db",
+        "off_error_db": "off_error_db",
+        "rows_off_error_db": "rows_off_error_db",
+    }
     keys |= {"volts_error_per_um": "volts_error_per_um"}
     return [
         {"frequency_hz": frequency}

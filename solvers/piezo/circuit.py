@@ -81,7 +81,8 @@ def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]
     """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
     stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
     loads = [
-        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads]) for basis in forced.modes
+        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads])
+        for basis in forced.modes
     ]
     return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
 

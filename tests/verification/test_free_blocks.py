@@ -10,8 +10,8 @@ from pipeline.analysis.modes import PartModes, solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request
+from studies.ritz_blocks import free_block_hz
 from tests.helpers.recording_log import RecordingLog
-from tests.helpers.ritz_blocks import free_block_hz
 
 SLAB_MM = (40.0, 20.0)
 CONVERGED = 5e-5  # of the Ritz frequencies: what two degrees more bring at most
