@@ -115,7 +115,7 @@ class Pillar:
     @property
     def takes_hexahedra(self) -> bool:
         """True when hexahedra, straight or curved, can follow the pillar where its panel leaves them room."""
-        return self.is_made_of_boxes or self.is_plain
+        return self.is_made_of_boxes or (self.form.grows and not self.fillet_m and self.tip is None)
 
     @property
     def is_plain(self) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Literal
 
 import numpy as np
 
@@ -223,7 +224,8 @@ def of_patch(scene: BondedPlate) -> Compared:
     high_hz = _in_a_gap(solid.frequency_hz, PATCH_MODES)
     case = _bare_case("solve.accuracy=0.003")
     assert case.patches
-    face, lengths = "back" if scene.is_on_back else "touch", (scene.patch_m[0],)
+    face: Literal["back", "touch"] = "back" if scene.is_on_back else "touch"
+    lengths = (scene.patch_m[0],)
     patches = replace(case.patches, size_m=scene.patch_m, face=face, centres_m=((0.0, 0.0),), lengths_m=lengths)
     forced = forced_plate(
         replace(case, design=scene.design, patches=patches), QUIET, (0.8 * solid.frequency_hz[0], high_hz)

@@ -57,7 +57,7 @@ class VariedPanel:
             return self._shifted(shifts, change)
         grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
         patches = foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
-        z = lines_along_z(self.thickness_m, self.pillar.height_m, self.settings)
+        z = lines_along_z(self.thickness_m, self.pillar, self.settings)
         return relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
 
     def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:

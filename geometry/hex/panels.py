@@ -93,7 +93,7 @@ def _frustum(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSett
 
 
 def _about_a_foot(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
-    z = lines_along_z(thickness_m, pillar.height_m, settings)
+    z = lines_along_z(thickness_m, pillar, settings)
     return joined(foot_patches(panel, pillar, settings), z, thickness_m, settings.order)
 
 
@@ -118,11 +118,13 @@ def foot_patches(
     return patches
 
 
-def lines_along_z(thickness_m: float, height_m: float, settings: HexSettings) -> FloatArray:
-    """Lines through the plate and along its pillar."""
-    z = grid_lines({0.0: False, thickness_m: True}, settings.through_grading(thickness_m))
-    along = grid_lines({thickness_m: True, thickness_m + height_m: False}, settings.pillar_grading)
-    return np.concatenate([z, along[1:]])
+def lines_along_z(thickness_m: float, pillar: Pillar, settings: HexSettings) -> FloatArray:
+    """Lines through the plate and along its pillar, and along its mirror image below."""
+    both, high = pillar.faces == 2, thickness_m + pillar.height_m
+    z = grid_lines({0.0: both, thickness_m: True}, settings.through_grading(thickness_m))
+    along = grid_lines({thickness_m: True, high: False}, settings.pillar_grading)
+    below = thickness_m - along[:0:-1] if both else z[:0]
+    return np.concatenate([below, z, along[1:]])
 
 
 def foot_from_middle(panel: Panel) -> FloatArray:

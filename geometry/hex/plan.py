@@ -136,16 +136,19 @@ def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch
 
 
 def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, taper: float) -> Mesh:
-    """The mesh with the pillar about a centre (2,) narrowed or widened linearly, to `taper` times its width at its height."""
+    """The mesh with the pillar about a centre (2,), and its image below the plate, narrowed or widened linearly, to `taper`
+    times its width at its height.
+    """
     if taper == 1.0:
         return mesh
-    above = np.maximum(mesh.nodes[:, 2] - thickness, 0.0) / height
+    above = np.maximum(np.maximum(mesh.nodes[:, 2] - thickness, -mesh.nodes[:, 2]), 0.0) / height
     plan = centre + (mesh.nodes[:, :2] - centre) * (1.0 + (taper - 1.0) * above)[:, None]
     return replace(mesh, nodes=np.column_stack([plan, mesh.nodes[:, 2]]), spans=None)
 
 
 def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
-    """One mesh of all patches pulled up along z, nodes in the same place made one; above the thickness stands the pillar.
+    """One mesh of all patches pulled up along z, nodes in the same place made one; the pillar stands above the thickness and
+    hangs below 0.
 
     MeshError where two patches do not meet node for node.
     """
@@ -187,18 +190,19 @@ def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
 
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
     """The grid of a patch in its own two coordinates and z."""
-    high = (z[1:] + z[:-1]) / 2.0 > thickness
-    region = np.where(high, np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
+    middle = (z[1:] + z[:-1]) / 2.0
+    region = np.where((middle > thickness) | (middle < 0.0), np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
     return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
 
 
 def _check_joints(mesh: Mesh, thickness: float) -> None:
-    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's back or above it."""
+    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
     (local,) = mesh.element.facets
     facets = np.sort(np.concatenate([mesh.cells[:, face] for face in local]), axis=1)
     _, index, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
     alone = facets[index[counts == 1]]
-    above = (mesh.nodes[alone, 2] >= thickness * (1.0 - 1e-9)).all(axis=1)
+    z = mesh.nodes[alone, 2] / thickness
+    above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
     named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
     known = np.unique(np.concatenate([named, alone[~above]]), axis=0)
     if len(known) != len(np.unique(named, axis=0)):
@@ -209,7 +213,10 @@ def _outer(mesh: Mesh) -> dict[str, IntArray]:
     """The facets in the planes that bound the mesh, by name."""
     (local,) = mesh.element.facets
     facets = np.concatenate([mesh.cells[:, face] for face in local])
+    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    facets = facets[np.sort(index[counts == 1])]  # of one element alone: what a pillar below hangs from is no face
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    low[2] = 0.0
     near = 1e-9 * (high - low)
     names = (("x-", 0, low), ("x+", 0, high), ("y-", 1, low), ("y+", 1, high), ("touch", 2, low), ("top", 2, high))
     flat = {

@@ -19,7 +19,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.coarse_modes import CoarseModes, coarse_modes
-from pipeline.models.parts import PartModel
+from pipeline.models.parts import MeshErrorSource, PartModel
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
@@ -45,12 +45,11 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.simplifications import khz
 from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
-from solvers.fem.coarser import CoarserMeshes, largest
+from solvers.fem.coarser import largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
-from solvers.fem.recovery import StressRecovery
 from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixing_db
 from solvers.superelement.build import PlateModel
@@ -401,13 +400,13 @@ class _Class:
                 self.nearest_hz = float(near.frequency_hz[0]) if len(near.frequency_hz) else None
         self.log.info(f"{name}: {self.dof} degrees of freedom, {len(self.rows)} modes")
 
-    def estimated(self, coarser: CoarserMeshes | StressRecovery | None) -> ModeErrors | None:
+    def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
         """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
         if isinstance(self.model, PlateModel):
             return self.model.mode_errors(self.symmetry, self.pencil, self.vectors)
         return self.by_the_mesh(coarser) if coarser else None
 
-    def by_the_mesh(self, coarser: CoarserMeshes | StressRecovery) -> ModeErrors:
+    def by_the_mesh(self, coarser: MeshErrorSource) -> ModeErrors:
         """What the mesh may put each of the modes off by."""
         none = np.zeros(self.vectors.shape[1])
         assert isinstance(self.pencil, Pencil)

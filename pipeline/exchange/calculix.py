@@ -53,7 +53,7 @@ def input_deck(part_mesh: Exchange, count: int) -> str:
     """The whole input file; `count` modes are asked for from the lowest up."""
     out = io.StringIO()
     out.write(f"*HEADING\n{part_mesh.name}: the whole {part_mesh.part}, SI units (m, kg, s, N), written by antinode\n")
-    out.write(f"** mesh sha256 {part_mesh.mesh.sha256}\n")
+    out.write(f"** mesh sha256 {part_mesh.mesh.sha256}\n** mesh: {part_mesh.error_text}\n")
     _nodes(out, part_mesh)
     _elements(out, part_mesh)
     for name, places in part_mesh.faces.items():

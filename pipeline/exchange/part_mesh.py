@@ -24,9 +24,15 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_model
-from solvers.fem.eigen import factor_near
+from solvers.fem.eigen import factor_near, modes_near
 from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.recovery import StressRecovery
+from solvers.fem.solid import SolidModel
+from solvers.superelement.plate_error import MARGIN
 
+ESTIMATED_DOFS = 60_000  # a larger mesh is not solved for the sake of its error
+ESTIMATED_MODES = 4
+HALVED = 1.0 / 7.0  # of the degrees of freedom that elements half as long have
 MAX_DOFS = 300_000  # what a desktop solves in another program without thinking about memory
 FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
 FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
@@ -66,7 +72,8 @@ class Facets:
 class Exchange:
     """A part to hand over: order-2 mesh, outer facets, face groups as places in them, volumes with their materials.
 
-    `search` is what the case asks for: a band, or `count` modes near a frequency.
+    `search` is what the case asks for: a band, or `count` modes near a frequency. error: how far the mesh may put modes about
+    it too high, relative; None where it is not estimated.
     """
 
     name: str
@@ -77,6 +84,14 @@ class Exchange:
     volumes: dict[str, IntArray]
     materials: dict[str, Material]
     search: Request
+    error: float | None = None
+
+    @property
+    def error_text(self) -> str:
+        """What the file and the terminal say of the mesh's error."""
+        if self.error is None:
+            return "the error of its frequencies is not estimated: refine it and compare"
+        return f"its frequencies may lie up to {self.error:.2g} too high, relative (estimated from recovered stresses)"
 
     @property
     def clamped(self) -> bool:
@@ -92,8 +107,26 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
     """Mesh a part whole and name its groups; boxes as hexahedra of 27 nodes, or those split when `tetrahedra`."""
     if part == "pillar":
         case.require_one_kind("the lone pillar is")
+    part_mesh, share = _exchange(case, part, log, tetrahedra), 1.0
+    while _is_coarse(part_mesh, case) and part_mesh.mesh.dof <= HALVED * ESTIMATED_DOFS:
+        share /= 2.0
+        log.info(f"{part_mesh.error_text}, solve.accuracy = {case.solve.accuracy:g}: elements half as long")
+        part_mesh = _exchange(case, part, log, tetrahedra, share)
+    _log_summary(part_mesh, log)
+    if _is_coarse(part_mesh, case):
+        log.warning("MESH", f"solve.accuracy = {case.solve.accuracy:g}: the mesh misses it; {part_mesh.error_text}")
+    return part_mesh
+
+
+def _is_coarse(part_mesh: Exchange, case: Case) -> bool:
+    """Whether the mesh's error is known to exceed the accuracy."""
+    return part_mesh.error is not None and part_mesh.error > case.solve.accuracy
+
+
+def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 1.0) -> Exchange:
+    """The part on a mesh of elements `share` times as long as the accuracy asks for at first."""
     with log.step(f"mesh the whole {part}"):
-        mesh = _mesh(case, part, log)
+        mesh = _mesh(case, part, log, share)
         if tetrahedra and mesh.kind == "hex":
             mesh = split_hexahedra(mesh)
         check_mesh(mesh)
@@ -111,8 +144,23 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
         materials,
         with_defaults(case, Request(part)),
     )
-    _log_summary(part_mesh, log)
-    return part_mesh
+    return replace(part_mesh, error=_estimate(part_mesh, own, log))
+
+
+def _estimate(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> float | None:
+    """Largest error of some modes about what the case asks for, times MARGIN; None for hexahedra and large meshes."""
+    mesh, search = part_mesh.mesh, part_mesh.search
+    if mesh.kind != "tet" or mesh.dof > ESTIMATED_DOFS:
+        return None
+    clamped = clamped_faces(part_mesh.part, mesh)
+    about_hz = sum(search.band_hz) / 2.0 if search.band_hz else search.near_hz or 0.0
+    with log.step("error of the mesh"):
+        model = SolidModel(mesh, materials, clamped, False)
+        pencil = model.pencil(None)
+        modes = modes_near(pencil, about_hz, ESTIMATED_MODES)
+        values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
+        recovery = StressRecovery(mesh, materials, model.scale, bool(clamped))
+        return MARGIN * float(np.sum(recovery.errors(None, pencil, modes.vectors, values), axis=0).max(initial=0.0))
 
 
 def rendered(template: str, **values: Any) -> str:
@@ -148,33 +196,33 @@ def _log_summary(part_mesh: Exchange, log: Log) -> None:
     log.info(
         f"mesh written: the whole {part_mesh.part}, {len(mesh.cells)} {what}, {len(mesh.nodes)} nodes, "
         f"{mesh.dof} degrees of freedom, "
-        f"sha256 {mesh.sha256[:12]}; groups {', '.join([*part_mesh.volumes, *part_mesh.faces])}"
+        f"{part_mesh.error_text}; sha256 {mesh.sha256[:12]}; groups {', '.join([*part_mesh.volumes, *part_mesh.faces])}"
     )
 
 
-def _mesh(case: Case, part: str, log: Log) -> Mesh:
+def _mesh(case: Case, part: str, log: Log, share: float) -> Mesh:
     pillar = case.design.pillar
     boxes = part == "zone" or pillar is None or pillar.is_made_of_boxes or (part == "plate" and not case.design.rows)
     check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
     if boxes and case.solve.mesh != "tet":
-        return hex_mesh(_boxes(case, part, log), 2)
-    return _tetrahedra(case, part, log)
+        return hex_mesh(_boxes(case, part, log, share), 2)
+    return _tetrahedra(case, part, log, share)
 
 
-def _settings(case: Case, part: str) -> Iterator[HexSettings]:
+def _settings(case: Case, part: str, share: float) -> Iterator[HexSettings]:
     """Element sizes from the finest that the accuracy asks for to the coarsest."""
     design = case.design
     smallest = design.thickness_m if part != "pillar" or design.pillar is None else design.pillar.smallest_m
     finest = next((size for accuracy, size in FINEST.items() if case.solve.accuracy >= accuracy), FINENESS[0])
     for size in FINENESS:
         if size >= finest:
-            yield HexSettings(2, size * smallest, layers=0 if part == "plate" else 1)
+            yield HexSettings(2, share * size * smallest, layers=0 if part == "plate" else 1)
 
 
-def _boxes(case: Case, part: str, log: Log) -> Boxes:
+def _boxes(case: Case, part: str, log: Log, share: float) -> Boxes:
     """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
     body, build, _, _ = _builders(case.design, part)
-    for settings in _settings(case, part):
+    for settings in _settings(case, part, share):
         boxes: Boxes = build(body, settings, quarter=False)
         if _dofs(boxes) <= MAX_DOFS:
             return boxes
@@ -200,11 +248,11 @@ def _dofs(boxes: Boxes) -> int:
     return hex_mesh(boxes, 2).dof
 
 
-def _tetrahedra(case: Case, part: str, log: Log) -> Mesh:
+def _tetrahedra(case: Case, part: str, log: Log, share: float) -> Mesh:
     """Mesh the part through CAD and pytetwild, coarsened until it is below the limit."""
     made_from, _, solid, tetrahedra = _builders(case.design, part)
     fewest = (DOFS_PER_TET * TETS_PER_CUBE * solid(made_from).volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
-    edge = max(mesh_rules.tet_edge_m(_smallest_m(case.design, part), max(case.solve.accuracy, 0.01)), fewest)
+    edge = max(share * mesh_rules.tet_edge_m(_smallest_m(case.design, part), max(case.solve.accuracy, 0.01)), fewest)
     while (mesh := tetrahedra(made_from, edge)).dof > MAX_DOFS:
         log.info(f"{mesh.dof} degrees of freedom are more than {MAX_DOFS}: meshing again, coarser")
         edge *= COARSER

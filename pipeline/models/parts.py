@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
+
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.nesting import interpolation
@@ -19,7 +21,7 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import CoarserMeshes, Nested, Shares, clamped_shares, rim_shares
+from solvers.fem.coarser import CoarserMeshes, LowerOrders, Nested, Shares, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
 from solvers.fem.recovery import StressRecovery
 from solvers.fem.solid import SolidModel
@@ -27,6 +29,7 @@ from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.build import PlateModel, Reductions
 
+MeshErrorSource = CoarserMeshes | LowerOrders | StressRecovery
 LOCKING = 0.45  # Poisson's ratio
 
 
@@ -112,9 +115,9 @@ def _of_hexahedra(case: Case, choice: ModelChoice, meshes: list[MeshRecord], log
     return _solid(case, choice.part, mesh, CLAMPED[choice.part], choice.quarter, meshes, log)
 
 
-def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> CoarserMeshes | StressRecovery | None:
-    """What tells the error of a part meshed whole: two coarser meshes, or the stresses of its tetrahedra; None for what was
-    reduced, whose cells tell it.
+def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> MeshErrorSource | None:
+    """What tells the error of a part meshed whole: two coarser meshes, two lower orders where nothing is singular, or the
+    stresses of its tetrahedra; None for what was reduced, whose cells tell it.
     """
     fine, design = choice.hexahedra, case.design
     materials = region_materials(design.material, design.pillar)
@@ -130,7 +133,18 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Coar
         return Nested(model, interpolation(own, boxes, fine.order, settings.order))
 
     order = nested(replace(fine, order=fine.order - 1))
+    if choice.part == "plate" and design.pillar is None:
+        return _lower_orders(design, boxes, order, nested(replace(fine, order=fine.order - 2)), fine.order)
     return CoarserMeshes(nested(fine.coarser) if layers else None, order, _shares(design, choice.part, fine))
+
+
+def _lower_orders(
+    design: Design, boxes: Boxes, order: Nested[SolidModel], lower: Nested[SolidModel], degree: int
+) -> LowerOrders:
+    """What lower orders tell of a plate without pillars, which has nothing singular."""
+    smallest = min(design.length_m, 2.0 * design.half_span_m, design.thickness_m)
+    x, y, z = (float(np.diff(line).max()) / smallest for line in (boxes.x, boxes.y, boxes.z))
+    return LowerOrders(order, lower, degree, max(x, y), z)
 
 
 def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:

@@ -26,6 +26,7 @@ STEP = 1.2  # factor within which the highest band is found
 MANY = 4  # elements of a plate thin compared with its pitch, along the longer pitch
 SLENDER = 4.0  # widths of a foot that an element along the pillar is long at least
 FEW = 25  # bands that one element of a stub holds
+RESOLVED = 1.0 / 16.0  # of the coarse cell's degrees of freedom: more modes are too short for its elements
 HALF_WAVES = 3.0  # bands for each half-wave along a pillar: two bending modes, one of torsion or longitudinal
 
 
@@ -52,6 +53,7 @@ class CoarseCell:
         box = square_of(design.pillar) if design.pillar else None
         self.design, self.count = replace(design, pillar=box), count
         self._ends_hz: dict[float, float] = {}
+        self._fixed: dict[float, int] = {}
 
     @cached_property
     def _system(self) -> System:
@@ -77,6 +79,20 @@ class CoarseCell:
         if below_hz not in self._ends_hz:
             self._ends_hz[below_hz] = self._bisected_hz(below_hz)
         return self._ends_hz[below_hz]
+
+    def resolves(self, modes: float) -> bool:
+        """Whether the elements follow so many modes."""
+        return modes <= RESOLVED * self._system.mesh.dof
+
+    def fixed_modes(self, below_hz: float) -> int:
+        """Modes below a frequency, Hz, of the cell with its four sides held."""
+        if below_hz not in self._fixed:
+            from solvers.fem.constraints import constrain, free_mask
+            from solvers.fem.eigen import count_below
+
+            sides = free_mask(self._system.mesh, ("x-", "x+", "y-", "y+"), {})
+            self._fixed[below_hz] = count_below(constrain(self._system, sides), below_hz)
+        return self._fixed[below_hz]
 
     def _bisected_hz(self, below_hz: float) -> float:
         from solvers.fem.eigen import count_below

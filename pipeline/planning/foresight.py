@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import astuple, replace
-from math import ceil, floor, inf
+from math import ceil, floor
 
 from geometry.hex.box_counts import BoxCounts, box_counts
 from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
@@ -27,7 +27,6 @@ from solvers.superelement.tiling import grid
 
 MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
-LATTICE_DOF = 400  # degrees of freedom a wavevector that a cell may be refined to (lattice_cell.MAX_DOF)
 DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what one wavevector takes
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 # times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
@@ -62,10 +61,9 @@ def announce(what: str, demand: Demand, log: Log) -> None:
 
 
 def fits(demand: Demand, log: Log) -> bool:
-    """Whether the machine can hold the demand of a finer mesh; logged where it cannot."""
+    """Whether the machine can hold the demand of a finer mesh; logged either way."""
     reason = too_much(demand)
-    if reason:
-        log.info(f"no finer mesh: it {reason}")
+    log.info(f"no finer mesh: it {reason}" if reason else demand.text())
     return reason is None
 
 
@@ -432,21 +430,27 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
-    needed = replace(reduction, top_hz=min(reduction.top_hz, _cutoff_hz(case, reduction)))
-    mesh, functions, copies = _pillar_panel(design, needed, choice, pitch, halved)
-    functions = max(functions, LATTICE_DOF / 2.0)
+    mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
+    if design.pillar:
+        functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
     reducing = _reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
 
 
-def _cutoff_hz(case: Case, reduction: ReductionSettings) -> float:
-    """Cut-off of the fixed-interface modes to expect, Hz, from the highest band of a coarse cell; infinity without one."""
-    if case.design.pillar is None:
-        return inf
+def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:
+    """Fixed-interface modes of a cell to expect, up to a multiple of the highest band of a coarse one: those that it has, or
+    where its elements do not follow so many, what their density says, at most as those of a volume grow.
+    """
     from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
 
-    end_hz = coarse_cell(case.design, case.bands.count).bands_end_hz(reduction.top_hz)
-    return CUTOFF * case.solve.accuracy**-0.25 * end_hz
+    coarse = coarse_cell(case.design, case.bands.count)
+    end_hz = coarse.bands_end_hz(reduction.top_hz)
+    top_hz = min(reduction.top_hz, CUTOFF * case.solve.accuracy**-0.25 * end_hz)
+    count = coarse.fixed_modes(top_hz)
+    if coarse.resolves(count):
+        return float(count)
+    by_volume = coarse.fixed_modes(end_hz) * (top_hz / end_hz) ** 3
+    return max(count, min(by_volume, fixed_modes(case.design, replace(reduction, top_hz=top_hz), True, pitch, mesh)))
 
 
 def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:

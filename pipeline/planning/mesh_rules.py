@@ -64,6 +64,7 @@ CELL_LEVELS = {0.001: MeshLevel(3, 1, 0.15), 0.0007: MeshLevel(3, 1, 0.15, 1.0, 
 # widths of a foot that an element of order 3 beneath it is thick at most: the field at a rim reaches half of one, and cells
 # whose plates are thicker had twice the error; no more elements than MAX_BENEATH for it, whatever the foot
 STOUT, MAX_BENEATH = 1.2, 3
+HIGHEST = 4  # order of hexahedra
 COARSEST = 3  # order of a cell's elements at least
 FINEST = 24  # intervals of a segment on which branches are followed and gaps looked for, at least
 PLATE_ACCURACY = 0.03  # a whole plate of tetrahedra as a cross-check, not as the answer
@@ -140,9 +141,14 @@ def good_to_hz(part: str, design: Design) -> float:
 
 
 def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
-    """The mesh level of a plate meshed whole; elements of one without feet are no longer than half a shear wave."""
+    """The mesh level of a plate meshed whole; one without feet has elements of the highest order, no longer than half a shear
+    wave, whose error two orders less tell.
+    """
     level = mesh_level("whole", accuracy)
-    if design.pillar or high_hz <= 0.0:
+    if design.pillar:
+        return level
+    level = MeshLevel(HIGHEST, 0, level.factor)
+    if high_hz <= 0.0:
         return level
     longest = _shear_speed(design) / high_hz / 2.0
     return replace(level, share=min(level.share, longest / (2.0 * design.thickness_m)))
@@ -229,7 +235,7 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
 
 def plate_reduction(design: Design, accuracy: float, high_hz: float) -> ReductionSettings:
     """Reduction of a plate's panels for modes up to a frequency, Hz; further degrees through the thickness with it where the
-    plate is not thin for their waves.
+    plate is not thin for their waves. Panels without a pillar are no longer than a shear wave, their elements than half a one.
     """
     longest = max(design.pitch_x_m, *design.row_pitches_m) if design.rows else 3.0 * design.thickness_m
     share = longest / design.line_spacing_m
@@ -238,7 +244,9 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     face = Interface(along, degree_through(design, accuracy, high_hz))
     further = 0 if high_hz < THIN_TO * shear_cutoff_hz(design) else FURTHER
     mesh = cell_mesh(design, cell_level(accuracy))
-    longest, size = 3.0 * design.thickness_m, bare_size_m(design, mesh.order)
+    wave_m = _shear_speed(design) / high_hz if high_hz > 0.0 else inf
+    longest = min(3.0 * design.thickness_m, wave_m)
+    size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
     reduction = ReductionSettings(face, cutoff_to_hz(design, high_hz), mesh, longest, size, further)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
 

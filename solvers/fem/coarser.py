@@ -60,6 +60,8 @@ UNRESOLVED = (
 )
 # of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
+LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
+DEGREES = 12  # of a layer's degrees beyond the order, whose energies fall faster than a geometric series
 HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
 # of the share: one radial function stands for the whole of an edge
 RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
@@ -222,6 +224,59 @@ class CoarserMeshes:
             for each in (self.layer or self.order, self.order)
         )
         return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
+
+
+def layer_share(reach: float, order: int, steps: int = 1) -> float:
+    """What a mesh of order p leaves of a layer exp(-a s) along elements of length h over what its last `steps` orders brought,
+    reach = a h / 2.
+
+    Degree n has (2n + 1) i_n(a h / 2)^2 of the strain's energy, i_n the modified spherical Bessel function, and order p all
+    degrees below p. Higher a leave more: the slowest layers, which reach farthest, carry most of the energy.
+    """
+    from scipy.special import spherical_in  # slow to import
+
+    degrees = np.arange(order - steps, order + DEGREES)
+    energy = (2 * degrees + 1) * spherical_in(degrees, reach) ** 2
+    return float(energy[steps:].sum() / energy[:steps].sum())
+
+
+def regular_share(order: int) -> float:
+    """The same of a motion no smoother than the order's full rate needs, whose error goes as p^(-2p) (babuska1981)."""
+    return 1.0 / ((order / (order - 1.0)) ** (2 * order) - 1.0)
+
+
+@dataclass(frozen=True)
+class LowerOrders:
+    """Meshes of one and of two orders less of a body without singular edges, and what their changes tell.
+
+    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of what the last
+    order brought: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
+    single element has odd and even motions: the last order serves one kind only, the last two both.
+    along, across: longest element in the plane and across d, over d.
+    """
+
+    order: Nested[SolidModel]
+    lower: Nested[SolidModel]
+    degree: int
+    along: float
+    across: float
+
+    def errors(
+        self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """As `CoarserMeshes.errors`; nothing is taken from the frequencies."""
+        one, two = (
+            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
+            / 2.0
+            for each in (self.order, self.lower)
+        )
+        return np.zeros_like(values), self.half_width(one, two)
+
+    def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
+        """Half-width of a frequency's error from what meshes of one and two orders less change it by, relative."""
+        share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
+        hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
+        return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
 
 
 def coarser_eigenvalues(

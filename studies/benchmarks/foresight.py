@@ -1,6 +1,7 @@
-"""Foreseen against measured memory, each scene in a process of its own: `python -m studies.benchmarks.foresight [NAME ...]`.
+"""Foreseen against measured memory and processor time, each scene in a process of its own.
 
-Scenes off the calibrated design: other materials, thickness, sizes, accuracies, models and parts.
+`python -m studies.benchmarks.foresight [NAME ...]`. Scenes off the calibrated design: other materials, thickness, sizes,
+accuracies, models and parts; and cells of the kinds that are published: stubs stout, slender, soft, tipped, of every shape.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import dataclass
 
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
@@ -17,11 +19,14 @@ from pipeline.planning import plan
 from pipeline.planning.request import Request
 from pipeline.planning.resources import GIB, Demand
 
-MEASURED = """import sys
+MEASURED = """import sys, time
 from pipeline.batch import peak_memory
 from pipeline.cli.main import main
+from pipeline.planning.resources import Demand
+told, text = [], Demand.text
+Demand.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
 code = main(sys.argv[1:])
-print(peak_memory.peak_bytes())
+print(max(each[0] for each in told), sum(each[1] for each in told), peak_memory.peak_bytes(), time.process_time())
 sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'
@@ -49,11 +54,51 @@ SCENES: dict[str, tuple[str, ...]] = {
     "bands 1e-3": ("bands", REFERENCE, "--set", "bands.points=4", "--set", "solve.accuracy=0.001"),
     "round pillar": ("modes", SMALL, "--part", "pillar", "--set", ROUND),
 }  # fmt: skip
+SILICONE = "{young_GPa=1.175e-4,poisson=0.46875,density_kg_m3=1300.0}"
+
+
+def _cell(
+    pillar: str, *more: str, thickness_mm: float = 1.0, pitch_mm: float = 10.0, count: int = 10
+) -> tuple[str, ...]:
+    """The command of a cell's bands, few wavevectors of them."""
+    settings = (
+        f"pillar={{{pillar}}}", f"plate.thickness_mm={thickness_mm}", f"array.pitch_mm={pitch_mm}", f"bands.count={count}",
+        "bands.points=2", "bands.grid=2", "solve.accuracy=0.01", *more,
+    )  # fmt: skip
+    return ("bands", SMALL, *(word for each in settings for word in ("--set", each)))
+
+
+STUB, SQUAT = 'shape="round",diameter_mm=7.0,height_mm=10.0', 'shape="round",diameter_mm=7.0,height_mm=5.0'
+SOFT = f"{SQUAT},material={SILICONE}"
+NECK = f'shape="square",side_mm=6.0,height_mm=5.0,material={SILICONE}'
+CELLS: dict[str, tuple[str, ...]] = {
+    "stub": _cell(STUB, thickness_mm=5.0, count=16),
+    "stub fine": _cell(STUB, "solve.accuracy=0.003", thickness_mm=5.0, count=16),
+    "stub PMMA": _cell(STUB, 'material="pmma"', thickness_mm=5.0),
+    "thick": _cell(STUB, thickness_mm=10.0, count=20),
+    "triangular": _cell('shape="round",diameter_mm=4.0,height_mm=5.0', "array.pitch_y_mm=8.66", "array.stagger=true", count=12),
+    "soft": _cell(SOFT, count=8),
+    "soft many": _cell(SOFT, count=16),
+    "soft both": _cell(f'{SOFT},faces="both"', "solve.accuracy=0.03", count=8),
+    "neck and tip": _cell(NECK, "tip={side_mm=6.0,height_mm=5.0}", 'tip.material="steel"', count=8),
+    "rods 40": _cell('shape="round",diameter_mm=6.35,height_mm=40.0', thickness_mm=6.0, pitch_mm=20.0),
+    "rods 140": _cell('shape="round",diameter_mm=6.35,height_mm=140.0', thickness_mm=6.0, pitch_mm=20.0, count=20),
+    "square rods": _cell('shape="square",side_mm=3.0,height_mm=60.0', thickness_mm=3.0, count=20),
+    "tiny": _cell('shape="square",side_mm=0.25,height_mm=0.6', thickness_mm=2.0, pitch_mm=8.0),
+    "steel on PMMA": _cell('shape="square",side_mm=2.0,height_mm=5.0,material="steel"', 'material="pmma"', pitch_mm=6.0),
+    "both faces": _cell('shape="square",side_mm=1.2,height_mm=1.5,material="steel",faces="both"', 'material="glass"',
+                        "solve.accuracy=0.03", thickness_mm=0.5, pitch_mm=4.0),
+    "hexagonal": _cell('shape="hexagonal",side_mm=4.0,height_mm=6.0', thickness_mm=2.0),
+    "tapered": _cell('shape="tapered",base_mm=4.0,tip_mm=2.5,height_mm=6.0', thickness_mm=2.0),
+    "cross": _cell('shape="cross",side_mm=5.0,arm_mm=2.0,height_mm=6.0', thickness_mm=2.0),
+    "filleted": _cell('shape="square",side_mm=4.0,height_mm=5.0,fillet_mm=0.5', "solve.accuracy=0.03", thickness_mm=2.0),
+    "whole": _cell('shape="square",side_mm=4.0,height_mm=5.0', "solve.model=solid", thickness_mm=2.0, count=8),
+}  # fmt: skip
 
 
 def foreseen(name: str) -> Demand:
     """What the plan of a scene foresees."""
-    command, path, *words = SCENES[name]
+    command, path, *words = (SCENES | CELLS)[name]
     given = {word: value for word, value in zip(words[::2], words[1::2], strict=True) if word != "--set"}
     case = load_case(
         ROOT / path, [value for word, value in zip(words[::2], words[1::2], strict=True) if word == "--set"]
@@ -73,24 +118,34 @@ def foreseen(name: str) -> Demand:
     return demand
 
 
-def peak_bytes(name: str) -> int:
-    """The largest resident size of the scene's command, its caches empty, B. RuntimeError where it fails."""
+@dataclass(frozen=True)
+class Taken:
+    """Memory in B and processor time in s that a command foresaw, finer meshes that it announced with it, and took."""
+
+    foreseen_bytes: float
+    foreseen_s: float
+    peak_bytes: float
+    processor_s: float
+
+
+def taken(name: str) -> Taken:
+    """Run a scene's command with empty caches. RuntimeError where it fails."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "ANTINODE_RESULTS": folder, "PYTHONPATH": str(ROOT)}
-        command = [sys.executable, "-c", MEASURED, *SCENES[name], "--quiet", "--json", f"{folder}/found.json"]
+        command = [sys.executable, "-c", MEASURED, *(SCENES | CELLS)[name], "--quiet", "--json", f"{folder}/found.json"]
         ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     if ended.returncode:
         raise RuntimeError(f"{name}: exit code {ended.returncode}")
-    return int(ended.stdout.split()[-1])
+    return Taken(*map(float, ended.stdout.split()[-4:]))
 
 
 def main(names: list[str]) -> None:
     """One line a scene."""
-    for name in names or SCENES:
-        demand, peak = foreseen(name), peak_bytes(name)
-        ratio = peak / demand.memory_bytes
-        line = f"foreseen {demand.memory_bytes / GIB:6.2f} GiB, peak {peak / GIB:6.2f} GiB, ratio {ratio:.2f}"
-        print(f"{name:20} {line}, most while {demand.cost.peak.name}", flush=True)
+    for name in names or SCENES | CELLS:
+        one = taken(name)
+        ratio, slower = one.peak_bytes / one.foreseen_bytes, one.processor_s / one.foreseen_s
+        line = f"foreseen {one.foreseen_bytes / GIB:6.2f} GiB, peak {one.peak_bytes / GIB:6.2f} GiB, ratio {ratio:.2f}"
+        print(f"{name:20} {line}; {one.foreseen_s:4.0f} s, {one.processor_s:4.0f} s, ratio {slower:.2f}", flush=True)
 
 
 if __name__ == "__main__":

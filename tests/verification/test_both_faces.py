@@ -19,6 +19,7 @@ from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.planning.model_choice import cell_model_choice
 from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import Limits, mass_kg
@@ -107,6 +108,23 @@ def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
         low, high = (moved[np.abs(cell.skin.points[corners, 2] - z) < 1e-9, 2] for z in (0.0, design.thickness_m))
         sign = np.sign((low[0] / high[0]).real)
         assert np.abs(low - sign * high).max() < 1e-6 * np.abs(high).max()
+
+
+@pytest.mark.parametrize("shape", ["round", "tapered"])
+def test_pairs_of_waves_that_symmetry_makes_equal_are_equal(shape: str) -> None:
+    """Of a square cell at G; soft stubs on both faces of a stiff plate ring in two such pairs."""
+    size = {"diameter_mm": 2.0} if shape == "round" else {"base_mm": 2.0, "tip_mm": 1.6}
+    soft = {"young_GPa": 1e-3, "poisson": 0.45, "density_kg_m3": 1200.0}
+    stub = {"shape": shape, "height_mm": 2.0, "faces": "both", "material": soft, **size}
+    choice = cell_model_choice(case_of(pillar=stub))
+    assert choice.kind == "hex" and choice.reduction
+    design = case_of(pillar=stub).design
+    cell = Reductions(design.thickness_m, design.material, design.pillar, replace(REDUCTION, top_hz=2e3)).cell(
+        lattice_panel(design)
+    )
+    tones = Lattice(cell).waves(np.zeros(2), 8).frequency_hz[3:]
+    pairs = np.abs(tones[1:] / tones[:-1] - 1.0) < 1e-9
+    assert pairs.sum() == 2 and not (pairs[1:] & pairs[:-1]).any()
 
 
 def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:

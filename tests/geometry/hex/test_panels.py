@@ -15,7 +15,8 @@ from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import panel_mesh, transfer
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from geometry.mesh import check_mesh
+from geometry.mesh import cell_volumes, check_mesh
+from solvers.fem.surface import face_quadrature
 
 T, H, W = 1.6e-3, 5.2e-3, 1.9e-3
 SQUARE = Pillar("square", W, W, H, MATERIALS["aluminium"])
@@ -106,11 +107,24 @@ def test_coarser_meshes_are_nested(panel: Panel, pillar: Pillar) -> None:
 
 def test_what_hexahedra_cannot_follow_is_refused() -> None:
     flush = Panel((-2e-3, -W / 2.0), (2e-3, 2e-3), (0.0, 0.0))
-    filleted, capped = replace(SQUARE, fillet_m=0.2e-3), replace(PILLARS["round"], faces=2)
-    for pillar, panel in ((PILLARS["round"], flush), (filleted, CENTRED), (capped, CENTRED)):
+    filleted = replace(SQUARE, fillet_m=0.2e-3)
+    for pillar, panel in ((PILLARS["round"], flush), (filleted, CENTRED)):
         with pytest.raises(MeshError, match=r"hexahedra cannot follow|is not made of boxes"):
             panel_mesh(panel, T, pillar, SETTINGS)
     assert check_mesh(panel_mesh(flush, T, PILLARS["narrowing"], SETTINGS).mesh)
+
+
+def test_pillars_on_both_faces_are_each_others_image(pillar: Pillar) -> None:
+    mesh = panel_mesh(OFF_CENTRE, T, replace(pillar, faces=2), SETTINGS).mesh
+    plate = (OFF_CENTRE.high[0] - OFF_CENTRE.low[0]) * (OFF_CENTRE.high[1] - OFF_CENTRE.low[1]) * T
+    one = volume_m3(OFF_CENTRE, pillar) - plate
+    assert check_mesh(mesh).volume_m3 == pytest.approx(plate + 2.0 * one, rel=1e-6)
+    assert cell_volumes(mesh)[mesh.regions["pillar"]].sum() == pytest.approx(2.0 * one, rel=1e-5)
+    turned = mesh.nodes * [1.0, 1.0, -1.0] + [0.0, 0.0, T]
+    places = [{tuple(node) for node in np.round(1e10 * nodes).tolist()} for nodes in (mesh.nodes, turned)]
+    assert places[0] == places[1]
+    foot = {"round": pi / 4.0, "hexagonal": np.sqrt(0.75)}.get(pillar.shape, 1.0) * W**2
+    assert face_quadrature(mesh, "touch").weights.sum() == pytest.approx(plate / T - foot, rel=1e-5)
 
 
 def test_a_mirror_image_that_keeps_its_lines_is_turned_inside_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
+from solvers.analytic.ritz_blocks import free_block_hz
 
 from geometry.elements import FloatArray
 from pipeline.case.model import case_from_dict
@@ -19,6 +20,7 @@ from pipeline.exchange.part_mesh import Exchange, clamped_faces, exchange
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import SolidModel
+from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
 
 AGREEMENT = 1e-3
@@ -98,6 +100,29 @@ def test_the_command_writes_one_file(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main.main(["export", "calculix", str(case), "--part", "pillar", "-o", str(tmp_path / "bar")]) == 0
     assert "tetrahedra of 10 nodes" in capsys.readouterr().err
     assert (tmp_path / "bar.inp").read_text().startswith("*HEADING")
+
+
+@pytest.mark.slow
+def test_the_stated_error_holds_the_frequencies_of_the_mesh_written() -> None:
+    """Of a free block, whose exact frequencies Legendre-Ritz has; the file and the terminal name it."""
+    raw = {
+        "name": "block",
+        "material": "aluminium",
+        "plate": {"thickness_mm": 10.0},
+        "zone": {"length_mm": 12.0, "width_mm": 11.0, "nodal_lines": 1},
+        "solve": {"accuracy": 0.01, "near_kHz": 150.0},
+    }
+    case, log = case_from_dict(raw), RecordingLog()
+    written = exchange(case, "plate", log, tetrahedra=True)
+    design = case.design
+    size_m = (design.length_m, design.width_m, design.thickness_m)
+    exact = np.sort(np.concatenate(list(free_block_hz(design.material, size_m, 250e3, (9, 9, 9)).values())))
+    model = SolidModel(written.mesh, {"plate": design.material, "body": design.material}, (), False)
+    found = modes_in_band(model.pencil(None), 1e3, 175e3).frequency_hz
+    high = found / exact[: len(found)] - 1.0
+    assert written.error and high.min() > 0.0 and high.max() < written.error < 10.0 * high.max()
+    assert f"up to {written.error:.2g} too high" in calculix.input_deck(written, 1)
+    assert ("MESH" in log.warnings) == (written.error > case.solve.accuracy)
 
 
 @needs_ccx

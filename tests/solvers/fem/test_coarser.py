@@ -15,13 +15,17 @@ from geometry.hex.nesting import interpolation
 from geometry.layout import Pillar
 from geometry.materials import Material
 from solvers.fem.coarser import (
+    LAYER,
     SMOOTH,
     UNRESOLVED,
     CoarserMeshes,
+    LowerOrders,
     Nested,
     Shares,
     clamped_shares,
     coarser_eigenvalues,
+    layer_share,
+    regular_share,
     rim_shares,
     smooth_half_width,
 )
@@ -176,3 +180,26 @@ def test_what_the_layer_brings_beyond_the_edges_part_is_doubted() -> None:
     assert foot.half_width(layer, order) - plain == pytest.approx(0.5 * foot.taken * np.array([0.0, 0.0, 0.75e-2]))
     clamped = clamped_shares(STEEL, MESH)
     assert clamped.half_width(layer, order) == pytest.approx(replace(clamped, doubt=0.0).half_width(layer, order))
+
+
+def test_a_layer_leaves_what_polynomials_leave_of_its_strain() -> None:
+    """Best approximations of exp(-a s) in the mean square by polynomials, from Gauss points."""
+    points, weights = np.polynomial.legendre.leggauss(40)
+    for reach, order, steps in ((0.8, 3, 1), (2.1, 4, 1), (4.2, 4, 2)):
+        strain = np.exp(-reach * points)
+
+        def missed(degrees: int, strain=strain) -> float:
+            table = np.polynomial.legendre.legvander(points, degrees - 1)
+            fit = table @ (np.linalg.solve(table.T @ (weights[:, None] * table), table.T @ (weights * strain)))
+            return float(weights @ (strain - fit) ** 2)
+
+        left, before = missed(order), missed(order - steps)
+        assert layer_share(reach, order, steps) == pytest.approx(left / (before - left), rel=1e-6)
+
+
+def test_one_element_across_hides_what_the_last_order_did_not_serve() -> None:
+    """Where the last order brought nothing, the last two tell."""
+    lower = LowerOrders(None, None, 4, 0.5, 1.0)  # type: ignore[arg-type]
+    assert lower.half_width(np.zeros(1), np.full(1, 1e-2)) == pytest.approx(1e-2 * layer_share(LAYER, 4, 2))
+    change = np.full(1, 1e-5)
+    assert lower.half_width(change, change) > regular_share(4) * change
