@@ -17,10 +17,10 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from solvers.piezo import frequency_bar
-from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
-CACHED = ("verdict", "all_modes", "_fields")  # what follows from modes and is computed again when asked for
+CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
@@ -75,7 +75,8 @@ class Variation:
                     self._turn_kept(plate, other)
                 return other
         other.modes = [self._basis(each) for each in plate.modes]
-        _keep_wanted(plate, other)
+        if (found := plate.__dict__.get("target")) is not None:  # the same mode stays the target mode
+            other.__dict__["target"] = replace(found, modes=tuple(map(self._mode, found.modes)))
         if self.turn is not None:
             self._turn_kept(plate, other)
         return other
@@ -110,6 +111,13 @@ class Variation:
         if self.turn is None:
             return other
         return replace(other, gain=self._turned(basis.gain.T).T, columns=self._turned(basis.columns))
+
+    def _mode(self, mode: PlateMode) -> PlateMode:
+        if mode.place not in self.places or mode.group.plates is not self.basis.group.plates:
+            return mode
+        place = self.places.index(mode.place)
+        moved = float(np.sqrt(self.values[place] / self.basis.eigenvalue[mode.place]))
+        return replace(mode, frequency_hz=mode.frequency_hz * moved)
 
     def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
         """Values (..., columns) of all groups' columns, one after another, in the new modes; both: of the last two axes."""
@@ -168,14 +176,6 @@ def _nearest(moving: list[GroupModes], frequency_hz: float) -> tuple[int, int]:
     return min(away)[1:]
 
 
-def _keep_wanted(plate: ForcedPlate, other: ForcedPlate) -> None:
-    """The same mode stays the target mode on a plate within the bars."""
-    if plate.__dict__.get("_wanted") is not None:
-        held, index = plate.__dict__["_wanted"]
-        number = next(i for i, each in enumerate(plate.modes) if each is held)
-        other.__dict__["_wanted"] = (other.modes[number], index)
-
-
 @dataclass(frozen=True)
 class Louder:
     """A plate whose patches push harder, all or one of them."""
@@ -191,7 +191,6 @@ class Louder:
         if free is not None:
             other.__dict__["free"] = self.of(free)
         other.modes = [self._basis(each, len(plate.plate.patches)) for each in plate.modes]
-        _keep_wanted(plate, other)
         return other
 
     def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
