@@ -42,7 +42,9 @@ STEEPEST_DB = (
     100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
 )
 ROUNDING_DB = 1e-6
-CARRIED = 0.01  # relative change of a wavenumber that boundary functions of one degree less may bring
+CARRIED = (
+    0.01  # change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
+)
 
 
 class Attenuation(AttenuationRecord):
@@ -134,7 +136,10 @@ def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
     ours, theirs = waves.wavenumber_per_m, fewer.wavenumber_per_m
     off, turn = ours[:, None] - theirs, 2.0 * pi / waves.pitch_m  # wavenumbers a reciprocal one apart are the same
     off = off - turn * np.round(off.real / turn)
-    apart = np.abs(off) / np.maximum(np.abs(ours), np.finfo(float).tiny)[:, None]
+    squares = (
+        np.abs(off * (2.0 * ours[:, None] - off)) / 2.0
+    )  # half the change of k^2, smooth where a band begins at k = 0
+    apart = squares / np.maximum(np.abs(ours), 1.0 / waves.pitch_m)[:, None] ** 2
     out, free = waves.db_per_row <= ROUNDING_DB, np.ones(len(theirs), dtype=bool)
     for one, other in zip(*np.unravel_index(np.argsort(apart, axis=None, kind="stable"), apart.shape), strict=True):
         if apart[one, other] > CARRIED:

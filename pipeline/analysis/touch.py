@@ -178,7 +178,7 @@ def _of_mode(record: TouchRecord) -> Iterator[str]:
         mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
         yield (
             f"wanted mode from {before} to {under} ({shift}), quality factor from {record.quality_factor_given:.0f} to "
-            f"{quality}, by its complex eigenvalue; it keeps {share} of its shape{mixed}"
+            f"{quality}, by its complex eigenvalue f^2 (1 + i/Q); it keeps {share} of its shape{mixed}"
         )
 
 

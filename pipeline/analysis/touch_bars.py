@@ -20,8 +20,10 @@ from solvers.driven.error_bars import (
     variations,
 )
 from solvers.piezo.height import height_error
+from solvers.piezo.patched_plate import PatchedPlate
 from solvers.touch import disk
 from solvers.touch.loaded_mode import LoadedMode, loaded_mode
+from solvers.touch.missing_flexibility import missing_flexibility
 from solvers.touch.touched_plate import integration_error
 
 STATE = {
@@ -146,4 +148,14 @@ def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatAr
     by_rule = np.abs(again(replace(bare, touched=session.touched.stiffer(1.0 + error))) - values)
     motion = np.array([error if name in PER_LOAD else 0.0 for _, name in nominal]) * np.abs(values)
     rest = np.abs(again(bare, False) - values)
-    return np.asarray(beyond + by_rule + motion + rest)
+    missing = _missing(session)
+    softer = values * np.nan if missing is None else again(replace(bare, touched=session.touched.softer(missing)))
+    return np.asarray(beyond + by_rule + motion + rest + np.abs(softer - values))
+
+
+def _missing(session: Session) -> FloatArray | None:
+    """The flexibility under the finger that the reduced panels lack; None where it is not known."""
+    plate = session.touched.plate
+    if not isinstance(plate, PatchedPlate) or plate.beneath is None:
+        return None
+    return missing_flexibility(plate.whole, plate.beneath, session.touched.finger)

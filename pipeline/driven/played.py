@@ -16,6 +16,7 @@ from pipeline.board.table_file import ModeTable, to_bytes
 from pipeline.driven.travelling import Travelling
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.quantity import figure
 from pipeline.records.record import BoardFault, PlayedPattern, TravelRecord
 
 NOISE = 1e-3  # of full scale, at every sensor
@@ -118,7 +119,8 @@ def lines(record: TravelRecord) -> list[str]:
     if record.board is None or isinstance(record.board, BoardFault):
         return []
     return [
-        f"emulated board, {each.name}: travelling-wave ratio {each.twr:.3f} where {each.twr_target:.3f} is asked for, "
+        f"emulated board, {each.name}: travelling-wave ratio {figure(each.twr, record.twr_error)} where "
+        f"{figure(each.twr_target, record.twr_error)} is asked for, "
         f"drives off by {each.error:.1%}"
         for each in record.board
     ]

@@ -8,7 +8,16 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.records.record import CrosstalkRecord, HybridRecord, ResponseRecord, ToleranceRecord, TravelRecord
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, level, level_figure, with_bar
+from pipeline.records.record import (
+    CrosstalkRecord,
+    HybridRecord,
+    PeakRecord,
+    ResponseRecord,
+    ToleranceRecord,
+    TravelRecord,
+)
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM, NM, UM
 from solvers.measures.levels import CONFINED_DB
@@ -45,8 +54,8 @@ def draw_amplitudes(axes: Any, record: ResponseRecord) -> None:
     for peak, dashes in ((wanted, ":"), (highest, "-.")):
         if peak:
             axes.axvline(peak.frequency_hz / KHZ, color=style.GREY, ls=dashes, lw=0.8)
-    other = f"highest peak at {highest.frequency_hz / KHZ:.2f} kHz (dash-dotted)"
-    own = f"Wanted mode's peak at {wanted.frequency_hz / KHZ:.2f} kHz (dotted),\n" if wanted else ""
+    other = f"highest peak at {_tone(highest)} (dash-dotted)"
+    own = f"Wanted mode's peak at {_tone(wanted)} (dotted),\n" if wanted else ""
     axes.set(ylabel="rms u_z (nm/V)", xlabel=FREQUENCY, title=own + other if own else other.capitalize())
     axes.grid(True)
     axes.legend(fontsize=8)
@@ -71,20 +80,25 @@ def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
     look = {"cmap": style.SIGNED, "vmin": -limit, "vmax": limit, "shading": "gouraud", "rasterized": True}
     image = axes.pcolormesh(x / MM, y / MM, field, **look)
     style.mm_axes(axes)
-    axes.set_title(f"Operating deflection shape at {record.peak.frequency_hz / KHZ:.2f} kHz")
+    axes.set_title(f"Operating deflection shape at {_tone(record.peak)}")
     axes.set_anchor("W")
     axes.figure.colorbar(image, cax=axes.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 
 
+def _tone(peak: PeakRecord | TravelRecord) -> str:
+    return frequency(peak.frequency_hz, peak.frequency_error)
+
+
 def _alt(record: ResponseRecord) -> str:
-    peak, whose = record.peak, "the wanted mode peaks" if record.wanted_peak else "the zone peaks highest"
-    level_text = "" if peak.confinement_db is None else f", {peak.confinement_db:.1f} dB above the passive face"
-    quality_factor = (
-        "" if peak.quality_factor is None else f", quality factor {peak.quality_factor:.0f} read from the curve"
-    )
+    peak = record.peak
+    bar = None if peak.height_error is None else peak.height_error * peak.zone_nm_per_V
+    whose = "the wanted mode peaks" if record.wanted_peak else "the zone peaks highest"
+    level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
+    read = "" if peak.quality_factor is None else figure_text(peak.quality_factor, peak.quality_error)
+    quality_factor = f", quality factor {read} read from the curve" if read else ""
     return (
-        f"Displacement per volt over frequency: {whose} at {peak.frequency_hz / KHZ:.2f} kHz with "
-        f"{peak.zone_nm_per_V:.4g} nm/V rms{level_text}{quality_factor}"
+        f"Displacement per volt over frequency: {whose} at {_tone(peak)} with "
+        f"{with_bar(peak.zone_nm_per_V, bar, 'nm/V')} rms{level_text}{quality_factor}"
     )
 
 
@@ -204,7 +218,9 @@ def _methods(axes: Any, record: HybridRecord, curves: Any, label: str, title: st
 
 
 def _alt_hybrid(record: HybridRecord) -> str:
-    where = "least over the band" if record.wanted_hz is None else f"at {record.wanted_hz / KHZ:.2f} kHz"
+    where = (
+        "least over the band" if record.wanted_hz is None else f"at {frequency(record.wanted_hz, record.wanted_error)}"
+    )
     at = [record.at_wanted(method.method, "confinement_db") for method in record.methods]
     levels = (
         f"{method.method} {min(method.confinement_db) if level is None else level:.1f} dB"
@@ -241,18 +257,18 @@ def draw_wave(axes: Any, record: TravelRecord) -> None:
         axes.plot(x, sign * np.abs(field), color=style.BLUE)
     axes.axvspan(*(end / MM for end in record.window_m), color=style.GREY, alpha=0.1, lw=0)
     axes.set(ylabel="u_z (µm)", xlabel="x (mm)")
-    axes.set_title(f"{record.frequency_hz / KHZ:.2f} kHz, travelling-wave ratio {record.twr:.2f} where shaded")
+    axes.set_title(f"{_tone(record)}, travelling-wave ratio {figure_text(record.twr, record.twr_error)} where shaded")
 
 
 def _alt_wave(record: TravelRecord) -> str:
     modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in record.modes)
     most = max(record.flow_W, key=abs)
-    flow = f"at most {1e3 * most:.3g} mW flow along the zone for 1 um rms"
+    flow = f"at most {figure_text(1e3 * most)} mW flow along the zone for 1 um rms"
     if record.inner_sections == 0:
         flow = "patches straddle every section between the plate's ends, so that the flow is unknown"
     return (
-        f"Modes {modes} held a quarter period apart at {record.frequency_hz / KHZ:.2f} kHz: travelling-wave ratio "
-        f"{record.twr:.2f}, {flow}"
+        f"Modes {modes} held a quarter period apart at {_tone(record)}: travelling-wave ratio "
+        f"{figure_text(record.twr, record.twr_error)}, {flow}"
     )
 
 
@@ -271,7 +287,7 @@ def crosstalk_figure(record: CrosstalkRecord) -> ReportFigure:
     style.mark(over, first.peak_hz / KHZ)
     over.set(xlabel=FREQUENCY, ylabel="rms u_z (nm/V)", title="Zone 1 driven")
     over.legend(fontsize=8)
-    worst = "one zone" if record.worst_db is None else f"at most {record.worst_db:.1f} dB in another zone"
+    worst = "one zone" if record.worst_db is None else f"at most {level(record.worst_db)} in another zone"
     alt = f"Cross-talk between {len(record.zones)} zones, {record.shared_rows} rows between two of them: {worst}"
     return ReportFigure("crosstalk", "Cross-talk between zones", alt, figure, vector=True)
 
@@ -279,11 +295,19 @@ def crosstalk_figure(record: CrosstalkRecord) -> ReportFigure:
 def draw_crosstalk(axes: Any, record: CrosstalkRecord) -> None:
     """Level of every zone while each of them is driven, dB."""
     levels = np.array([zone.level_db for zone in record.zones])
+    errors = [zone.level_error_db or [None] * len(levels) for zone in record.zones]
     names = range(1, len(levels) + 1)
     axes.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
     for row, column in np.ndindex(levels.shape):
         colour = "black" if levels[row, column] > -25.0 else "white"
-        axes.text(column, row, f"{levels[row, column]:.1f}", ha="center", va="center", color=colour)
+        axes.text(
+            column,
+            row,
+            level_figure(float(levels[row, column]), errors[row][column]),
+            ha="center",
+            va="center",
+            color=colour,
+        )
     axes.set_xticks(range(len(levels)), names)
     axes.set_yticks(range(len(levels)), names)
     axes.set(xlabel="zone measured", ylabel="zone driven", title="dB over the driven zone")

@@ -9,9 +9,11 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import ShearRecord, TouchMapRecord, TouchRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import KHZ, MM, UM
+from pipeline.units import MM, UM
 
 LOOK = {"shading": "nearest", "rasterized": True}
 
@@ -56,7 +58,8 @@ def shear_map(record: ShearRecord, width_m: float | None = None) -> ReportFigure
     for axes, (label, values) in zip(panels[:, 0], fields.items(), strict=True):
         _field(axes, record, values, label.partition(",")[0], label.capitalize())
         _borders(axes, width_m)
-    alt = f"Crests under {record.fingertip} on the travelling wave: at most {1e3 * record.fastest_m_s:.3g} mm/s along x"
+    fastest = figure_text(1e3 * record.fastest_m_s)
+    alt = f"Crests under {record.fingertip} on the travelling wave: at most {fastest} mm/s along x"
     return ReportFigure("shear", "A finger on the travelling wave", alt, figure)
 
 
@@ -78,7 +81,7 @@ def draw(axes: Any, record: TouchRecord) -> None:
 
 
 def _amplitude(axes: Any, record: TouchRecord, places: TouchMapRecord) -> None:
-    title = f"Finger at each place, {places.frequency_hz / KHZ:.2f} kHz; lines: nodes of the free plate"
+    title = f"Finger at each place, {_tone(record, places)}; lines: nodes of the free plate"
     _field(axes, places, np.array(places.touched_m) / UM, "amplitude (µm)", title)
     x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
     if len(x) > 1 and len(y) > 1:
@@ -96,15 +99,23 @@ def _field(axes: Any, places: TouchMapRecord | ShearRecord, values: Any, label: 
     axes.figure.colorbar(image, cax=axes.inset_axes((1.03, 0.0, 0.03, 1.0)), label=label)
 
 
+def _tone(record: TouchRecord, places: TouchMapRecord) -> str:
+    """The map's frequency, the free mode's."""
+    return frequency(places.frequency_hz, record.mode.free_error if record.mode else None)
+
+
 def _alt(record: TouchRecord, places: TouchMapRecord) -> str:
     touched = np.array(places.touched_m) / UM
     best = np.unravel_index(int(np.argmax(touched)), touched.shape)
     there = f"({places.x_m[best[0]] / MM:.0f}, {places.y_m[best[1]] / MM:.0f}) mm"
     state = record.state("touched")
-    here = "" if state is None else f"; {state.finger_m / UM:.3f} µm where the case puts the finger"
+    here = ""
+    if state is not None:
+        bar = None if state.finger_error_m is None else state.finger_error_m / UM
+        here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
     return (
-        f"Amplitude under {record.fingertip} at {touched.size} places of the touch face, {places.frequency_hz / KHZ:.2f} kHz: "
-        f"at most {touched.max():.3f} µm, at {there}{here}"
+        f"Amplitude under {record.fingertip} at {touched.size} places of the touch face, {_tone(record, places)}: "
+        f"at most {figure_text(touched.max())} µm, at {there}{here}"
     )
 
 

@@ -444,13 +444,31 @@ class AttenuationRecord(Part):
         return float(np.interp(frequency_hz, *known.T))
 
     def error_at(self, frequency_hz: float) -> float | None:
-        """Half-width of the bar of `at`, interpolated as it is, dB; None where it is unknown."""
-        known = [
-            (p.frequency_hz, nan if p.db_error is None else p.db_error) for p in self.points if p.db_per_row is not None
-        ]
-        if self.at(frequency_hz) is None:
+        """Half-width of the bar of `at`, dB: the larger of both neighbours' bars, and what the chord between them may miss,
+        by the lines through the samples beyond; None where it is unknown.
+        """
+        own = self.at(frequency_hz)
+        if own is None:
             return None
-        bar = float(np.interp(frequency_hz, *np.array(known).T))
+        tones, levels, bars = np.array(
+            [
+                (p.frequency_hz, p.db_per_row, nan if p.db_error is None else p.db_error)
+                for p in self.points
+                if p.db_per_row is not None
+            ]
+        ).T
+        if len(tones) < 2:
+            return None if np.isnan(bars[0]) else float(bars[0])
+        last = int(np.clip(np.searchsorted(tones, frequency_hz), 1, len(tones) - 1))
+        if frequency_hz in tones:
+            bar = float(bars[tones == frequency_hz][0])
+            return None if np.isnan(bar) else bar
+        missed = 0.0
+        for first in (last - 2, last):
+            if 0 <= first < len(tones) - 1:
+                slope = (levels[first + 1] - levels[first]) / (tones[first + 1] - tones[first])
+                missed = max(missed, abs(levels[first] + slope * (frequency_hz - tones[first]) - own))
+        bar = float(max(bars[last - 1], bars[last])) + min(missed, abs(float(levels[last] - levels[last - 1])))
         return None if np.isnan(bar) else bar
 
 

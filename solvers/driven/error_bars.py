@@ -17,10 +17,10 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from solvers.piezo import frequency_bar
-from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
-CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for; the target mode stays
+CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
@@ -75,6 +75,8 @@ class Variation:
                     self._turn_kept(plate, other)
                 return other
         other.modes = [self._basis(each) for each in plate.modes]
+        if (found := plate.__dict__.get("target")) is not None:  # the same mode stays the target mode
+            other.__dict__["target"] = replace(found, modes=tuple(map(self._mode, found.modes)))
         if self.turn is not None:
             self._turn_kept(plate, other)
         return other
@@ -109,6 +111,13 @@ class Variation:
         if self.turn is None:
             return other
         return replace(other, gain=self._turned(basis.gain.T).T, columns=self._turned(basis.columns))
+
+    def _mode(self, mode: PlateMode) -> PlateMode:
+        if mode.place not in self.places or mode.group.plates is not self.basis.group.plates:
+            return mode
+        place = self.places.index(mode.place)
+        moved = float(np.sqrt(self.values[place] / self.basis.eigenvalue[mode.place]))
+        return replace(mode, frequency_hz=mode.frequency_hz * moved)
 
     def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
         """Values (..., columns) of all groups' columns, one after another, in the new modes; both: of the last two axes."""

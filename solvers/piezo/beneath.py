@@ -84,27 +84,27 @@ class Beneath:
     def _lacking(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         """What the reduced panels lack of the fine mesh's flexibility; the positive part of it is kept."""
         if place.key not in self._known:
-            name = ("lacking", *self._panels(place))
-            self._known[place.key] = self._kept(place, name, lambda: self._more(plate, place))
+            name = ("lacking", *self.made_of(place.panels))
+            self._known[place.key] = self.kept(name, place.key, lambda: self._more(plate, place))
         return self._known[place.key]
 
-    def _panels(self, place: _Place) -> tuple[object, ...]:
-        """What the reduced panels of a place depend on, beside the place itself."""
-        own, tiling = self.reductions, place.panels.grid.tiling
-        panels = [signature(tiling.panel(*each)) for each in place.panels.places]
-        return type(own).__name__, own.reduction, own.mesher_name, panels
+    def made_of(self, panels: Panels) -> tuple[object, ...]:
+        """What reduced panels depend on, beside their place."""
+        own, tiling = self.reductions, panels.grid.tiling
+        signatures = [signature(tiling.panel(*each)) for each in panels.places]
+        return type(own).__name__, own.reduction, own.mesher_name, signatures
 
     def _more(self, plate: AssembledPlate, place: _Place) -> FloatArray:
-        fine = self._kept(place, ("beneath",), lambda: self._static(place))
+        fine = self.kept(("beneath",), place.key, lambda: self._static(place))
         lacking = fine - _reduced(place.panels, plate, place.patch, place.back)
         values, vectors = eigh((lacking + lacking.T) / 2.0)
         more = values > 0.0  # panels meshed finer than their patch lack nothing of it
         return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
 
-    def _kept(self, place: _Place, what: tuple[object, ...], computed: Callable[[], FloatArray]) -> FloatArray:
+    def kept(self, what: tuple[object, ...], place: str, computed: Callable[[], FloatArray]) -> FloatArray:
         """A symmetric matrix of a place from the cache, or computed and kept there."""
         own = self.reductions
-        name = repr((what, place.key, own.thickness_m, own.material, own.pillar))
+        name = repr((what, place, own.thickness_m, own.material, own.pillar))
         key = hashlib.sha256(name.encode()).hexdigest()
         kept = self.cache.get(key) if self.cache is not None else None
         if kept is not None:

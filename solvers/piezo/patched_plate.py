@@ -121,7 +121,7 @@ class PatchedPlate:
     ) -> None:
         if not patches:
             raise SolverError("no patches: nothing drives the plate")
-        self.patches, self.back, self.name = tuple(patches), back, name
+        self.patches, self.back, self.name, self.beneath = tuple(patches), back, name, beneath
         some = next(iter(plates.values()))
         self.scale: Scale = some.placed_cells[0].cell.scale
         self.eigenvalue = self.scale.eigenvalue(at_hz)
@@ -139,7 +139,7 @@ class PatchedPlate:
         self._panel_contacts: dict[int, list[tuple[PanelContact, ...]]] = {}
         self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
-        self._whole = some
+        self.whole = some
         self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
@@ -214,7 +214,7 @@ class PatchedPlate:
                 out.append([_scaled(motion, np.tile(signs, motion.shape[0] // 3)) for motion in out[first]])
                 continue
             if number not in self._panel_contacts:
-                self._panel_contacts[number] = [tuple(panel_contacts(self._whole, part.contact)) for part in bond.parts]
+                self._panel_contacts[number] = [tuple(panel_contacts(self.whole, part.contact)) for part in bond.parts]
             pairs = zip(self._panel_contacts[number], bond.parts, strict=True)
             out.append([_motion(plates, panels, part.contact) for panels, part in pairs])
         return out

@@ -28,8 +28,8 @@ SAME = 1e-10  # of the largest: directions of the residual vectors that are comb
 class LoadedMode:
     """The mode under the finger that holds most of the free plate's target mode, all patches short.
 
-    lambda = (2 pi frequency)^2 (1 + i loss), loss = 1/Q, is the complex eigenvalue of the plate with the finger on it: the
-    frequency and decay of free vibration, not the peak or the width of a curve at real frequencies. share: of the free target
+    lambda = (2 pi frequency)^2 (1 + i loss), loss = 1/Q, is the complex eigenvalue omega^2 of the plate with the finger on it;
+    the free vibration exp(i omega t) has the frequency Re(omega)/2 pi, higher by about 1/(8 Q^2). share: of the free target
     mode in it, of 1. Below one half the mode is mixed with its neighbours. eigenvalue, vector: scaled, for a further solve.
     """
 
@@ -112,7 +112,9 @@ class _Problem:
         self.unit, count = touched.plate.stiffness_unit, len(touched.plate.patches)
         self.own: ComplexArray = np.concatenate([basis.eigenvalue for basis in touched.modes]) * self.loss
         self.gain: FloatArray = np.vstack([basis.gain[:, count:] for basis in touched.modes])
-        beyond = [_beyond(basis, count, slopes) for basis in touched.modes]
+        if slopes not in touched.beyond:
+            touched.beyond[slopes] = [_beyond(basis, count, slopes) for basis in touched.modes]
+        beyond = touched.beyond[slopes]
         self.beyond = self.loss * np.concatenate([values for values, _ in beyond])
         self.beyond_gain = np.vstack([gain for _, gain in beyond])
 
@@ -136,7 +138,9 @@ class _Problem:
     def _residual(self, value: complex) -> tuple[ComplexArray, ComplexArray]:
         """What modes beyond the band add to the receptance, damped as the others, and its derivative."""
         inverse, gain = 1.0 / (self.beyond - value), self.beyond_gain
-        return self.unit * gain.T @ (inverse[:, None] * gain), self.unit * gain.T @ (inverse[:, None] ** 2 * gain)
+        residual, slope = (self.unit * gain.T @ (each[:, None] * gain) for each in (inverse, inverse**2))
+        missing = self.touched.missing
+        return residual if missing is None else residual + missing, slope
 
     def shares(self, values: ComplexArray, vectors: ComplexArray, row: int) -> FloatArray:
         """Share of a free mode in motions (modes, k) at eigenvalues (k,), of 1, with what they move beyond the band."""

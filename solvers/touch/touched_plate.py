@@ -79,10 +79,18 @@ class TouchedPlate(ForcedPlate):
 
     A finger without stiffness, damping and mass adds none: every figure is then the free plate's, digit by digit. Raises
     SolverError for a contact that reaches outside the plate.
+
+    missing: flexibility under the contact in addition to that of modes and residual vectors, (moments, moments) in m/N.
+
+    beyond: Ritz modes of the residual vectors, eigenvalues and gains a group, with slopes or without: as soon as asked for, and
+    the same on plates within the bars.
     """
+
+    missing: FloatArray | None = None
 
     def __init__(self, forced: ForcedPlate, finger: Finger) -> None:
         self.free, self.finger = forced, finger
+        self.beyond: dict[bool, list[tuple[FloatArray, FloatArray]]] = {}
         self.plate, self.design, self.band_hz, self.circuit = (
             forced.plate,
             forced.design,
@@ -122,7 +130,7 @@ class TouchedPlate(ForcedPlate):
     def lesser(self, degree: int) -> Self:
         """The same with the finger's moments up to a lower degree only: what those beyond it are worth is the difference."""
         other = copy(self)
-        other.finger = replace(self.finger, degree=degree)
+        other.finger, other.beyond = replace(self.finger, degree=degree), {}
         for name in ("contact_rows", "grams", "_fields"):
             other.__dict__.pop(name, None)
         if self.modes is not self.free.modes:
@@ -139,10 +147,19 @@ class TouchedPlate(ForcedPlate):
         other.finger = replace(self.finger, tip=replace(tip, **scaled))
         return other
 
+    def softer(self, missing: FloatArray) -> Self:
+        """The same with more flexibility under the finger, (moments, moments) in m/N."""
+        other = copy(self)
+        other.missing = missing
+        return other
+
     def receptance(self, eigenvalue: float) -> ComplexArray:
         """Charge of patches (C) and moments of motion (m), per volt and per newton, of the free plate: (p + f, p + f)."""
         parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
-        return np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit)
+        whole, count = np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit), len(self.plate.patches)
+        if self.missing is not None:
+            whole[count:, count:] += self.missing
+        return whole
 
     def volts(self, eigenvalue: float) -> ComplexArray:
         """Voltages of the patches, then the moments of the finger's force in N, per volt of drive."""
@@ -166,7 +183,8 @@ class TouchedPlate(ForcedPlate):
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         loads = self.volts(eigenvalue)
         pairs = zip(self.modes, self.contact_rows, strict=True)
-        return np.asarray(np.sum([rows @ b.amplitudes(eigenvalue, self.loss, loads) for b, rows in pairs], axis=0))
+        moved = np.sum([rows @ b.amplitudes(eigenvalue, self.loss, loads) for b, rows in pairs], axis=0)
+        return np.asarray(moved if self.missing is None else moved + self.missing @ loads[len(self.plate.patches) :])
 
 
 def contact_motion(plate: ForcedPlate, finger: Finger, frequency_hz: float) -> ComplexArray:

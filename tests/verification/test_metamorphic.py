@@ -1,5 +1,8 @@
 """Laws that every command obeys: scaled, mirrored and respelled scenes give the same figures, each by its unit.
 
+Commands that are not here compute nothing of a plate (new, list, view, show, compare, doctor, report, export, check-gap), read
+measured data (identify), repeat these commands over cases (run, search, explore), or model the thesis' beams (active).
+
 Lengths times a, moduli times e and densities times d give frequencies times sqrt(e/d)/a and leave ratios, levels and error bars
 alone. Volts keep the piezoceramic's strain times length, so displacements per volt do not change with the scale of lengths.
 """
@@ -185,6 +188,57 @@ def _near(value: float | None, other: float | None, largest: float, factor: floa
     return abs(value * factor - other) <= max(ROUNDING * largest * factor, np.finfo(float).tiny)
 
 
+def respelled(case: dict[str, Any]) -> dict[str, Any]:
+    """The same scene in other words: rows given singly, equal pitches, a material of the pillar's own."""
+    array, pillar = case["array"], case["pillar"]
+    rows, pitch = int(array["rows"]), array["pitch_mm"]
+    return {
+        **case,
+        "pillar": {"shape": pillar["shape"], "material": case["material"]},
+        "array": {
+            **{key: value for key, value in array.items() if key != "pitch_mm"},
+            "pitch_x_mm": pitch,
+            "pitch_y_mm": pitch,
+            "heights_mm": [pillar["height_mm"]] * rows,
+            "sides_mm": [pillar["side_mm"]] * rows,
+        },
+    }
+
+
+def mirrored(case: dict[str, Any]) -> dict[str, Any]:
+    """The scene with x and y the other way round."""
+    patches, touch = case["patches"], case["touch"]
+    centres = [[-x, -y] for x, y in patches["centres_mm"]]
+    at = [-each for each in touch["at_mm"]]
+    return {**case, "patches": {**patches, "centres_mm": centres}, "touch": {**touch, "at_mm": at}}
+
+
+def same(folder: Path, command: str, options: list[Any], case: dict[str, Any], other: dict[str, Any]) -> None:
+    """Both scenes have the same figures but for the words that describe them; places are compared by their distance."""
+    first = answer(folder / "first", command, options, case, Scaling())
+    words = [":".join(f"{end / 1e3!r}kHz" for end in each) if isinstance(each, tuple) else each for each in options]
+    second = answer(folder / "second", command, words, other, Scaling())
+    assert_alike(*(_without_sides(_without(each, {"case", "design", "input"})) for each in (first, second)), Scaling())
+
+
+def _without(document: Any, keys: set[str]) -> Any:
+    return {key: value for key, value in document.items() if key not in keys}
+
+
+def _without_sides(document: Any) -> Any:
+    """Places without their signs."""
+    if isinstance(document, dict):
+        return {
+            key: _sizes(value) if key in ("at_m", "centre_m") else _without_sides(value)
+            for key, value in document.items()
+        }
+    return [_without_sides(each) for each in document] if isinstance(document, list) else document
+
+
+def _sizes(value: Any) -> Any:
+    return [abs(each) for each in value] if isinstance(value, list) else abs(value)
+
+
 def compared(folder: Path, command: str, options: list[Any], text: str, scaling: Scaling) -> None:
     case = tomllib.loads(text)
     first = answer(folder / "first", command, options, case, Scaling())
@@ -209,3 +263,24 @@ def test_further_scales_of_a_passive_plate(command: str, scaling: Scaling, tmp_p
 @pytest.mark.parametrize("command", DRIVEN)
 def test_a_scaled_driven_plate_moves_as_much_per_volt(command: str, length: float, tmp_path: Path) -> None:
     compared(tmp_path, command, DRIVEN[command], COARSE + PATCHED, Scaling(length))
+
+
+@pytest.mark.parametrize("command", ["predesign", "modes"])
+def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
+    """Frequencies of options in kHz, too."""
+    case = tomllib.loads(COARSE)
+    same(tmp_path, command, PASSIVE[command], case, respelled(case))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [*(each for each in PASSIVE if each not in ("predesign", "modes")), *DRIVEN])
+def test_other_words_for_a_driven_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
+    case = tomllib.loads(COARSE + PATCHED)
+    same(tmp_path, command, (PASSIVE | DRIVEN)[command], case, respelled(case))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["response", "touch", "crosstalk", "hybrid"])
+def test_a_mirrored_plate_moves_alike(command: str, tmp_path: Path) -> None:
+    case = tomllib.loads(COARSE + PATCHED)
+    same(tmp_path, command, DRIVEN[command], case, mirrored(case))

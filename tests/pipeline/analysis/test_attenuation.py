@@ -5,7 +5,9 @@ from __future__ import annotations
 import json
 from math import pi
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from pipeline.analysis import attenuation
@@ -110,6 +112,36 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
         assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "take 20.0 dB" in line
     low = solved.model_copy(update={"points": [points[0].model_copy(update={"frequency_hz": f}) for f in (1e3, 2e3)]})
     assert attenuation.at_the_zone(case, low) == []
+
+
+def test_a_wave_is_listed_up_to_the_edge_where_its_wavenumber_ends() -> None:
+    """k of a row with one degree less differs by as much as k itself where k^2 passes 0; steep ones stay seen."""
+    pitch, edge = 4e-3, 0.05 + 0.0j
+    known = np.array([1j * np.sqrt(edge), 5.0 + 6.0j]) / pitch
+
+    def moved(share: float) -> np.ndarray:
+        return np.array([1j * np.sqrt(edge * (1.0 - share)), (5.0 + 6.0j) * (1.0 + share)]) / pitch
+
+    waves, fewer, further = (
+        SimpleNamespace(wavenumber_per_m=k, pitch_m=pitch, db_per_row=8.69 * pitch * k.imag)
+        for k in (known, moved(0.005), moved(0.05))
+    )
+    near = SimpleNamespace(wavenumber_per_m=moved(0.15)[:1], pitch_m=pitch)  # k by 8 %, k^2 by 0.0075 of 1/pitch^2
+    assert attenuation.carried(waves, fewer).tolist() == [True, True]  # type: ignore[arg-type]
+    assert attenuation.carried(waves, further).tolist() == [True, False]  # type: ignore[arg-type]
+    assert attenuation.carried(waves, near).tolist() == [True, False]  # type: ignore[arg-type]
+
+
+def test_a_decay_between_samples_has_their_larger_bar_and_what_the_chord_may_miss() -> None:
+    def point(tone: float, decay: float, bar: float) -> AttenuationPoint:
+        return AttenuationPoint(frequency_hz=tone, waves=(), db_per_row=decay, transmission=None, db_error=bar)
+
+    straight = [point(30e3, 1.0, 0.1), point(31e3, 2.0, 0.3), point(32e3, 3.0, 0.2)]
+    bent = [*straight, point(33e3, 9.0, 0.4)]
+    record = synthetic.attenuation(3)
+    one, other = (record.model_copy(update={"points": points}) for points in (straight, bent))
+    assert one.error_at(31e3) == 0.3 and one.error_at(31.5e3) == pytest.approx(0.3)
+    assert other.error_at(32.5e3) == pytest.approx(0.4 + 2.5)  # the line from below ends at 3.5 where the chord has 6
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,13 @@ def test_every_state_is_told_and_its_power_balances(record: TouchRecord) -> None
     assert free and touched and free.finger_W == 0.0 < touched.finger_W and touched.finger_m < free.finger_m
 
 
+def test_a_shift_is_surer_than_both_of_its_ends(record: TouchRecord) -> None:
+    """The error of the free frequency moves the loaded one along: a bar of theirs apart would be hundreds of times as wide."""
+    mode = record.mode
+    assert mode and mode.free_error and mode.frequency_error and mode.shift_error_hz
+    assert mode.shift_error_hz < 0.5 * mode.frequency_error * mode.frequency_hz
+
+
 def test_the_loop_asks_for_what_the_sensor_lost_and_is_limited(record: TouchRecord, forced: ForcedPlate) -> None:
     free, touched, regulated = (record.state(name) for name in ("free", "touched", "held"))
     assert record.loop and free and touched and regulated and free.sensor_V and touched.sensor_V
