@@ -16,7 +16,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshFileError
-from geometry.formats.neutral import PLACES, RawMesh, family
+from geometry.formats.neutral import PLACES, RawMesh, family, require_file
 
 MAX_DEPTH, MAX_BYTES = 8, 2_000_000_000  # of files in files, and of all together
 FACE = re.compile(r"S\d{1,2}")
@@ -162,8 +162,7 @@ def _keywords(file: Path, size: list[int], inside: tuple[Path, ...]) -> Iterator
 
 def _lines(file: Path, size: list[int]) -> Iterator[tuple[str, str]]:
     """Lines without comments, a keyword's lines that end in a comma joined; first an empty keyword for included data."""
-    if not file.is_file():
-        raise MeshFileError(f"{file}: no such mesh file")
+    require_file(file)
     size[0] += file.stat().st_size
     if size[0] > MAX_BYTES:
         raise MeshFileError(f"{file}: more than {MAX_BYTES} bytes with what it includes")

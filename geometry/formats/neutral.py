@@ -6,6 +6,7 @@ Local nodes stand in VTK's order here; `PLACES` says which corners each local no
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from geometry.elements import (
     FloatArray,
     IntArray,
 )
+from geometry.errors import MeshFileError
 from geometry.formats.vtu import CORNERS
 from geometry.mesh import Mesh
 
@@ -52,6 +54,13 @@ CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 
 VOLUME = {("tet", 1): "tetra", ("tet", 2): "tetra10", ("hex", 1): "hexahedron", ("hex", 2): "hexahedron27"}
 VOLUME |= {("wedge", 1): "wedge", ("wedge", 2): "wedge18", ("pyramid", 1): "pyramid", ("pyramid", 2): "pyramid14"}
 FACET = {("tet", 1): "triangle", ("tet", 2): "triangle6", ("hex", 1): "quad", ("hex", 2): "quad9"}
+
+
+def require_file(file: Path) -> None:
+    """MeshFileError where no regular file stands: a device or a pipe may have no end."""
+    if not file.is_file():
+        what = "not a regular file" if file.exists() else "no such mesh file"
+        raise MeshFileError(f"{file}: {what}")
 
 
 def family(cell_type: str) -> str:

@@ -22,6 +22,7 @@ from geometry.formats.neutral import (
     RawMesh,
     family,
     local_nodes,
+    require_file,
     rows_in,
 )
 from geometry.formats.serendipity import FULL, completed
@@ -216,8 +217,7 @@ def _dimension(cell_type: str, file: str) -> int:
 
 
 def _read(file: Path) -> RawMesh:
-    if not file.is_file():
-        raise MeshFileError(f"{file}: no such mesh file")
+    require_file(file)
     suffix = file.suffix.lower()
     if suffix in SURFACES:
         raise MeshFileError(f"{file}: {_surface(file)}; must be a mesh of volume elements ({', '.join(SUFFIXES)})")

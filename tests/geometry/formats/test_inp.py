@@ -180,7 +180,7 @@ BAD = {
     "a range backwards": (PLAIN + "*NSET, NSET=A, GENERATE\n9, 1, 1\n", "is no range"),
     "an endless range": (PLAIN + "*NSET, NSET=A, GENERATE\n1, 999999999999, 1\n", "is no range"),
     "a missing file": (PLAIN + "*INCLUDE, INPUT=none.inc\n", "none.inc: no such mesh file"),
-    "a device": (PLAIN + "*INCLUDE, INPUT=/dev/zero\n", "/dev/zero: no such mesh file"),
+    "a device": (PLAIN + "*INCLUDE, INPUT=/dev/zero\n", "/dev/zero: not a regular file"),
     "itself": (PLAIN + "*INCLUDE, INPUT=body.inp\n", "includes itself"),
     "a face that is not there": (PLAIN + "*SURFACE, NAME=A\n1, S7\n", "face S7 of element 1"),
     "a part that is not there": ("*INSTANCE, NAME=a, PART=b\n" + PLAIN, "which was not given before"),
