@@ -89,7 +89,7 @@ def _alike(
     _check_room(mesh, box)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     matrices = with_potential(mesh, material, thickness_m)
-    parts = [_condensed(matrices, _fields(mesh, symmetry, matrices[0].shape[0]), 3 * bond) for symmetry in CLASSES]
+    parts = [_condensed(matrices, *_fields(mesh, symmetry, matrices[0].shape[0]), 3 * bond) for symmetry in CLASSES]
     return BondedPatch(
         material,
         box,
@@ -106,10 +106,13 @@ _Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float]
 
 
 def _condensed(
-    matrices: _Matrices, fields: sp.csr_array, bond: IntArray
+    matrices: _Matrices, fields: sp.csr_array, own: IntArray, bond: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
     """What fields (dof, m) of one symmetry class have of stiffness, mass, theta, swell, capacitance and lowest resonance."""
-    stiffness, mass = (sp.csr_array(fields.T @ matrix @ fields) for matrix in matrices[:2])
+    scale = sp.diags_array(
+        1.0 / fields[own, np.arange(len(own))]
+    )  # images of the fields are fields: one of four rows is enough
+    stiffness, mass = (sp.csr_array(scale @ (matrix[own] @ fields)) for matrix in matrices[:2])
     theta, on_bond = fields.T @ matrices[2], fields[(bond[:, None] + np.arange(3)).ravel()]
     b = np.unique(on_bond.indices)
     i = np.setdiff1d(np.arange(fields.shape[1]), b)
@@ -131,7 +134,7 @@ def _condensed(
     )
 
 
-def _fields(mesh: Mesh, symmetry: str, size: int) -> sp.csr_array:
+def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArray]:
     """Orthonormal fields (size, m) of one symmetry class of a patch, which is its own mirror image: motions of all nodes, then
     the potential, which is even or odd as u_z is, of those inside.
     """
@@ -155,7 +158,7 @@ def _fields(mesh: Mesh, symmetry: str, size: int) -> sp.csr_array:
     fields = sp.csc_array(sp.coo_array((np.concatenate(values), where), (size, len(rows[0]))))
     length = np.sqrt(np.asarray(fields.multiply(fields).sum(axis=0)))
     alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels
-    return sp.csr_array(fields[:, alive] @ sp.diags_array(1.0 / length[alive]))
+    return sp.csr_array(fields[:, alive] @ sp.diags_array(1.0 / length[alive])), rows[0][alive]
 
 
 def _ranks(places: FloatArray) -> IntArray:
