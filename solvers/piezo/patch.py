@@ -96,7 +96,10 @@ def _alike(
         thickness_m,
         settings,
         *_projection(mesh, "touch" if above else "top", bond),
-        *(np.sum(each, axis=0) for each in list(zip(*parts, strict=True))[:4]),
+        np.sum([part[0] for part in parts], axis=0),
+        np.sum([part[1] for part in parts], axis=0),
+        np.sum([part[2] for part in parts], axis=0),
+        np.sum([part[3] for part in parts], axis=0),
         float(matrices[3] + sum(part[4] for part in parts)),
         min(part[5] for part in parts),
     )
@@ -108,10 +111,11 @@ _Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float]
 def _condensed(
     matrices: _Matrices, fields: sp.csr_array, own: IntArray, bond: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
-    """What fields (dof, m) of one symmetry class have of stiffness, mass, theta, swell, capacitance and lowest resonance."""
-    scale = sp.diags_array(
-        1.0 / fields[own, np.arange(len(own))]
-    )  # images of the fields are fields: one of four rows is enough
+    """What fields (dof, m) of one symmetry class have of stiffness, mass, theta, swell, capacitance and lowest resonance.
+
+    The matrices' images of the fields are fields of the class: their rows `own`, one a field, hold them.
+    """
+    scale = sp.diags_array(1.0 / fields[own, np.arange(len(own))])
     stiffness, mass = (sp.csr_array(scale @ (matrix[own] @ fields)) for matrix in matrices[:2])
     theta, on_bond = fields.T @ matrices[2], fields[(bond[:, None] + np.arange(3)).ravel()]
     b = np.unique(on_bond.indices)
@@ -136,7 +140,7 @@ def _condensed(
 
 def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArray]:
     """Orthonormal fields (size, m) of one symmetry class of a patch, which is its own mirror image: motions of all nodes, then
-    the potential, which is even or odd as u_z is, of those inside.
+    the potential, which is even or odd as u_z is, of those inside. And of each field a row in which it alone is, (m,).
     """
     grid = [_ranks(places) for places in mesh.nodes.T]
     last = [int(ranks.max()) for ranks in grid]
