@@ -9,10 +9,12 @@ the load.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
 from math import pi
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,6 +39,7 @@ SAME = 1e-9  # of the thickness: one place
 APART = 1e-6  # of a length: nodes are farther from each other
 OWN = 1e-6  # of a resonance: how finely a patch's own one is found
 BASIS = 10  # Lanczos vectors of a lowest resonance
+KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
 CLASSES = ("SS", "SA", "AS", "AA")
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
@@ -67,19 +70,66 @@ class BondedPatch:
     own_hz: float
 
 
+class Cache(Protocol):
+    """Where patches are kept between runs."""
+
+    def load(self, key: str) -> dict[str, Any] | None:
+        """Arrays kept under this key, or None."""
+        ...
+
+    def keep(self, key: str, flat: dict[str, Any]) -> None:
+        """Keep arrays."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Where:
+    """Where a patch may be kept, which is no part of what it is."""
+
+    cache: Cache | None = field(default=None, compare=False)
+
+
 def bonded_patch(
-    material: PiezoMaterial, box_m: FloatArray, thickness_m: float, above: bool, mesh: HexSettings | None = None
+    material: PiezoMaterial,
+    box_m: FloatArray,
+    thickness_m: float,
+    above: bool,
+    mesh: HexSettings | None = None,
+    cache: Cache | None = None,
 ) -> BondedPatch:
     """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
 
-    Meshed by MESH where nothing else is given.
+    Meshed by MESH where nothing else is given; computed where neither this process nor the cache has one alike.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
-    patch = _alike(material, round(x1 - x0, 12), round(y1 - y0, 12), thickness_m, above, mesh or MESH)
+    size = round(x1 - x0, 12), round(y1 - y0, 12)
+    patch = _known(material, *size, thickness_m, above, mesh or MESH, _Where(cache))
     return replace(patch, points=patch.points + np.array([x0, y0]), box_m=np.array([x0, x1, y0, y1]))
 
 
 @lru_cache(maxsize=8)
+def _known(
+    material: PiezoMaterial,
+    x_m: float,
+    y_m: float,
+    thickness_m: float,
+    above: bool,
+    settings: HexSettings,
+    where: _Where,
+) -> BondedPatch:
+    own = material, x_m, y_m, thickness_m, above, settings
+    if where.cache is None:
+        return _alike(*own)
+    key = hashlib.sha256(repr(("patch", *own)).encode()).hexdigest()
+    flat = where.cache.load(key)
+    if flat is None:
+        patch = _alike(*own)
+        where.cache.keep(key, {name: getattr(patch, name) for name in KEPT})
+        return patch
+    parts = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
+    return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts)
+
+
 def _alike(
     material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, settings: HexSettings
 ) -> BondedPatch:
