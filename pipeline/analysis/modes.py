@@ -447,7 +447,7 @@ class _Class:
         force = strength_force(plate.touch(self.vectors[:, :0]), self.case.design, self.symmetry or None)
         low, high = (self.pencil.scale.eigenvalue(end) for end in reach_hz)
         vectors = self.vectors[:, [row.column for row in rows]]
-        return largest_outside(self.pencil, self.shared.factorise, plate.work(force), vectors, (low, high))
+        return largest_outside(self.pencil, self.shared, plate.work(force), vectors, (low, high))
 
     def _solve(self, query: Request) -> Modes:
         if query.band_hz:

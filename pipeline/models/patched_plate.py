@@ -6,7 +6,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
-from pipeline.models.cell_cache import MatrixCache
+from pipeline.models.cell_cache import ArrayCache, MatrixCache
 from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
@@ -80,7 +80,8 @@ def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
     assert patches is not None
     material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
     return [
-        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box)) for box in patches.boxes_m()
+        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box), ArrayCache())
+        for box in patches.boxes_m()
     ]
 
 

@@ -103,11 +103,15 @@ class Count:
 
 @dataclass
 class Shared:
-    """What solves of one pencil share: the symbolic analysis, the counts made so far, a factor of K where there is one."""
+    """What solves of one pencil share: the symbolic analysis, the counts made so far, a factor of K where there is one.
+
+    near: a factor of K - s M and its s, where one is kept for what follows.
+    """
 
     factorise: Factoriser = field(default_factory=Factoriser)
     static: Factor | None = None
     counts: dict[float, int] = field(default_factory=dict)
+    near: tuple[Factor, float] | None = None
     _norms: tuple[float, float] | None = None
 
     def norms_of(self, pencil: SymmetricPencil) -> tuple[float, float]:

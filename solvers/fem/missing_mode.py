@@ -13,8 +13,7 @@ from numpy.polynomial import Chebyshev
 
 from geometry.elements import FloatArray
 from solvers.fem.block_lanczos import Operator
-from solvers.fem.eigen import SymmetricPencil, factor_near
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.eigen import Shared, SymmetricPencil, factor_near
 
 SOLVES = 6  # more of them say no more: they only find modes across the thickness, which no sum of strengths covers
 SPARE = 1e-6  # of the missing strength, added: few modes have a singular Gram matrix
@@ -22,14 +21,15 @@ ENDED = 1e-10  # of a vector left: every mode that the load moves is in the basi
 
 
 def largest_outside(
-    pencil: SymmetricPencil, factorise: Factoriser, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
+    pencil: SymmetricPencil, shared: Shared, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
 ) -> float:
     """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1.
 
     Parameters
     ----------
     pencil : SymmetricPencil
-    factorise : Factoriser
+    shared : Shared
+        Its kept factor serves where the shift lies within the interval.
     load : ndarray, shape (dof,)
         p, scaled so that phi'p squared is a strength.
     vectors : ndarray, shape (dof, k)
@@ -43,7 +43,8 @@ def largest_outside(
         What the strengths leave where it says no more.
     """
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
-    factor, shift = factor_near(pencil, 0.5 * (reach[0] + reach[1]), factorise)
+    kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None
+    factor, shift = kept or factor_near(pencil, 0.5 * (reach[0] + reach[1]), shared.factorise)
     heavy = pencil.apply_mass(vectors)
 
     def solve(right: FloatArray) -> FloatArray:
@@ -51,7 +52,8 @@ def largest_outside(
         return np.asarray(moved - vectors @ (heavy.T @ moved))
 
     alpha, beta, shares = _lanczos(pencil, solve, load)
-    factor.free()
+    if kept is None:
+        factor.free()
     gram = np.eye(len(shares) + 1)
     gram[0, 0], gram[0, 1:], gram[1:, 0] = missing * (1.0 + SPARE), shares, shares
     if np.linalg.eigvalsh(gram)[0] <= 0.0:

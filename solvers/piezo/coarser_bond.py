@@ -22,7 +22,6 @@ from scipy.linalg import eigh, svd
 from geometry.elements import FloatArray
 from solvers.fem.coarser import amid
 from solvers.fem.eigen import factor_near
-from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.patched_plate import CoarserBond, Group, gains_at
 
 ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is none of its modes about the band
@@ -42,12 +41,15 @@ class BondErrors:
 class ExtrapolatedModes:
     """Scaled eigenvalues (k,), ascending, M-orthonormal modes (dof, k) and gains (k, patches); errors None without a mesh that
     shows them.
+
+    images: K and M of the finer mesh times the modes, (dof, k) each.
     """
 
     eigenvalue: FloatArray
     vectors: FloatArray
     gain: FloatArray
     errors: BondErrors | None
+    images: tuple[FloatArray, FloatArray]
 
 
 def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) -> ExtrapolatedModes:
@@ -65,10 +67,10 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
     ExtrapolatedModes
         Within the span of `vectors`.
     """
-    coarser, gain = group.coarser, group.gain(vectors, values)
+    coarser, gain, heavy = group.coarser, group.gain(vectors, values), group.pencil.apply_mass(vectors)
     if coarser is None or not len(values):
-        return ExtrapolatedModes(values, vectors, gain, None)
-    stiffness, coarse_gain, known = _aligned(group, coarser, (values, vectors), gain)
+        return ExtrapolatedModes(values, vectors, gain, None, (heavy * values, heavy))
+    stiffness, coarse_gain, known = _aligned(group, coarser, (values, heavy), gain)
     share, spread = coarser.shares.taken, coarser.shares.spread
     stiffer, softer = _signed(stiffness - np.diag(values))
     better, turn = eigh(np.diag(values) - share * stiffer)
@@ -79,7 +81,8 @@ def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) ->
         unknown * (spread * np.abs(change) + share * np.abs(against)) / (2.0 * better),
         unknown[:, None] * spread * np.abs(gains - coarse_gains),
     )
-    return ExtrapolatedModes(better, vectors @ turn, gains + share * (gains - coarse_gains), errors)
+    images = heavy @ (values[:, None] * turn), heavy @ turn
+    return ExtrapolatedModes(better, vectors @ turn, gains + share * (gains - coarse_gains), errors, images)
 
 
 def _signed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -94,12 +97,13 @@ def _aligned(
     """K (k, k) and gains (k, patches) of the coarser mesh in its modes, turned onto the finer one's, and how much of each of
     those is there, (k,).
 
-    Directions without a counterpart stay as the finer mesh has them.
+    modes: eigenvalues (k,) of the finer mesh, and its M times its modes, (dof, k). Both meshes move the same degrees of
+    freedom, so that one symbolic analysis serves them. Directions without a counterpart stay as the finer mesh has them.
     """
-    pencil, (values, vectors) = coarser.join(), modes
-    factor, _ = factor_near(pencil, amid(values), Factoriser())
-    heavy = group.pencil.apply_mass(vectors)
+    pencil, (values, heavy) = coarser.join(), modes
+    factor, _ = factor_near(pencil, amid(values), group.factorise)
     moved, _ = np.linalg.qr(factor.solve(heavy))
+    factor.free()
     stiffness, mass = moved.T @ (pencil.stiffness @ moved), moved.T @ pencil.apply_mass(moved)
     eigenvalues, own = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     moved = moved @ own

@@ -20,7 +20,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.eigen import Shared, factor_near, modes_in_band
+from solvers.fem.eigen import factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import TouchField, measure, strength_force, wanted_symmetry
@@ -38,7 +38,8 @@ COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 class GroupModes:
     """Modes of a group with the loads' projections: columns [modes, R, R1], eigenvalues and gains (modes, patches).
 
-    bond: what the mesh beneath the patches leaves uncertain; None where no coarser mesh shows it.
+    bond: what the mesh beneath the patches leaves uncertain; None where no coarser mesh shows it. images: K and M times the
+    modes, (dof, modes) each.
     """
 
     group: Group
@@ -48,6 +49,7 @@ class GroupModes:
     columns: FloatArray
     middle: float
     residual_gain: tuple[FloatArray, FloatArray]
+    images: tuple[FloatArray, FloatArray]
     bond: BondErrors | None = None
 
     def amplitudes(self, eigenvalue: float | FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
@@ -179,7 +181,11 @@ class ForcedPlate:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality_factor
         self.margin, self.wanted_window_hz = margin, wanted_window_hz
-        solved = partial(group_modes, band_hz=drive.band_hz, margin=margin)
+        wanted = {wanted_symmetry(design.nodal_lines), WHOLE} if wanted_window_hz else set()
+
+        def solved(group: Group) -> GroupModes:
+            return group_modes(group, drive.band_hz, margin, not wanted.isdisjoint(group.symmetries))
+
         self.modes = side_by_side(solved, plate.groups, bytes_each)
 
     @property
@@ -204,6 +210,7 @@ class ForcedPlate:
         if self.wanted_window_hz is not None:
             group, window = basis.group, self.wanted_window_hz
             found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
+            group.shared.near = None  # it served
             return self._extrapolated(group, found)
         judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
         return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
@@ -245,7 +252,7 @@ class ForcedPlate:
 
     def _between(self, group: Group, low_hz: float, high_hz: float) -> list[PlateMode]:
         """Every mode of a group between two frequencies, measured."""
-        modes = modes_in_band(group.pencil, low_hz, high_hz, Shared(group.factorise))
+        modes = modes_in_band(group.pencil, low_hz, high_hz, group.shared)
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
 
     def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
@@ -269,7 +276,7 @@ class ForcedPlate:
         load = [plate.work(strength_force(field, self.design, plate.symmetry or None)) for plate, field in parts]
         low, high = (self.plate.scale.eigenvalue(end) for end in reach_hz)
         vectors = np.column_stack([mode.vector for mode in modes])
-        return largest_outside(group.pencil, group.factorise, np.concatenate(load), vectors, (low, high))
+        return largest_outside(group.pencil, group.shared, np.concatenate(load), vectors, (low, high))
 
     def _measured(
         self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None],
@@ -283,7 +290,7 @@ class ForcedPlate:
             return []
         known = columns or group.touch(vectors)
         fields = [replace(field, values=field.values[:, : len(tones)]) for field in known]
-        inside, outside = (np.diag(gram) for gram in touch_grams(fields, self.design))
+        inside, outside = touch_squares(fields, self.design)
         parts = zip(group.symmetries, fields, strict=True)
         strength = np.sum([measure(field, self.design, symmetry or None).strength for symmetry, field in parts], axis=0)
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
@@ -430,6 +437,17 @@ def touch_grams(fields: list[TouchField], design: Design) -> tuple[FloatArray, F
     return inside, outside
 
 
+def touch_squares(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
+    """The diagonals of `touch_grams`, (columns,) each."""
+    inside = np.zeros(fields[0].values.shape[1])
+    outside = inside.copy()
+    for field in fields:
+        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
+        for total, part in ((inside, active), (outside, ~active)):
+            total += field.weights[part] @ np.square(field.values[part])
+    return inside, outside
+
+
 def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[FloatArray, ComplexArray]:
     for axis, mark in enumerate(symmetry):
         flip = np.ones(2)
@@ -439,10 +457,14 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
     return points, values
 
 
-def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float, float]) -> GroupModes:
-    """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle."""
-    scale = group.pencil.scale
-    shared = Shared(group.factorise)
+def group_modes(
+    group: Group, band_hz: tuple[float, float], margin: tuple[float, float], keeps_factor: bool = False
+) -> GroupModes:
+    """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle.
+
+    keeps_factor: that of the residual vectors is left with what the group's solves share.
+    """
+    scale, shared = group.pencil.scale, group.shared
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
@@ -451,10 +473,16 @@ def group_modes(group: Group, band_hz: tuple[float, float], margin: tuple[float,
     factor, middle = factor_near(group.pencil, middle, shared.factorise)
     _, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
     gains = (group.loads.T @ residual, group.loads.T @ slope)
+    if keeps_factor:
+        shared.near = factor, middle
+    else:
+        factor.free()
     better = extrapolated_modes(group, values, modes.vectors)
     columns = np.hstack([better.vectors, residual, slope])
     tones = scale.frequency(better.eigenvalue)
-    return GroupModes(group, tones, better.eigenvalue, better.gain, columns, middle, gains, better.errors)
+    return GroupModes(
+        group, tones, better.eigenvalue, better.gain, columns, middle, gains, better.images, better.errors
+    )
 
 
 def residual_vectors(

@@ -63,7 +63,7 @@ def _estimated(basis: GroupModes) -> FrequencyErrors:
         mesh += by_mesh(plate, value, part)[1]
         modes += by_modes(plate, value, part)
     last = np.concatenate([last_degree(plate) for plate in group.plates])
-    reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last))
+    reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last, basis.images))
     return FrequencyErrors(mesh, reduction, _bonding(basis, vectors))
 
 

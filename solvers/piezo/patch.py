@@ -9,9 +9,12 @@ the load.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import hashlib
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import product
 from math import pi
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,6 +28,7 @@ from geometry.piezo_materials import PiezoMaterial
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.factor.memory import check_room
 from solvers.fem.surface import face_quadrature
+from solvers.piezo.bond import mirror_signs
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
 COPIES, SQUARES = (
@@ -32,6 +36,11 @@ COPIES, SQUARES = (
     6,
 )  # of the nodes' motions and potential inside per bonded one, and of matrices of the bonded face, held at once
 SAME = 1e-9  # of the thickness: one place
+APART = 1e-6  # of a length: nodes are farther from each other
+OWN = 1e-6  # of a resonance: how finely a patch's own one is found
+BASIS = 10  # Lanczos vectors of a lowest resonance
+KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
+CLASSES = ("SS", "SA", "AS", "AA")
 VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
@@ -61,19 +70,66 @@ class BondedPatch:
     own_hz: float
 
 
+class Cache(Protocol):
+    """Where patches are kept between runs."""
+
+    def load(self, key: str) -> dict[str, Any] | None:
+        """Arrays kept under this key, or None."""
+        ...
+
+    def keep(self, key: str, flat: dict[str, Any]) -> None:
+        """Keep arrays."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Where:
+    """Where a patch may be kept, which is no part of what it is."""
+
+    cache: Cache | None = field(default=None, compare=False)
+
+
 def bonded_patch(
-    material: PiezoMaterial, box_m: FloatArray, thickness_m: float, above: bool, mesh: HexSettings | None = None
+    material: PiezoMaterial,
+    box_m: FloatArray,
+    thickness_m: float,
+    above: bool,
+    mesh: HexSettings | None = None,
+    cache: Cache | None = None,
 ) -> BondedPatch:
     """A patch with footprint box_m = (x0, x1, y0, y1), bonded below (on the plate's back) or above (on its touch face).
 
-    Meshed by MESH where nothing else is given.
+    Meshed by MESH where nothing else is given; computed where neither this process nor the cache has one alike.
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
-    patch = _alike(material, round(x1 - x0, 12), round(y1 - y0, 12), thickness_m, above, mesh or MESH)
+    size = round(x1 - x0, 12), round(y1 - y0, 12)
+    patch = _known(material, *size, thickness_m, above, mesh or MESH, _Where(cache))
     return replace(patch, points=patch.points + np.array([x0, y0]), box_m=np.array([x0, x1, y0, y1]))
 
 
 @lru_cache(maxsize=8)
+def _known(
+    material: PiezoMaterial,
+    x_m: float,
+    y_m: float,
+    thickness_m: float,
+    above: bool,
+    settings: HexSettings,
+    where: _Where,
+) -> BondedPatch:
+    own = material, x_m, y_m, thickness_m, above, settings
+    if where.cache is None:
+        return _alike(*own)
+    key = hashlib.sha256(repr(("patch", *own)).encode()).hexdigest()
+    flat = where.cache.load(key)
+    if flat is None:
+        patch = _alike(*own)
+        where.cache.keep(key, {name: getattr(patch, name) for name in KEPT})
+        return patch
+    parts = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
+    return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts)
+
+
 def _alike(
     material: PiezoMaterial, x_m: float, y_m: float, thickness_m: float, above: bool, settings: HexSettings
 ) -> BondedPatch:
@@ -81,29 +137,90 @@ def _alike(
     box = np.array([0.0, x_m, 0.0, y_m])
     mesh = _mesh(box, thickness_m, settings, above)
     _check_room(mesh, box)
-    stiffness, mass, theta, capacitance = with_potential(mesh, material, thickness_m)
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
-    b = (3 * bond[:, None] + np.arange(3)).ravel()
-    i = np.setdiff1d(np.arange(stiffness.shape[0]), b)
-    (k_b, k_i), (m_b, m_i) = ((matrix[b], matrix[i]) for matrix in (stiffness, mass))
-    k_ii, m_ii, k_bi, m_bi = k_i[:, i], m_i[:, i], k_b[:, i], m_b[:, i]
-    inner = Factoriser()(sp.csc_array(k_ii))
-    follow = -inner.solve(k_i[:, b].toarray())
-    swell = inner.solve(theta[i][:, None])[:, 0]
-    condensed = k_b[:, b] + k_bi @ follow
+    matrices = with_potential(mesh, material, thickness_m)
+    parts = [_condensed(matrices, *_fields(mesh, symmetry, matrices[0].shape[0]), 3 * bond) for symmetry in CLASSES]
     return BondedPatch(
         material,
         box,
         thickness_m,
         settings,
         *_projection(mesh, "touch" if above else "top", bond),
-        (condensed + condensed.T) / 2.0,
-        m_b[:, b] + m_bi @ follow + follow.T @ (m_i[:, b] + m_ii @ follow),
-        theta[b] + follow.T @ theta[i],
-        m_bi @ swell + follow.T @ (m_ii @ swell),
-        float(capacitance + theta[i] @ swell),
+        np.sum([part[0] for part in parts], axis=0),
+        np.sum([part[1] for part in parts], axis=0),
+        np.sum([part[2] for part in parts], axis=0),
+        np.sum([part[3] for part in parts], axis=0),
+        float(matrices[3] + sum(part[4] for part in parts)),
+        min(part[5] for part in parts),
+    )
+
+
+_Matrices = tuple[sp.csr_array, sp.csr_array, FloatArray, float]
+
+
+def _condensed(
+    matrices: _Matrices, fields: sp.csr_array, own: IntArray, bond: IntArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, float, float]:
+    """What fields (dof, m) of one symmetry class have of stiffness, mass, theta, swell, capacitance and lowest resonance.
+
+    The matrices' images of the fields are fields of the class: their rows `own`, one a field, hold them.
+    """
+    scale = sp.diags_array(1.0 / fields[own, np.arange(len(own))])
+    stiffness, mass = (sp.csr_array(scale @ (matrix[own] @ fields)) for matrix in matrices[:2])
+    theta, on_bond = fields.T @ matrices[2], fields[(bond[:, None] + np.arange(3)).ravel()]
+    b = np.unique(on_bond.indices)
+    i = np.setdiff1d(np.arange(fields.shape[1]), b)
+    (k_b, k_i), (m_b, m_i) = ((matrix[b], matrix[i]) for matrix in (stiffness, mass))
+    k_ii, m_ii, k_bi, m_bi = k_i[:, i], m_i[:, i], k_b[:, i], m_b[:, i]
+    inner = Factoriser()(sp.csc_array(k_ii))
+    follow = -inner.solve(k_i[:, b].toarray())
+    swell = inner.solve(theta[i][:, None])[:, 0]
+    condensed = k_b[:, b] + k_bi @ follow
+    heavy = m_b[:, b] + m_bi @ follow + follow.T @ (m_i[:, b] + m_ii @ follow)
+    place = on_bond[:, b]
+    return (
+        place @ (place @ (condensed + condensed.T) / 2.0).T,
+        place @ (place @ heavy).T,
+        place @ (theta[b] + follow.T @ theta[i]),
+        place @ (m_bi @ swell + follow.T @ (m_ii @ swell)),
+        float(theta[i] @ swell),
         _lowest_hz(k_ii, m_ii, inner),
     )
+
+
+def _fields(mesh: Mesh, symmetry: str, size: int) -> tuple[sp.csr_array, IntArray]:
+    """Orthonormal fields (size, m) of one symmetry class of a patch, which is its own mirror image: motions of all nodes, then
+    the potential, which is even or odd as u_z is, of those inside. And of each field a row in which it alone is, (m,).
+    """
+    grid = [_ranks(places) for places in mesh.nodes.T]
+    last = [int(ranks.max()) for ranks in grid]
+    number = np.empty([each + 1 for each in last], dtype=np.int64)
+    number[tuple(grid)] = np.arange(len(mesh.nodes))
+    inside = np.flatnonzero((grid[2] > 0) & (grid[2] < last[2]))
+    motion = np.arange(3 * len(mesh.nodes)).reshape(-1, 3)
+    potential = np.full(len(mesh.nodes), -1)
+    potential[inside] = motion.size + np.arange(size - motion.size)
+    first = (2 * grid[0] <= last[0]) & (2 * grid[1] <= last[1])
+    rows, values = [], []
+    for flip in product((1.0, -1.0), repeat=2):
+        x, y = (ranks if way > 0.0 else end - ranks for ranks, end, way in zip(grid, last, flip, strict=False))
+        image, signs = number[x, y, grid[2]][first], mirror_signs(symmetry, np.array(flip))
+        has = potential[image] >= 0
+        rows.append(np.concatenate([motion[image].ravel(), potential[image][has]]))
+        values.append(np.concatenate([np.tile(signs, len(image)), np.full(int(has.sum()), signs[2])]))
+    where = np.concatenate(rows), np.tile(np.arange(len(rows[0])), len(rows))
+    fields = sp.csc_array(sp.coo_array((np.concatenate(values), where), (size, len(rows[0]))))
+    length = np.sqrt(np.asarray(fields.multiply(fields).sum(axis=0)))
+    alive = np.flatnonzero(length > 0.5)  # a motion on a mirror line that its class forbids cancels
+    return sp.csr_array(fields[:, alive] @ sp.diags_array(1.0 / length[alive])), rows[0][alive]
+
+
+def _ranks(places: FloatArray) -> IntArray:
+    """The number of each place among the different ones, ascending."""
+    order = np.argsort(places, kind="stable")
+    out = np.zeros(len(places), dtype=np.int64)
+    out[order[1:]] = np.cumsum(np.diff(places[order]) > APART * np.ptp(places))
+    return out
 
 
 def _check_room(mesh: Mesh, box_m: FloatArray) -> None:
@@ -119,7 +236,9 @@ def _lowest_hz(stiffness: sp.csr_array, mass: sp.csr_array, factor: Factor) -> f
     """Lowest natural frequency of K and M with the factor of K."""
     inverse = spla.LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
     start = np.ones(stiffness.shape[0])
-    value = spla.eigsh(stiffness, 1, mass, sigma=0.0, OPinv=inverse, v0=start, return_eigenvectors=False)
+    value = spla.eigsh(
+        stiffness, 1, mass, sigma=0.0, OPinv=inverse, v0=start, ncv=BASIS, tol=OWN, return_eigenvectors=False
+    )
     return float(np.sqrt(value[0]) / (2.0 * pi))
 
 

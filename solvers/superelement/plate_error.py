@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -81,13 +80,18 @@ def mode_errors(
     return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 
-def by_degrees(pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, last: BoolArray) -> FloatArray:
+def by_degrees(
+    pencil: SymmetricPencil,
+    vectors: FloatArray | ComplexArray,
+    last: BoolArray,
+    images: tuple[FloatArray, FloatArray] | None = None,
+) -> FloatArray:
     """How far M-orthonormal modes u (dof, k) rise without what the last degree (dof,) brought to them, relative, (k,).
 
-    By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds.
+    By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds. images: K u and M u, where known.
     """
     where = np.flatnonzero(last)
-    stiff, heavy = pencil.stiffness @ vectors, pencil.mass @ vectors
+    stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
     value, dropped = _energy(vectors, stiff), vectors[where]
     left = [
         _energy(vectors, image)
@@ -138,18 +142,14 @@ def by_mesh(
     return taken, rims * np.abs(rim) + smooth + np.maximum(beyond, 0.0)
 
 
-def by_modes(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
     """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
     total = np.zeros_like(value)
-    for edge in sorted({placed_cell.cell.dropped_hz for placed_cell in plate.placed_cells}):
-        alike = next(placed_cell.cell for placed_cell in plate.placed_cells if placed_cell.cell.dropped_hz == edge)
-        lost = plate.of_cells(partial(_lost, edge))
-        total += 0.5 * value * alike.residual.growth(value) * _energy(vectors, lost @ vectors)
-    return total
-
-
-def _lost(edge_hz: float, cell: Cell) -> FloatArray:
-    return cell.on_boundary((cell.dropped_hz == edge_hz) * cell.dropped)
+    for placed_cell in plate.placed_cells:
+        cell = placed_cell.cell
+        own = plate.cell_vectors(placed_cell, vectors)[: len(cell.dropped)]
+        total += placed_cell.copies * cell.residual.growth(value) * _energy(own, cell.dropped @ own)
+    return np.asarray(0.5 * value * total)
 
 
 def _by_further(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:

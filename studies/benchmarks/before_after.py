@@ -4,9 +4,10 @@
 
 The commit's files are put into a temporary folder and run there, in alternation with this checkout, each run with a results
 folder of its own, so that nothing comes from a cache. `main job` is `antinode run rows`, `grid` the study of 54 plates: they
-take minutes, the other tasks seconds, which are run unless tasks are named. Processor seconds are those of all processes a
-command starts, wall seconds those until it ends, each the least of the repeats; memory is that of the largest process. --write
-puts the rows into docs/verification.md, without the wall seconds, which are those of one machine's cores.
+take minutes, the other tasks seconds, which are run unless tasks are named; `response, nine patches` wants a later --commit.
+Processor seconds are those of all processes a command starts, wall seconds those until it ends, memory that of the largest
+process, each the median of the repeats. --write puts the rows into docs/verification.md, without the wall seconds, which are
+those of one machine's cores.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ import sys
 import tarfile
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
+from statistics import median
 
 from pipeline.paths import ROOT
 from pipeline.records.store import write_atomic
@@ -37,10 +39,12 @@ TASKS: dict[str, tuple[str, ...]] = {
     "four classes, 30 to 34 kHz": ("modes", CASE, "--band", "30kHz:34kHz"),
     "bands": ("bands", CASE),
     "response": ("response", CASE),
+    "response, nine patches": ("response", "examples/touch-plate.toml", "--band", "30kHz:40kHz"),
     "main job": ("run", "rows", "--jobs", "2"),
     "grid": ("run", "grid", "--jobs", "2"),
 }
 LONG = ("main job", "grid")
+LATER = ("response, nine patches",)  # the default commit has no such case
 LEAD = """\
 Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
 those of commit {commit}, each task in one run, and the memory of the largest process; shares are of the time after, in one
@@ -70,14 +74,15 @@ class Used:
     the largest of them, bytes.
     """
 
-    seconds: float = float("inf")
-    wall: float = float("inf")
-    peak_bytes: int = 0
+    seconds: float
+    wall: float
+    peak_bytes: int
 
-    def or_less(self, other: Used) -> Used:
-        """The lesser time of each kind, with the memory of the run that took less of the processor."""
-        peak = min(self, other, key=lambda used: used.seconds).peak_bytes
-        return Used(min(self.seconds, other.seconds), min(self.wall, other.wall), peak)
+    @classmethod
+    def median(cls, runs: Sequence[Used]) -> Used:
+        """The median of each over some runs."""
+        seconds, wall, peak = (median(each) for each in zip(*map(astuple, runs), strict=True))
+        return cls(seconds, wall, int(peak))
 
 
 def used_by(root: Path, *arguments: str, **more: str) -> Used:
@@ -144,13 +149,12 @@ def main(arguments: list[str] | None = None) -> None:
     head, rows = _head(columns), {}
     print(_head((*columns, "wall before, s", "wall after, s", "wall ratio")), flush=True)
     with checkout(given.commit) as earlier:
-        for name in given.tasks or [each for each in TASKS if each not in LONG]:
-            before, after = Used(), Used()
-            for _ in range(given.repeats):
-                before, after = (
-                    known.or_less(used_by(root, "-m", "antinode", *TASKS[name]))
-                    for known, root in ((before, earlier), (after, ROOT))
-                )
+        for name in given.tasks or [each for each in TASKS if each not in LONG + LATER]:
+            pairs = [
+                [used_by(root, "-m", "antinode", *TASKS[name]) for root in (earlier, ROOT)]
+                for _ in range(given.repeats)
+            ]
+            before, after = map(Used.median, zip(*pairs, strict=True))
             spent = (
                 ["-"] * (len(SHARES) + 1)
                 if name in LONG

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from solvers.fem.assembly import Scale
-from solvers.fem.eigen import PlainPencil
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.eigen import PlainPencil, Shared, factor_near
+from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.missing_mode import largest_outside
 
 SIZE = 60
@@ -36,7 +36,7 @@ def test_no_mode_outside_has_more(peaked: float) -> None:
         for reach in ((4.0, 16.0), (0.0, 9.0)):
             inside = (values >= reach[0]) & (values <= reach[1])
             strengths = (vectors.T @ load) ** 2
-            bound = largest_outside(pencil, Factoriser(), load, vectors[:, inside], reach)
+            bound = largest_outside(pencil, Shared(), load, vectors[:, inside], reach)
             missing = 1.0 - strengths[inside].sum()
             assert strengths[~inside].max() <= bound * (1.0 + 1e-9) <= missing * (1.0 + 2e-9)
             better += bound < 0.8 * missing
@@ -50,7 +50,7 @@ def test_a_mode_alone_has_its_strength() -> None:
     own, other = np.flatnonzero(inside)[3], np.flatnonzero(~inside)[0]
     heavy = pencil.apply_mass(vectors)
     load = np.sqrt(0.7) * heavy[:, own] + np.sqrt(0.3) * heavy[:, other]
-    assert largest_outside(pencil, Factoriser(), load, vectors[:, inside], (4.0, 16.0)) == pytest.approx(0.3, rel=1e-5)
+    assert largest_outside(pencil, Shared(), load, vectors[:, inside], (4.0, 16.0)) == pytest.approx(0.3, rel=1e-5)
 
 
 def test_two_modes_that_share_what_is_missing_are_told_apart() -> None:
@@ -59,6 +59,30 @@ def test_two_modes_that_share_what_is_missing_are_told_apart() -> None:
     heavy, (low, high) = pencil.apply_mass(vectors), (np.flatnonzero(values < 2.0)[0], np.flatnonzero(values > 20.0)[0])
     load = np.sqrt(0.3) * heavy[:, low] + np.sqrt(0.2) * heavy[:, high]
     bound = largest_outside(
-        pencil, Factoriser(), load + np.sqrt(0.5) * heavy[:, inside][:, 0], vectors[:, inside], (4.0, 16.0)
+        pencil, Shared(), load + np.sqrt(0.5) * heavy[:, inside][:, 0], vectors[:, inside], (4.0, 16.0)
     )
     assert bound == pytest.approx(0.3, rel=1e-5)
+
+
+def test_a_kept_factor_serves_where_its_shift_lies_within() -> None:
+    """The same bound without another factorisation; at a shift that lies outside the factor is not taken."""
+    pencil, values, vectors, load = drawn(2, 0.3)
+    inside = (values >= 4.0) & (values <= 16.0)
+    strengths = (vectors.T @ load) ** 2
+    for shift, made in ((9.0, 0), (3.0, 1)):
+        count: list[int] = []
+        shared = Shared(_Counting(count))
+        shared.near = factor_near(pencil, shift, Factoriser())
+        bound = largest_outside(pencil, shared, load, vectors[:, inside], (4.0, 16.0))
+        assert strengths[~inside].max() <= bound <= 1.0 - strengths[inside].sum() + 1e-9
+        assert len(count) == made and shared.near[0].negative == (values < shift).sum()
+
+
+class _Counting(Factoriser):
+    def __init__(self, count: list[int]) -> None:
+        super().__init__()
+        self.count = count
+
+    def __call__(self, matrix: sp.csc_array) -> Factor:
+        self.count.append(1)
+        return super().__call__(matrix)

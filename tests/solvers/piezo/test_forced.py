@@ -20,6 +20,7 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.factor import memory
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
+from solvers.piezo import patch as piezo_patch
 from solvers.piezo import patched_plate
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.bond import Contact, displacement_at
@@ -499,3 +500,55 @@ def test_a_bonded_patch_is_held_as_softly_as_by_the_whole_solid() -> None:
     soft, stiff = errors
     assert soft.min() > -0.006 and soft.max() < 0.0
     assert (stiff > soft + 0.001).all()
+
+
+class _Kept:
+    def __init__(self) -> None:
+        self.arrays: dict[str, dict] = {}
+
+    def load(self, key: str) -> dict | None:
+        flat = self.arrays.get(key)
+        return flat and {name: np.asarray(value) for name, value in flat.items()}
+
+    def keep(self, key: str, flat: dict) -> None:
+        self.arrays[key] = flat
+
+
+def test_a_kept_patch_is_the_one_that_was_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another size is another one, and what this process has already is not read."""
+    cache, box = _Kept(), np.array([1e-3, 4.5e-3, -1e-3, 1e-3])
+    first = bonded_patch(PZ26, box, 0.41e-3, True, COARSE, cache)
+    piezo_patch._known.cache_clear()
+    monkeypatch.setattr(piezo_patch, "_alike", None)
+    again = bonded_patch(PZ26, box, 0.41e-3, True, COARSE, cache)
+    for name in ("material", "thickness_m", "mesh", *piezo_patch.KEPT):
+        assert np.array_equal(getattr(first, name), getattr(again, name)), name
+    assert isinstance(again.own_hz, float) and bonded_patch(PZ26, box, 0.41e-3, True, COARSE).theta is again.theta
+    with pytest.raises(TypeError):
+        bonded_patch(PZ26, box, 0.42e-3, True, COARSE, cache)
+
+
+def test_a_patch_by_its_mirror_classes_is_the_whole_one() -> None:
+    """Condensed at once, without classes, in dense matrices."""
+    patch = bonded_patch(PZ26, np.array([0.0, 3e-3, 0.0, 2e-3]), 0.4e-3, True, COARSE)
+    mesh = _mesh(np.array([0.0, 3e-3, 0.0, 2e-3]), 0.4e-3, COARSE, True)
+    stiffness, mass, theta, capacitance = with_potential(mesh, PZ26, 0.4e-3)
+    bond = np.flatnonzero(np.abs(mesh.nodes[:, 2]) < 1e-12)
+    b = (3 * bond[:, None] + np.arange(3)).ravel()
+    i = np.setdiff1d(np.arange(stiffness.shape[0]), b)
+    k, m = stiffness.toarray(), mass.toarray()
+    right = np.hstack([-k[np.ix_(i, b)], theta[i, None], m[np.ix_(i, i)]])
+    follow, swell, flexible = np.split(np.linalg.solve(k[np.ix_(i, i)], right), [len(b), len(b) + 1], axis=1)
+    swell = swell[:, 0]
+    moved = np.zeros((len(k), len(b)))
+    moved[b], moved[i] = np.eye(len(b)), follow
+    for own, whole in (
+        (patch.stiffness, moved.T @ k @ moved),
+        (patch.mass, moved.T @ m @ moved),
+        (patch.theta, moved.T @ theta),
+        (patch.swell, moved.T @ m[:, i] @ swell),
+        (np.array([patch.capacitance_f]), np.array([capacitance + theta[i] @ swell])),
+    ):
+        np.testing.assert_allclose(own, whole, rtol=0.0, atol=1e-9 * np.abs(whole).max())
+    largest = spla.eigs(flexible, 1, return_eigenvectors=False).real.max()
+    assert patch.own_hz == pytest.approx(1.0 / np.sqrt(largest) / (2.0 * np.pi), rel=1e-5)
