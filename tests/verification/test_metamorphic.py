@@ -84,6 +84,7 @@ LEFT_OUT = {
     "computes nothing": {"new", "doctor", "materials", "glossary", "schema", "completion"},
 }
 UNCOMPARED = {"seconds", "schema", "version", "fingerprint", "digest", "residual"}  # a residual is rounding itself
+DESCRIBING = {"case", "design", "input", "with_defaults"}  # the scene in words
 RELATIVE = {"expected_error"}  # errors named by what they are errors of
 INHERITED = {"mean", "deviation", "lowest", "highest"}  # statistics have the unit of what they are about
 
@@ -224,7 +225,7 @@ def same(folder: Path, command: str, options: list[Any], case: dict[str, Any], o
     first = answer(folder / "first", command, options, case, Scaling())
     words = [":".join(f"{end / 1e3!r}kHz" for end in each) if isinstance(each, tuple) else each for each in options]
     second = answer(folder / "second", command, words, other, Scaling())
-    assert_alike(*(_without_sides(_without(each, {"case", "design", "input"})) for each in (first, second)), Scaling())
+    assert_alike(*(_without_sides(_without(each, DESCRIBING)) for each in (first, second)), Scaling())
 
 
 def _without(document: Any, keys: set[str]) -> Any:
