@@ -269,17 +269,17 @@ def lines(record: ToleranceRecord) -> list[str]:
     """Describe the samples in words: frequencies and levels with the digits that their spread allows."""
     peak, shift, levels = record.peak_hz, record.peak_shift_hz, record.confinement_db
     count = len(record.samples) - record.lost
-    wide = relative_deviation(peak)
+    wide = peak.relative if peak else None
     out = [_summary("nominal", record.nominal, wide)]
     if peak and shift:
         moved = None if shift.deviation is None else shift.deviation / sqrt(count)
         out.append(
-            f"{count} plates: peak {frequency(peak.mean, wide)}, spread {_deviation_text(peak, count, 'Hz')}, "
+            f"{count} plates: peak {frequency(peak.mean, wide)}, spread {peak.spread(count, 'Hz')}, "
             f"{interval(peak.lowest, peak.highest, wide, wide)}; moved by {signed(figure(shift.mean, moved))} Hz on average"
         )
     if levels:
         out.append(
-            f"confinement {level(levels.mean, levels.deviation)}, spread {_deviation_text(levels, count, 'dB')}, "
+            f"confinement {level(levels.mean, levels.deviation)}, spread {levels.spread(count, 'dB')}, "
             f"worst {level(levels.lowest, levels.deviation)}; {record.confined} of {count} confined"
         )
     off_hz, off_db = (record.interpolation_check.get(name) for name in ("peak_hz", "confinement_db"))
@@ -292,18 +292,6 @@ def lines(record: ToleranceRecord) -> list[str]:
     if record.lost:
         out.append(f"{record.lost} of {len(record.samples)} plates lost the wanted mode: no mode has its shape")
     return out
-
-
-def relative_deviation(samples: SpreadRecord | None) -> float | None:
-    """A standard deviation relative to its mean; None of one sample or none."""
-    return None if samples is None or samples.deviation is None else samples.deviation / samples.mean
-
-
-def _deviation_text(samples: SpreadRecord, count: int, unit: str) -> str:
-    """A standard deviation with the digits that its own standard error, deviation / sqrt(2 (count - 1)), allows."""
-    if samples.deviation is None:
-        return "unknown"
-    return f"{figure(samples.deviation, samples.deviation / sqrt(2.0 * (count - 1)))} {unit}"
 
 
 def _log_summary(tolerance_study: ToleranceStudy, forced: ForcedPlate, band: tuple[float, float], log: Log) -> None:

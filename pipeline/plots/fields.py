@@ -24,6 +24,7 @@ from pipeline.plots.plate import (
     zone_peak,
 )
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import frequency, level
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM, UM
@@ -50,17 +51,21 @@ def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
     return float(kept[0]) if kept is not None and len(kept) else None
 
 
-def _khz(frequency_hz: float | None) -> str:
-    return "" if frequency_hz is None else f" at {frequency_hz / KHZ:.2f} kHz"
+def _at(case: StoredCase, arrays: dict[str, Any]) -> str:
+    """The frequency of the mode shown, in words."""
+    tone, wanted = wanted_hz(case, arrays), case.record.wanted
+    error = wanted.frequency_error if wanted else None
+    return "" if tone is None else f" at {frequency(tone, error)}"
 
 
 def level_text(case: StoredCase) -> str:
     """How well the wanted mode is confined, in words."""
-    level = case.record.confinement_db
-    if level is None:
+    record = case.record
+    if record.confinement_db is None:
         return "confinement has no meaning here (no passive face)"
-    driven = "" if case.record.driven_db is None else f", {case.record.driven_db:.1f} dB as driven"
-    return f"{case.record.verdict}: {level:.1f} dB{driven} (at least {CONFINED_DB:.0f} dB counts as confined)"
+    driven = "" if record.driven_db is None else f", {level(record.driven_db)} as driven"
+    own = level(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None)
+    return f"{record.verdict}: {own}{driven} (at least {CONFINED_DB:.0f} dB counts as confined)"
 
 
 def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:
@@ -87,10 +92,10 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
     label = "u$_z$ / largest in the zone (no unit)"
     figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22, label=label)
-    title = f"Wanted mode on the touch face{_khz(wanted_hz(case, arrays))}"
+    title = f"Wanted mode on the touch face{_at(case, arrays)}"
     axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
-        f"Map of the normal displacement of the wanted mode{_khz(wanted_hz(case, arrays))} on the touch face of "
+        f"Map of the normal displacement of the wanted mode{_at(case, arrays)} on the touch face of "
         f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
     )
     return ReportFigure("touch_face", title, alt, figure)
@@ -106,16 +111,18 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     height = rows * (flat_height_in(design, 3.4) + 0.55)
     figure, grid = style.panels(height, rows, 2, squeeze=False, sharex=True, sharey=True)
     panels = grid.ravel()
-    for axes, shape, frequency in zip(panels, shapes, arrays["surface_frequency_hz"], strict=False):
+    tones = [
+        frequency(float(hz), case.record.error_at(float(hz))) for hz in arrays["surface_frequency_hz"][: len(shapes)]
+    ]
+    for axes, shape, tone in zip(panels, shapes, tones, strict=False):
         _paint(axes, arrays, shape / np.max(np.abs(shape)), design)
         wanted = " (wanted)" if axes is panels[0] else ""
-        axes.set_title(f"{frequency / KHZ:.2f} kHz{wanted}")
+        axes.set_title(f"{tone}{wanted}")
         axes.label_outer()
     for axes in panels[len(shapes) :]:
         axes.set_axis_off()
-    tones = ", ".join(f"{frequency / KHZ:.2f}" for frequency in arrays["surface_frequency_hz"][: len(shapes)])
     alt = (
-        f"Normal displacement on the touch face of the wanted mode and its neighbours, at {tones} kHz, "
+        f"Normal displacement on the touch face of the wanted mode and its neighbours, at {', '.join(tones)}, "
         "each over its own largest value."
     )
     return ReportFigure("neighbours", "The wanted mode and its neighbours", alt, figure)
@@ -144,7 +151,7 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure |
     panels[0].set_xlabel("")
     label = "displacement of the tips /\nlargest u$_z$ in the zone (no unit)"
     figure.colorbar(feet, ax=list(panels), shrink=0.7, pad=0.01, aspect=30, label=label)
-    title = f"In-plane motion of the pillars{_khz(wanted_hz(case, arrays))}"
+    title = f"In-plane motion of the pillars{_at(case, arrays)}"
     alt = (
         f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
         f" largest is {limit:.2g} times the zone's largest normal displacement."
@@ -190,7 +197,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     for side in (-1, 1):
         panels[0].axvline(side * design.width_m / 2 / MM, **ZONE_EDGE)
     times = f"{factor:,.0f}".replace(",", "\u202f")
-    title = f"Side views{_khz(wanted_hz(case, arrays))}, displacements drawn {times} times as large"
+    title = f"Side views{_at(case, arrays)}, displacements drawn {times} times as large"
     figure.suptitle(f"{title} (zone's largest u$_z$ = 1 µm)", fontsize=9, x=0.01, ha="left")
     alt = (
         f"Plate and pillars of {case.case_id} seen along x and along y in the wanted mode; displacements are exaggerated "

@@ -12,9 +12,11 @@ from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, level, level_figure, with_bar
 from pipeline.records.record import (
     CrosstalkRecord,
+    HybridMethod,
     HybridRecord,
     PeakRecord,
     ResponseRecord,
+    SpreadRecord,
     ToleranceRecord,
     TravelRecord,
 )
@@ -132,7 +134,7 @@ def _curves(axes: Any, record: ToleranceRecord, arrays: dict[str, Any]) -> None:
     peak, count = record.peak_hz, len(record.samples) - record.lost
     title = "No plate kept the wanted mode"
     if peak:
-        title = f"Wanted mode's peak {peak.mean / KHZ:.2f} kHz, spread {peak.spread(0, 'Hz')} over {count} plates"
+        title = f"Wanted mode's peak {_mean(peak)}, spread {peak.spread(count, 'Hz')} over {count} plates"
     axes.set(xlabel=FREQUENCY, ylabel=f"zone rms u_z (n{record.rms_unit})", title=title)
     axes.grid(True)
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
@@ -146,16 +148,28 @@ def draw_peaks(axes: Any, record: ToleranceRecord) -> None:
     axes.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
     axes.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:.0f} dB")
     axes.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
-    if level := record.confinement_db:
-        own = level.deviation or 0.0
-        axes.axhspan(level.mean - own, level.mean + own, color=style.SKY, alpha=0.25, lw=0)
-        axes.set_title(f"Confinement {level.mean:.1f} dB, spread {level.spread(1)}, worst {level.lowest:.1f} dB")
+    if spread := record.confinement_db:
+        own = spread.deviation or 0.0
+        axes.axhspan(spread.mean - own, spread.mean + own, color=style.SKY, alpha=0.25, lw=0)
+        axes.set_title(f"Confinement {_levels(record, ', ')}")
     axes.grid(True)
     axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
 
 
+def _mean(peak: SpreadRecord) -> str:
+    return frequency(peak.mean, peak.relative)
+
+
+def _levels(record: ToleranceRecord, to_worst: str) -> str:
+    """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
+    found, count = record.confinement_db, len(record.samples) - record.lost
+    assert found is not None
+    mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
+    return f"{mean}, spread {found.spread(count, 'dB')}{to_worst}worst {worst}"
+
+
 def _spread_alt(record: ToleranceRecord) -> str:
-    peak, level = record.peak_hz, record.confinement_db
+    peak = record.peak_hz
     plates = (
         "plates whose pillars differ"
         if record.frequency_error is None
@@ -163,15 +177,12 @@ def _spread_alt(record: ToleranceRecord) -> str:
     )
     if not peak:
         return f"None of {len(record.samples)} {plates} kept the wanted mode."
-    nominal = "" if record.nominal.peak_hz is None else f", nominally at {record.nominal.peak_hz / KHZ:.2f} kHz"
-    spread = (
-        ""
-        if not level
-        else (f"; confinement {level.mean:.1f} dB (spread {level.spread(1, 'dB')}), at worst {level.lowest:.1f} dB")
-    )
+    tone = frequency(record.nominal.peak_hz, peak.relative)
+    nominal = "" if record.nominal.peak_hz is None else f", nominally at {tone}"
+    spread = f"; confinement {_levels(record, ', at ')}" if record.confinement_db else ""
     return (
-        f"{len(record.samples)} {plates}: the wanted mode's peak lies at {peak.mean / KHZ:.2f} kHz "
-        f"(spread {peak.spread(0, 'Hz')}){nominal}{spread}"
+        f"{len(record.samples)} {plates}: the wanted mode's peak lies at {_mean(peak)} "
+        f"(spread {peak.spread(len(record.samples) - record.lost, 'Hz')}){nominal}{spread}"
     )
 
 
@@ -221,12 +232,16 @@ def _alt_hybrid(record: HybridRecord) -> str:
     where = (
         "least over the band" if record.wanted_hz is None else f"at {frequency(record.wanted_hz, record.wanted_error)}"
     )
-    at = [record.at_wanted(method.method, "confinement_db") for method in record.methods]
-    levels = (
-        f"{method.method} {min(method.confinement_db) if level is None else level:.1f} dB"
-        for method, level in zip(record.methods, at, strict=True)
-    )
+    levels = [f"{method.method} {_level_of(record, method)}" for method in record.methods]
     return f"Confinement over frequency by rows, by patches, by both and by neither; {where}: {', '.join(levels)}"
+
+
+def _level_of(record: HybridRecord, method: HybridMethod) -> str:
+    """At the wanted mode's peak, or the least over the band."""
+    at = record.at_wanted(method.method, "confinement_db")
+    if at is None:
+        return level(min(method.confinement_db))
+    return level(at, record.at_wanted(method.method, "confinement_error_db"))
 
 
 def travelling(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:

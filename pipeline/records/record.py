@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
-from math import isfinite, log10, nan
+from math import isclose, isfinite, log10, nan, sqrt
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -790,6 +790,7 @@ class DrivenZone(Part):
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
     mac: float | None = None
+    over_rms_error_m_per_V: list[list[float | None]] | None = None
     peak_error: float | None = None
     rms_error_m_per_V: list[float | None] | None = None
     level_error_db: list[float | None] | None = None
@@ -994,9 +995,16 @@ class SpreadRecord(Part):
     lowest: float
     highest: float
 
-    def spread(self, digits: int, unit: str = "") -> str:
-        """The standard deviation in words."""
-        return "unknown" if self.deviation is None else f"{self.deviation:.{digits}f}{unit and ' ' + unit}"
+    @property
+    def relative(self) -> float | None:
+        """The standard deviation relative to the mean; None of one sample."""
+        return None if self.deviation is None else self.deviation / self.mean
+
+    def spread(self, count: int, unit: str) -> str:
+        """The standard deviation of count samples with the digits that its own, deviation / sqrt(2 (count - 1)), allows."""
+        if self.deviation is None:
+            return "unknown"
+        return f"{quantity.figure(self.deviation, self.deviation / sqrt(2.0 * (count - 1)))} {unit}"
 
 
 class SampleRecord(Part):
@@ -1192,6 +1200,13 @@ class Record(Part):
     def driven_db(self) -> float | None:
         """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
         return self.response.wanted_peak.confinement_db if self.response and self.response.wanted_peak else None
+
+    def error_at(self, frequency_hz: float) -> float | None:
+        """Half-width of the bar of the plate's mode at a stored frequency, relative; None where it is not known."""
+        known = [(mode.frequency_hz, mode.error) for mode in self.modes.modes] if self.modes else []
+        if self.wanted:
+            known.append((self.wanted.frequency_hz, self.wanted.frequency_error))
+        return next((error for tone, error in known if isclose(tone, frequency_hz, rel_tol=1e-9)), None)
 
     @property
     def ranked_db(self) -> float | None:

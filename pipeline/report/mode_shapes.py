@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from geometry.decimate import coarse, with_sides
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
+from pipeline.quantity import frequency, level
 from pipeline.records.study import StoredCase
 from pipeline.report.html import deflated
-from pipeline.units import KHZ
 
 MAX_SHAPES = 16  # of plates in a page
 MIN_OF_BEST = 4
@@ -107,9 +107,12 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
 
 
 def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
-    tone = f"{frequency_hz / KHZ:.2f} kHz" if np.isfinite(frequency_hz) else "frequency not stored"
-    level = case.record.confinement_db if wanted else None
-    level_text = "" if level is None else f", {level:.1f} dB from zone to passive face"
+    record = case.record
+    tone = (
+        frequency(frequency_hz, record.error_at(frequency_hz)) if np.isfinite(frequency_hz) else "frequency not stored"
+    )
+    db = level(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None)
+    level_text = f", {db} from zone to passive face" if wanted and record.confinement_db is not None else ""
     which = "wanted mode" if wanted else "neighbour"
     return {
         "group": case.case_id,

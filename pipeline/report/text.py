@@ -7,6 +7,7 @@ import shlex
 from collections import Counter
 from dataclasses import dataclass
 from importlib import metadata
+from math import log
 from typing import Any
 
 from pipeline import quantity
@@ -188,8 +189,11 @@ def headline(study: StoredStudy) -> str:
     wanted, ranked = best.record.wanted, record.confinement_db if record.ranked_db is None else record.ranked_db
     assert ranked is not None
     ratio = 10.0 ** (ranked / 20.0)
+    error = (
+        None if peak or wanted.confinement_error_db is None else ratio * log(10.0) / 20.0 * wanted.confinement_error_db
+    )
     design = record.design
-    tone = khz(peak.frequency_hz) if peak else khz(wanted.frequency_hz, wanted.frequency_error)
+    tone = khz(peak.frequency_hz, peak.frequency_error) if peak else khz(wanted.frequency_hz, wanted.frequency_error)
     rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
     apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
     what = (
@@ -199,9 +203,8 @@ def headline(study: StoredStudy) -> str:
     as_mode = db(record.confinement_db, wanted.confinement_error_db)
     both = f"{db(ranked)} as driven, {as_mode} as a mode" if peak else as_mode
     level = f"{both}; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
-    return (
-        f"{first}{what}. At {tone} the active zone moves {ratio:.1f} times as much as the rest of the plate ({level})."
-    )
+    times = f"{quantity.figure(ratio, error)} times as much as the rest of the plate"
+    return f"{first}{what}. At {tone} the active zone moves {times} ({level})."
 
 
 def facts_of(study: StoredStudy) -> list[str]:
@@ -299,9 +302,8 @@ class PageColumn:
         value = self.column.value(record) if self._in_khz else None
         if value is None:
             return self.column.text(record)
-        if self.column.bar is None:
-            return f"{value / KHZ:.2f}"
-        return quantity.frequency_figure(value, self.column.bar(record), quantity.Unit("kHz", KHZ))
+        bar = self.column.bar(record) if self.column.bar else None
+        return quantity.frequency_figure(value, bar, quantity.Unit("kHz", KHZ))
 
     def style(self, text: str) -> str:
         """A cell's classes."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.paths import REFERENCE
+from pipeline.quantity import level
 from pipeline.records.record import DesignRecord, Record
 from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
@@ -54,15 +55,18 @@ def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
     return all(not entry[key] or math.isclose(float(entry[key]), value, abs_tol=1e-6) for key, value in ours.items())
 
 
-def confinement_words(mode_db: float | None, driven_db: float | None) -> str | None:
-    """Whether a plate confines its mode, as the thesis looked at it, and also as driven; None without passive face."""
+def confinement_words(mode_db: float | None, driven_db: float | None, error_db: float | None = None) -> str | None:
+    """Whether a plate confines its mode, as the thesis looked at it, and also as driven; None without passive face.
+
+    error_db: half-width of the bar of the mode's level.
+    """
     if mode_db is None:
         return None
-    said = f"{'confined' if mode_db >= CONFINED_DB else 'leaks'} ({mode_db:.1f} dB as a mode"
+    said = f"{'confined' if mode_db >= CONFINED_DB else 'leaks'} ({level(mode_db, error_db)} as a mode"
     if driven_db is None:
         return f"{said})"
     apart = mode_db >= CONFINED_DB > driven_db
-    return f"{said}, {driven_db:.1f} dB driven by its patches{', which is not confined' if apart else ''})"
+    return f"{said}, {level(driven_db)} driven by its patches{', which is not confined' if apart else ''})"
 
 
 def _figure(key: str, record: Record) -> float | str | None:
@@ -72,7 +76,9 @@ def _figure(key: str, record: Record) -> float | str | None:
     peak = record.response.wanted_peak if record.response else None
     sizes = record.predesign.zone if record.predesign else None
     figures: dict[str, Callable[[], float | str | None]] = {
-        "verdict": lambda: confinement_words(record.confinement_db, record.driven_db),
+        "verdict": lambda: confinement_words(
+            record.confinement_db, record.driven_db, wanted.confinement_error_db if wanted else None
+        ),
         "zone": lambda: zone.wanted.frequency_hz if zone and zone.wanted else None,
         "pillar": lambda: pillar.modes[0].frequency_hz if pillar else None,
         "bending": lambda: bands.bending_at_m_hz[0] if bands and bands.bending_at_m_hz else None,

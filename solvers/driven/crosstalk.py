@@ -45,12 +45,9 @@ class Zones:
     def _amplitudes(self, volts: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
         """Coefficients of the columns at every frequency, (columns, n)."""
         plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
-        out = []
-        for frequency in frequency_hz:
-            eigenvalue = plate.plate.scale.eigenvalue(float(frequency))
-            fed = plate.volts(eigenvalue)
-            out.append(np.concatenate([basis.amplitudes(eigenvalue, plate.loss, fed) for basis in plate.modes]))
-        return np.array(out).T
+        at = np.array([plate.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz])
+        fed = plate.volts_over(at)
+        return np.concatenate([basis.amplitudes(at, plate.loss, fed) for basis in plate.modes], axis=1).T
 
     def of(self, each: Variation | Louder) -> Zones:
         """The zones of the plate within its bars."""

@@ -1,7 +1,6 @@
 """Laws that every command obeys: scaled, mirrored and respelled scenes give the same figures, each by its unit.
 
-Commands that are not here compute nothing of a plate (new, list, view, show, compare, doctor, report, export, check-gap), read
-measured data (identify), repeat these commands over cases (run, search, explore), or model the thesis' beams (active).
+Commands that are not here stand in LEFT_OUT with the reason.
 
 Lengths times a, moduli times e and densities times d give frequencies times sqrt(e/d)/a and leave ratios, levels and error bars
 alone. Volts keep the piezoceramic's strain times length, so displacements per volt do not change with the scale of lengths.
@@ -21,7 +20,7 @@ import numpy as np
 import pytest
 import tomli_w
 
-from pipeline.cli.main import main
+from pipeline.cli.main import _parser, main
 
 BAND_HZ = (20e3, 60e3)
 ROUNDING = 1e-5  # of the largest value of its key: residuals of 1e-9 in values that differ by 1e-4
@@ -77,7 +76,15 @@ DRIVEN = {
     "travel": ["--band", BAND_HZ],
     "tolerance": ["--band", BAND_HZ, "--samples", "2"],
 }
+LEFT_OUT = {
+    "repeats these commands over cases": {"run", "search", "explore"},
+    "models the strips and filters of the thesis": {"active"},
+    "compares a cell of its own with committed edges": {"check-gap"},
+    "writes or shows what others computed": {"report", "view", "export", "compare", "show", "list"},
+    "computes nothing": {"new", "doctor", "materials", "glossary", "schema", "completion"},
+}
 UNCOMPARED = {"seconds", "schema", "version", "fingerprint", "digest", "residual"}  # a residual is rounding itself
+DESCRIBING = {"case", "design", "input", "with_defaults"}  # the scene in words
 RELATIVE = {"expected_error"}  # errors named by what they are errors of
 INHERITED = {"mean", "deviation", "lowest", "highest"}  # statistics have the unit of what they are about
 
@@ -218,7 +225,7 @@ def same(folder: Path, command: str, options: list[Any], case: dict[str, Any], o
     first = answer(folder / "first", command, options, case, Scaling())
     words = [":".join(f"{end / 1e3!r}kHz" for end in each) if isinstance(each, tuple) else each for each in options]
     second = answer(folder / "second", command, words, other, Scaling())
-    assert_alike(*(_without_sides(_without(each, {"case", "design", "input"})) for each in (first, second)), Scaling())
+    assert_alike(*(_without_sides(_without(each, DESCRIBING)) for each in (first, second)), Scaling())
 
 
 def _without(document: Any, keys: set[str]) -> Any:
@@ -244,6 +251,13 @@ def compared(folder: Path, command: str, options: list[Any], text: str, scaling:
     first = answer(folder / "first", command, options, case, Scaling())
     second = answer(folder / "second", command, options, scaled(case, scaling), scaling)
     assert_alike(first, second, scaling)
+
+
+def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
+    (commands,) = (action.choices for action in _parser()._actions if action.dest == "command")
+    assert commands is not None
+    here = [*PASSIVE, *DRIVEN, *(command for group in LEFT_OUT.values() for command in group)]
+    assert sorted(commands) == sorted(here)
 
 
 @pytest.mark.parametrize("command", PASSIVE)

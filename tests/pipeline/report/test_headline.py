@@ -12,11 +12,12 @@ import pytest
 from pipeline.measures import registry
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
-from pipeline.records.record import BandPoint, BandsRecord, DesignRecord, GapRecord
+from pipeline.records.record import BandPoint, BandsRecord, DesignRecord, GapRecord, SpreadRecord
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.report import mode_shapes, text
 from pipeline.report import page as report_page
-from pipeline.report import text
 from pipeline.report.sketch import sketch
+from pipeline.report.thesis import confinement_words
 from tests.helpers import synthetic
 
 
@@ -116,7 +117,7 @@ def test_the_lead_tells_the_best_plate_in_words_that_need_no_glossary(study: Sto
         "Best of this study: 3 rows of pillars 6\u202fmm apart on each side of the zone. At 35.0\u202fkHz"
     )
     assert (
-        "moves 5.6 times as much as the rest of the plate (15.0\u202fdB; 10\u202fdB counts as confined)" in said
+        "moves 5.62 times as much as the rest of the plate (15.0\u202fdB; 10\u202fdB counts as confined)" in said
     )  # 10^(15/20)
     assert text.command(StoredStudy(Path("s"), {"case": "own.toml"}, study.cases), study.cases[-1]) == (
         "antinode modes own.toml --set array.pitch_mm=6 --set array.rows=3"
@@ -155,3 +156,19 @@ def test_the_sketch_has_every_pillar_and_the_dimensions(study: StoredStudy) -> N
     (pillars,) = ET.fromstring(markup).findall("path")
     assert pillars.attrib["d"].count("z") == len(design.pillar_centres_m) > 0
     assert f"{design.length_m * 1e3:g} × {2e3 * design.half_span_m:g} ×" in markup
+
+
+def test_words_have_the_digits_of_their_bars() -> None:
+    """Of a mode known to 12 % and 4 dB, and of ten plates that spread by 200 Hz and 2 dB."""
+    known = synthetic.wanted(12.24, 35.21e3, mac=0.98).model_copy(
+        update={"frequency_error": 0.12, "confinement_error_db": 4.0}
+    )
+    case = synthetic.case("one", {}, modes=synthetic.modes(known))
+    about = mode_shapes._words(case, 35.21e3, wanted=True)["about"]
+    assert "at 35 kHz, 12 dB" in about and ": 12 dB (at" in level_text(case)
+    said = confinement_words(12.24, 9.31, 4.0)
+    assert said == "confined (12 dB as a mode, 9.3 dB driven by its patches, which is not confined)"
+    peak = SpreadRecord(mean=35.21e3, deviation=200.0, lowest=35e3, highest=36e3)
+    level = SpreadRecord(mean=12.24, deviation=2.0, lowest=9.87, highest=15.0)
+    assert (peak.spread(10, "Hz"), level.spread(10, "dB")) == ("200 Hz", "2.0 dB")
+    assert peak.relative == 200.0 / 35.21e3
