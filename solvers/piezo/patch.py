@@ -126,7 +126,7 @@ def _known(
         patch = _alike(*own)
         where.cache.keep(key, {name: getattr(patch, name) for name in KEPT})
         return patch
-    parts = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
+    parts: dict[str, Any] = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
     return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts)
 
 
