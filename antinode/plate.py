@@ -181,7 +181,7 @@ class Plate(Frozen):
             self._case.require_plate(command="modes of the plate")
         near = None if near_kHz is None else KHZ * near_kHz
         query = Request(part, _hz(band_kHz), near, count, symmetry)
-        part_modes = solve_modes(self._case, query, _logged(self._case, progress))
+        part_modes = solve_modes(self._case, query, self._log(progress))
         return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
 
     def bands(self, *, progress: bool | None = None) -> Bands:
@@ -197,7 +197,7 @@ class Plate(Frozen):
         from antinode.results import Bands
         from pipeline.analysis.bands import solve_bands
 
-        return Bands(solve_bands(self._case, _logged(self._case, progress)).record.to_dict() | self._about)
+        return Bands(solve_bands(self._case, self._log(progress)).record.to_dict() | self._about)
 
     def attenuation(
         self,
@@ -219,7 +219,7 @@ class Plate(Frozen):
         from antinode.results import Attenuation
         from pipeline.analysis import attenuation
 
-        solved = attenuation.solve(self._case, _logged(self._case, progress), _hz(band_kHz), kx_per_m, points)
+        solved = attenuation.solve(self._case, self._log(progress), _hz(band_kHz), kx_per_m, points)
         return Attenuation(solved.to_dict() | self._about)
 
     def broadband(self, band_kHz: Pair | None = None, *, points: int = 201, progress: bool | None = None) -> Broadband:
@@ -235,7 +235,7 @@ class Plate(Frozen):
         from antinode.results import Broadband
         from pipeline.models.broadband import broadband
 
-        solved = broadband(self._case, _logged(self._case, progress), _hz(band_kHz), points)
+        solved = broadband(self._case, self._log(progress), _hz(band_kHz), points)
         return Broadband(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
@@ -252,7 +252,7 @@ class Plate(Frozen):
         from antinode.results import Response
         from pipeline.analysis import response
 
-        solved = response.solve(self._case, _logged(self._case, progress), _hz(band_kHz), points)
+        solved = response.solve(self._case, self._log(progress), _hz(band_kHz), points)
         return Response(solved.record.to_dict() | self._about)
 
     def tolerance(
@@ -275,8 +275,8 @@ class Plate(Frozen):
         if alike:
             from pipeline.explore.alike import solve
 
-            return Tolerance(solve(self._case, _logged(self._case, progress)).to_dict() | self._about)
-        solved = tolerance.solve(self._case, _logged(self._case, progress), _hz(band_kHz))
+            return Tolerance(solve(self._case, self._log(progress)).to_dict() | self._about)
+        solved = tolerance.solve(self._case, self._log(progress), _hz(band_kHz))
         return Tolerance(solved.record.to_dict() | self._about)
 
     def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
@@ -293,7 +293,7 @@ class Plate(Frozen):
         from antinode.results import Touch
         from pipeline.analysis import touch
 
-        solved = touch.solve(self._case, _logged(self._case, progress), _hz(band_kHz), mapped)
+        solved = touch.solve(self._case, self._log(progress), _hz(band_kHz), mapped)
         return Touch(solved.to_dict() | self._about)
 
     def hybrid(
@@ -312,10 +312,8 @@ class Plate(Frozen):
         from antinode.results import Hybrid
         from pipeline.driven import hybrid
 
-        return Hybrid(
-            hybrid.solve(self._case, _logged(self._case, progress), _hz(band_kHz), points, alpha).to_dict()
-            | self._about
-        )
+        solved = hybrid.solve(self._case, self._log(progress), _hz(band_kHz), points, alpha)
+        return Hybrid(solved.to_dict() | self._about)
 
     def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
         """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small, beside 1.
@@ -332,7 +330,7 @@ class Plate(Frozen):
         from antinode.results import Travel
         from pipeline.driven import travelling
 
-        record, _ = travelling.solve(self._case, _logged(self._case, progress), _hz(band_kHz), others)
+        record, _ = travelling.solve(self._case, self._log(progress), _hz(band_kHz), others)
         return Travel(record.to_dict() | self._about)
 
     def crosstalk(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Crosstalk:
@@ -349,9 +347,8 @@ class Plate(Frozen):
         from antinode.results import Crosstalk
         from pipeline.driven import crosstalk
 
-        return Crosstalk(
-            crosstalk.solve(self._case, _logged(self._case, progress), _hz(band_kHz), points).to_dict() | self._about
-        )
+        solved = crosstalk.solve(self._case, self._log(progress), _hz(band_kHz), points)
+        return Crosstalk(solved.to_dict() | self._about)
 
     def search(
         self,
@@ -398,7 +395,7 @@ class Plate(Frozen):
                 min_isolation=min_isolation_dB,
             )
         )
-        outcome = search(space, Settings(goal, limits, evaluations), _logged(self._case, progress))
+        outcome = search(space, Settings(goal, limits, evaluations), self._log(progress))
         return Search(to_dict(outcome) | self._about, self)
 
     def explore(
@@ -420,13 +417,19 @@ class Plate(Frozen):
         """
         from pipeline.cli import explore
 
-        explorer = explore.explorer_of(self._case, self._raw, (), _logged(self._case, progress))
+        explorer = explore.explorer_of(self._case, self._raw, (), self._log(progress))
         if path is not None:
-            explore.export(explorer, Path(path), _logged(self._case, progress))
+            explore.export(explorer, Path(path), self._log(progress))
             return
         from pipeline.explore.server import Server, serve
 
         serve(Server(explorer), port, lambda address: explore.opened(address, browser))
+
+    def _log(self, progress: bool | None) -> _Log:
+        """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook. What is doubtful is said."""
+        log = _Log(quiet=not (is_watched() if progress is None else progress))
+        warn_of_doubts(self._case.design, log)
+        return log
 
     @cached_property
     def _about(self) -> dict[str, Any]:
@@ -527,13 +530,6 @@ class _Log(TerminalLog):
 
     def warning(self, id: str, text: str) -> None:
         warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
-
-
-def _logged(case: Case, progress: bool | None) -> _Log:
-    """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook. What is doubtful is said."""
-    log = _Log(quiet=not (is_watched() if progress is None else progress))
-    warn_of_doubts(case.design, log)
-    return log
 
 
 def is_watched() -> bool:

@@ -10,7 +10,7 @@ from geometry.elements import FloatArray
 from pipeline.planning import calibration
 from solvers.control.resonance import half_power_points
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, louder, variations
-from solvers.driven.peak_width import width_rates
+from solvers.driven.peak_width import WidthRates, width_rates
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, near_hz, peak_of
@@ -39,37 +39,35 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
         return None
 
     def again(each: Variation | Louder) -> FloatArray:
-        return _read(each.of(forced), peak.frequency_hz * each.own)
+        return _quality(*_curve(each.of(forced), peak.frequency_hz * each.own))
 
-    nominal, load = _read(forced, peak.frequency_hz), height_error(forced, peak.frequency_hz)
-    far, near = _parted(forced, errors, peak.frequency_hz, share)
+    top, curve = _curve(forced, peak.frequency_hz)
+    nominal, load = _quality(top, curve), height_error(forced, peak.frequency_hz)
+    ends = half_power_points(
+        curve.frequency_hz, curve.zone_rms_m_per_v, int(np.argmin(np.abs(curve.frequency_hz - top)))
+    )
+    far, near = 0.0, list(variations(forced, errors, peak.frequency_hz, share))
+    if ends is not None:
+        far, near = _parted(width_rates(forced, top, ends), near)
     half = half_widths(nominal, chain(near, louder(forced, np.nan if load is None else load)), again)
     error = float(np.hypot(half[0], far * nominal[0]) + abs(nominal[0] - peak.quality_factor))
     return error if np.isfinite(error) else None
 
 
-def _parted(
-    forced: ForcedPlate, errors: list[FloatArray], peak_hz: float, share: float
-) -> tuple[float, list[tuple[Variation, ...]]]:
+def _parted(rates: WidthRates, every: list[tuple[Variation, ...]]) -> tuple[float, list[tuple[Variation, ...]]]:
     """Relative half-width by all sources whose change is that of first order, and the other sources."""
-    top, curve = _curve(forced, peak_hz)
-    ends = half_power_points(
-        curve.frequency_hz, curve.zone_rms_m_per_v, int(np.argmin(np.abs(curve.frequency_hz - top)))
-    )
-    every = list(variations(forced, errors, peak_hz, share))
-    if ends is None:
-        return 0.0, every
-    rates = width_rates(forced, top, ends)
-    is_far = [max(rates.ratio(each) for each in source) <= FIRST_ORDER for source in every]
-    far = [
-        max(abs(rates.change(each)) for each in source) for source, plain in zip(every, is_far, strict=True) if plain
-    ]
-    return float(np.linalg.norm(far)), [source for source, plain in zip(every, is_far, strict=True) if not plain]
+    far: list[float] = []
+    near: list[tuple[Variation, ...]] = []
+    for source in every:
+        if max(rates.ratio(each) for each in source) <= FIRST_ORDER:
+            far.append(max(abs(rates.change(each)) for each in source))
+        else:
+            near.append(source)
+    return float(np.linalg.norm(far)), near
 
 
-def _read(forced: ForcedPlate, tone: float) -> FloatArray:
-    """The quality factor of a peak near a frequency, (1,); NaN where the curve has no half-power points there."""
-    top, curve = _curve(forced, tone)
+def _quality(top: float, curve: Curve) -> FloatArray:
+    """The quality factor of a curve's peak, (1,); NaN where the curve has no half-power points there."""
     found = peak_of(curve, top).quality_factor
     return np.array([np.nan if found is None else found])
 

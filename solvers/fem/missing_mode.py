@@ -76,8 +76,12 @@ def _lanczos(pencil: SymmetricPencil, solve: Operator, load: FloatArray) -> tupl
     images: list[FloatArray] = []
     alpha: list[float] = []
     beta: list[float] = []
-    vector = solve(load)
     for _ in range(SOLVES):
+        vector = solve(images[-1] if images else load)
+        if images:
+            alpha.append(float(images[-1] @ vector))
+            for _ in range(2):
+                vector = vector - np.array(basis).T @ (np.array(images) @ vector)
         image = pencil.apply_mass(vector)
         length = float(np.sqrt(vector @ image))
         if not length > ENDED * (beta[0] if beta else 0.0):
@@ -85,21 +89,17 @@ def _lanczos(pencil: SymmetricPencil, solve: Operator, load: FloatArray) -> tupl
         beta.append(length)
         basis.append(vector / length)
         images.append(image / length)
-        vector = solve(images[-1])
-        alpha.append(float(images[-1] @ vector))
-        for _ in range(2):
-            vector = vector - np.array(basis).T @ (np.array(images) @ vector)
     return np.array(alpha), np.array(beta), np.array(basis).reshape(len(basis), -1) @ load
 
 
 def _polynomials(at: FloatArray, alpha: FloatArray, beta: FloatArray) -> FloatArray:
     """The orthonormal polynomials, (m, n), at places (n,)."""
-    out = np.zeros((len(alpha) + 1, len(at)))
-    for row in range(len(alpha)):
-        before = (
-            at * 0.0 + 1.0 if row == 0 else (at - alpha[row - 1]) * out[row] - beta[row - 1] * out[row - 1] * (row > 1)
-        )
-        out[row + 1] = before / beta[row]
+    out = np.zeros((len(beta) + 1, len(at)))
+    before = np.ones_like(at)
+    for row, size in enumerate(beta):
+        out[row + 1] = before / size
+        if row < len(alpha):
+            before = (at - alpha[row]) * out[row + 1] - size * out[row]
     return out[1:]
 
 

@@ -2,10 +2,9 @@
 
 Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches past the
 mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight exceeds its strength:
-1 less the strengths found bounds the weight of any mode that was not computed. Where that
-leaves room for a rival of a mode that would be single, a few solves bound what any one mode may have of it
-(`solvers.fem.missing_mode`); where they leave room too, modes down to rest are computed, then higher ones, up to a limit beyond
-which nothing is single.
+1 less the strengths found bounds the weight of any mode that was not computed. Where that leaves room for a rival of a mode
+that would be single, a few solves bound what any one mode may have of it (`solvers.fem.missing_mode`). Where they leave room
+too, modes down to rest are computed, then higher ones, up to a limit beyond which nothing is single.
 """
 
 from __future__ import annotations

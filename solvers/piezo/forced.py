@@ -428,24 +428,22 @@ def rms(
 
 def touch_grams(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
     """Integrals of u_z^2 over the active and the passive touch face per pair of columns, (columns, columns) each."""
-    inside = np.zeros((fields[0].values.shape[1],) * 2)
-    outside = inside.copy()
-    for field in fields:
-        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
-        for gram, part in ((inside, active), (outside, ~active)):
-            gram += field.values[part].T @ (field.weights[part, None] * field.values[part])
+    grams = [[values.T @ (weights[:, None] * values) for weights, values in _faces(field, design)] for field in fields]
+    inside, outside = np.sum(grams, axis=0)
     return inside, outside
 
 
 def touch_squares(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
     """The diagonals of `touch_grams`, (columns,) each."""
-    inside = np.zeros(fields[0].values.shape[1])
-    outside = inside.copy()
-    for field in fields:
-        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
-        for total, part in ((inside, active), (outside, ~active)):
-            total += field.weights[part] @ np.square(field.values[part])
+    squares = [[weights @ np.square(values) for weights, values in _faces(field, design)] for field in fields]
+    inside, outside = np.sum(squares, axis=0)
     return inside, outside
+
+
+def _faces(field: TouchField, design: Design) -> list[tuple[FloatArray, FloatArray]]:
+    """Weights (q,) and values (q, columns) at the points of the active and of the passive touch face."""
+    active = np.abs(field.points[:, 1]) < design.width_m / 2.0
+    return [(field.weights[part], field.values[part]) for part in (active, ~active)]
 
 
 def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[FloatArray, ComplexArray]:
