@@ -17,16 +17,7 @@ from pipeline.quantity import frequency, frequency_with_bar, level_with_bar
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import MM
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
-from solvers.driven.error_bars import (
-    Louder,
-    Variation,
-    curve_half_widths,
-    frequency_error,
-    frequency_errors,
-    half_widths,
-    is_known,
-    sources,
-)
+from solvers.driven.error_bars import frequency_error, frequency_errors, half_widths, is_known, sources
 from solvers.measures.levels import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
 from solvers.piezo.height import height_error
@@ -64,7 +55,6 @@ def solve(
                     mac=mac,
                     over_rms_m_per_V=over[:, :-1].T.tolist(),
                     **_bars(zones, fed, zone, peak, errors),
-                    over_rms_error_m_per_V=_curve_bars(zones, fed, tones, over, errors),
                 )
             )
     record = CrosstalkRecord(
@@ -105,18 +95,6 @@ def _bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, errors: list
         "passive_error_db": known[2 * count + 1],
         "mac_error": known[-1],
     }
-
-
-def _curve_bars(
-    zones: Zones, fed: FloatArray, tones: FloatArray, over: FloatArray, errors: list[FloatArray]
-) -> list[list[float | None]]:
-    """Half-widths of the bars of every zone's curve, (zones, n), m per volt; None where they are not known."""
-
-    def again(each: Variation | Louder, at: FloatArray) -> FloatArray:
-        return zones.of(each).rms(fed, at).T[:-1]
-
-    half = curve_half_widths(over.T[:-1], zones.forced, errors, tones, calibration.mixing(), again)
-    return [[None if np.isnan(value) else float(value) for value in row] for row in half]
 
 
 def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:

@@ -790,7 +790,6 @@ class DrivenZone(Part):
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
     mac: float | None = None
-    over_rms_error_m_per_V: list[list[float | None]] | None = None
     peak_error: float | None = None
     rms_error_m_per_V: list[float | None] | None = None
     level_error_db: list[float | None] | None = None

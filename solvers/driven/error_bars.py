@@ -15,10 +15,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray
+from geometry.elements import FloatArray
 from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
-from solvers.piezo.height import height_error
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
 CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for
@@ -239,30 +238,3 @@ def half_widths(
     for source in sources:
         squares += np.max([np.abs(figures(each) - nominal) for each in source], axis=0) ** 2
     return np.asarray(np.sqrt(squares))
-
-
-def curve_half_widths(
-    nominal: FloatArray,
-    forced: ForcedPlate,
-    errors: list[FloatArray],
-    tones_hz: FloatArray,
-    share: float | None,
-    figures: Callable[[Variation | Louder, FloatArray], FloatArray],
-) -> FloatArray:
-    """Half-widths of figures (..., n) at n tones, each by what may be wrong about the resonance nearest to it; NaN unknown.
-
-    figures(source, tones) computes them again, (..., tones), on a varied plate.
-    """
-    half, resonances = np.full_like(nominal, np.nan), np.concatenate([basis.frequency_hz for basis in bases(forced)])
-    if share is None or not is_known(errors) or not len(resonances):
-        return half
-    nearest = resonances[np.argmin(np.abs(tones_hz[:, None] - resonances), axis=1)]
-    for resonance in np.unique(nearest):
-        own = nearest == resonance
-        load = height_error(forced, float(resonance))
-
-        def again(each: Variation | Louder, own: BoolArray = own) -> FloatArray:
-            return figures(each, tones_hz[own])
-
-        half[..., own] = half_widths(nominal[..., own], sources(forced, errors, float(resonance), share, load), again)
-    return half
