@@ -20,7 +20,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.eigen import factor_near, modes_in_band
+from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import TouchField, measure, strength_force, wanted_symmetry
@@ -183,8 +183,15 @@ class ForcedPlate:
         self.margin, self.wanted_window_hz = margin, wanted_window_hz
         wanted = {wanted_symmetry(design.nodal_lines), WHOLE} if wanted_window_hz else set()
 
+        # of this plate's own: digits do not depend on what else was asked of the groups
+        self._kept = {
+            group.symmetries: Shared(group.factorise)
+            for group in plate.groups
+            if not wanted.isdisjoint(group.symmetries)
+        }
+
         def solved(group: Group) -> GroupModes:
-            return group_modes(group, drive.band_hz, margin, not wanted.isdisjoint(group.symmetries))
+            return group_modes(group, drive.band_hz, margin, self._kept.get(group.symmetries))
 
         self.modes = side_by_side(solved, plate.groups, bytes_each)
 
@@ -210,7 +217,7 @@ class ForcedPlate:
         if self.wanted_window_hz is not None:
             group, window = basis.group, self.wanted_window_hz
             found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
-            group.shared.near = None  # it served
+            self._kept[group.symmetries].near = None  # it served
             return self._extrapolated(group, found)
         judged = verdict(*np.array([(mode.strength, mode.zone_share, mode.mac) for mode in own]).T) if own else NONE
         return Found(judged, tuple(own), self.solved_hz, self.solved_hz, 0.0)
@@ -252,7 +259,7 @@ class ForcedPlate:
 
     def _between(self, group: Group, low_hz: float, high_hz: float) -> list[PlateMode]:
         """Every mode of a group between two frequencies, measured."""
-        modes = modes_in_band(group.pencil, low_hz, high_hz, group.shared)
+        modes = modes_in_band(group.pencil, low_hz, high_hz, self._kept[group.symmetries])
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
 
     def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
@@ -276,7 +283,8 @@ class ForcedPlate:
         load = [plate.work(strength_force(field, self.design, plate.symmetry or None)) for plate, field in parts]
         low, high = (self.plate.scale.eigenvalue(end) for end in reach_hz)
         vectors = np.column_stack([mode.vector for mode in modes])
-        return largest_outside(group.pencil, group.shared, np.concatenate(load), vectors, (low, high))
+        shared = self._kept[group.symmetries]
+        return largest_outside(group.pencil, shared, np.concatenate(load), vectors, (low, high))
 
     def _measured(
         self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None],
@@ -456,13 +464,13 @@ def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[
 
 
 def group_modes(
-    group: Group, band_hz: tuple[float, float], margin: tuple[float, float], keeps_factor: bool = False
+    group: Group, band_hz: tuple[float, float], margin: tuple[float, float], kept: Shared | None = None
 ) -> GroupModes:
     """Modes of a group within the band widened by the margin, and its residual vectors about the band's middle.
 
-    keeps_factor: that of the residual vectors is left with what the group's solves share.
+    kept: takes counts and the residual vectors' factor for later solves of the group.
     """
-    scale, shared = group.pencil.scale, group.shared
+    scale, shared = group.pencil.scale, kept or Shared(group.factorise)
     modes = modes_in_band(group.pencil, margin[0] * band_hz[0], margin[1] * band_hz[1], shared)
     values = scale.eigenvalue(1.0) * modes.frequency_hz**2
     middle = scale.eigenvalue(0.5 * (band_hz[0] + band_hz[1]))
@@ -471,8 +479,8 @@ def group_modes(
     factor, middle = factor_near(group.pencil, middle, shared.factorise)
     _, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
     gains = (group.loads.T @ residual, group.loads.T @ slope)
-    if keeps_factor:
-        shared.near = factor, middle
+    if kept:
+        kept.near = factor, middle
     else:
         factor.free()
     better = extrapolated_modes(group, values, modes.vectors)

@@ -21,7 +21,7 @@ from geometry.patches import mirrored_axes
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.coarser import Shares
-from solvers.fem.eigen import PlainPencil, Shared
+from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.measures.confinement import TouchField
 from solvers.piezo.beneath import Beneath
@@ -84,11 +84,6 @@ class Group:
     def factorise(self) -> Factoriser:
         """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
         return Factoriser()
-
-    @cached_property
-    def shared(self) -> Shared:
-        """What solves of the classes share."""
-        return Shared(self.factorise)
 
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
