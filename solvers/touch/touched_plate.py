@@ -153,30 +153,31 @@ class TouchedPlate(ForcedPlate):
         other.missing = missing
         return other
 
-    def receptance(self, eigenvalue: float) -> ComplexArray:
-        """Charge of patches (C) and moments of motion (m), per volt and per newton, of the free plate: (p + f, p + f)."""
+    def receptance(self, eigenvalue: float | FloatArray) -> ComplexArray:
+        """Charge of patches (C) and moments of motion (m), per volt and per newton, of the free plate at eigenvalues (...),
+        (..., p + f, p + f).
+        """
         parts = [basis.receptance(eigenvalue, self.loss) for basis in self.modes]
         whole, count = np.asarray(np.sum(parts, axis=0) * self.plate.stiffness_unit), len(self.plate.patches)
         if self.missing is not None:
-            whole[count:, count:] += self.missing
+            whole[..., count:, count:] += self.missing
         return whole
 
-    def volts(self, eigenvalue: float) -> ComplexArray:
-        """Voltages of the patches, then the moments of the finger's force in N, per volt of drive."""
-        frequency = float(self.plate.scale.frequency(np.array(eigenvalue)))
-        return self.loads_of(self.receptance(eigenvalue), self.finger.dynamic_stiffness(frequency))
-
     def volts_over(self, eigenvalues: FloatArray) -> ComplexArray:
-        """The same at eigenvalues (n,), (n, loads)."""
-        return np.array([self.volts(eigenvalue) for eigenvalue in eigenvalues])
+        """Voltages of the patches, then the moments of the finger's force in N, per volt of drive, (n, loads)."""
+        tones = self.plate.scale.frequency(eigenvalues)
+        stiffness = np.array([self.finger.dynamic_stiffness(float(tone)) for tone in tones])
+        return self.loads_of(self.receptance(eigenvalues), stiffness)
 
-    def loads_of(self, receptance: ComplexArray, stiffness_n_m: complex) -> ComplexArray:
-        """The same from a receptance of patches and moments and the contact's dynamic stiffness."""
-        count = len(self.plate.patches)
-        charge, moved = receptance[:count, :count], receptance[count:, :count]
-        push = -stiffness_n_m * np.linalg.solve(np.eye(len(moved)) + stiffness_n_m * receptance[count:, count:], moved)
-        volts = self.patch_volts(lambda: charge + receptance[:count, count:] @ push)
-        return np.concatenate([volts, push @ volts])
+    def loads_of(self, receptance: ComplexArray, stiffness_n_m: complex | ComplexArray) -> ComplexArray:
+        """The same from receptances (..., p + f, p + f) of patches and moments and the contact's dynamic stiffness (...)."""
+        count, stiffness = len(self.plate.patches), np.asarray(stiffness_n_m)[..., None, None]
+        charge, moved = receptance[..., :count, :count], receptance[..., count:, :count]
+        own = np.eye(moved.shape[-2]) + stiffness * receptance[..., count:, count:]
+        push = -stiffness * np.linalg.solve(own, moved)
+        volts = self.patch_volts(lambda: charge + receptance[..., :count, count:] @ push)
+        forces = (push @ volts[..., None])[..., 0]
+        return np.concatenate([np.broadcast_to(volts, (*forces.shape[:-1], count)), forces], axis=-1)
 
     def contact_motion(self, frequency_hz: float) -> ComplexArray:
         """Moments of u_z over the contact, m per volt of drive."""
