@@ -18,6 +18,7 @@ from geometry.layout import Design, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
+from pipeline import quantity
 from pipeline.analysis.modes import Request, with_defaults
 from pipeline.case.model import Case
 from pipeline.logs import Log
@@ -73,7 +74,7 @@ class Exchange:
     """A part to hand over: order-2 mesh, outer facets, face groups as places in them, volumes with their materials.
 
     `search` is what the case asks for: a band, or `count` modes near a frequency. error: how far the mesh may put modes about
-    it too high, relative; None where it is not estimated.
+    it too high, relative; None where it is not estimated. estimated_hz: the lowest and the highest of these modes.
     """
 
     name: str
@@ -85,13 +86,15 @@ class Exchange:
     materials: dict[str, Material]
     search: Request
     error: float | None = None
+    estimated_hz: tuple[float, float] = (0.0, 0.0)
 
     @property
     def error_text(self) -> str:
         """What the file and the terminal say of the mesh's error."""
         if self.error is None:
             return "the error of its frequencies is not estimated: refine it and compare"
-        return f"its frequencies may lie up to {self.error:.2g} too high, relative (estimated from recovered stresses)"
+        modes = quantity.interval(*self.estimated_hz)
+        return f"its modes at {modes} may lie up to {self.error:.2g} too high, relative (estimated from recovered stresses)"
 
     @property
     def clamped(self) -> bool:
@@ -144,14 +147,16 @@ def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 
         materials,
         with_defaults(case, Request(part)),
     )
-    return replace(part_mesh, error=_estimate(part_mesh, own, log))
+    return _estimated(part_mesh, own, log)
 
 
-def _estimate(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> float | None:
-    """Largest error of some modes about what the case asks for, times MARGIN; None for hexahedra and large meshes."""
+def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> Exchange:
+    """The same with the largest error of some modes about what the case asks for, times MARGIN; hexahedra and large meshes as
+    they are.
+    """
     mesh, search = part_mesh.mesh, part_mesh.search
     if mesh.kind != "tet" or mesh.dof > ESTIMATED_DOFS:
-        return None
+        return part_mesh
     clamped = clamped_faces(part_mesh.part, mesh)
     about_hz = sum(search.band_hz) / 2.0 if search.band_hz else search.near_hz or 0.0
     with log.step("error of the mesh"):
@@ -160,7 +165,9 @@ def _estimate(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> 
         modes = modes_near(pencil, about_hz, ESTIMATED_MODES)
         values = np.array([pencil.scale.eigenvalue(tone) for tone in modes.frequency_hz])
         recovery = StressRecovery(mesh, materials, model.scale, bool(clamped))
-        return MARGIN * float(np.sum(recovery.errors(None, pencil, modes.vectors, values), axis=0).max(initial=0.0))
+        error = float(np.sum(recovery.errors(None, pencil, modes.vectors, values), axis=0).max(initial=0.0))
+    ends = float(modes.frequency_hz.min()), float(modes.frequency_hz.max())
+    return replace(part_mesh, error=MARGIN * error, estimated_hz=ends)
 
 
 def rendered(template: str, **values: Any) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
+from pipeline import quantity
 from pipeline.case.model import case_from_dict
 from pipeline.cli import main
 from pipeline.exchange import calculix
@@ -121,6 +122,8 @@ def test_the_stated_error_holds_the_frequencies_of_the_mesh_written() -> None:
     found = modes_in_band(model.pencil(None), 1e3, 175e3).frequency_hz
     high = found / exact[: len(found)] - 1.0
     assert written.error and high.min() > 0.0 and high.max() < written.error < 10.0 * high.max()
+    low, high_hz = written.estimated_hz
+    assert 0.0 < low < high_hz and quantity.interval(low, high_hz) in written.error_text
     assert f"up to {written.error:.2g} too high" in calculix.input_deck(written, 1)
     assert ("MESH" in log.warnings) == (written.error > case.solve.accuracy)
 
