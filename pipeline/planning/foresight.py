@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 from math import ceil, floor
 
 from geometry.hex.box_counts import BoxCounts, box_counts
@@ -23,7 +24,7 @@ from solvers.cores import workers
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
 from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.tiling import grid
+from solvers.superelement.tiling import Tiling, grid, tile
 
 MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
@@ -121,19 +122,6 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
         cad=choice.kind != HEX,
         beside_bytes=_beside(classes, solve),
     )
-
-
-def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Demand of a response: all classes of the assembled plate with their modes about a band, summed at each
-    frequency.
-    """
-    from solvers.piezo.forced import MARGIN
-
-    reach = (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])
-    demand = of_modes(case, choice, Request("plate", reach))
-    modes = demand.modes or 0.0
-    summing = Cost((), 100.0 * modes**2 * frequencies)
-    return replace(demand, cost=demand.cost.then(summing))
 
 
 def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
@@ -241,6 +229,53 @@ def _volume_m3(design: Design, part: str) -> float:
 # -- reduced panels and what is assembled from them -------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class AssembledClass:
+    """A symmetry class of a plate of reduced panels, or the whole plate: its tiling's sizes and its matrices'.
+
+    functions: of an average panel; inner: fixed-interface modes of the panel that has most.
+    """
+
+    design: Design
+    reduction: ReductionSettings
+    quarter: bool
+    panels: int
+    kinds: list[Kind]
+    functions: float
+    inner: float
+    dofs: float
+    entries: float
+    fill: Fill
+
+    @property
+    def kept_bytes(self) -> float:
+        """Bytes of the reduced panels."""
+        return len(self.kinds) * 24.0 * (self.reduction.interface.count + self.inner) ** 2
+
+    @property
+    def bare_modes(self) -> float:
+        """Fixed-interface modes of a panel without a pillar."""
+        return self.kinds[0][1]
+
+    @cached_property
+    def tiling(self) -> Tiling:
+        """The plate's panels."""
+        return tile(self.design, self.reduction.max_edge_m)
+
+
+def assembled_class(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> AssembledClass:
+    """Sizes of a symmetry class of a plate of reduced panels."""
+    nx, ny = _panels(design, reduction)
+    kinds = _panel_kinds(design, reduction, choice)
+    mean = _mean_functions(design, kinds, nx * ny)
+    across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
+    face, count = reduction.interface, across[0] * across[1]
+    fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
+    dofs, inner = count * (face.vertex_block + 2 * face.side_block + mean), max(each for _, each, _ in kinds)
+    entries, own = count * (face.count + mean) ** 2, face.count + mean
+    return AssembledClass(design, reduction, choice.quarter, nx * ny, kinds, own, inner, dofs, entries, fill)
+
+
 def _assembled(
     case: Case,
     choice: ModelChoice,
@@ -251,33 +286,22 @@ def _assembled(
     change: tuple[str, ...],
 ) -> Demand:
     """Demand of a plate assembled from panels: the costliest kind of panel, then the assembled classes."""
-    design = case.design
-    nx, ny = _panels(design, reduction)
-    kinds = _panel_kinds(design, reduction, choice)
-    inner = max(functions for _, functions, _ in kinds)
-    mean = _mean_functions(design, kinds, nx * ny)
+    own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
-    for body, functions, copies in kinds:
-        reducing = reducing.then(_reduction(body, reduction.ample, functions, copies))
-    across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
-    face = reduction.interface
-    fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
-    count = across[0] * across[1]
-    entries = count * (face.count + mean) ** 2
-    dofs = count * (face.vertex_block + 2 * face.side_block + mean)
-    modes = min(modes, dofs)
-    kept = len(kinds) * 24.0 * (face.count + inner) ** 2
-    joining = Stage("joining the panels", JOINING_BYTES * entries)
-    solve = modal_solve(dofs, entries, fill, modes, near)
-    cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * nx * ny), kept)
-    kept_bytes = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * dofs * modes
+    for body, functions, copies in own.kinds:
+        reducing = reducing.then(panel_reduction(body, reduction.ample, functions, copies))
+    modes, kept = min(modes, own.dofs), own.kept_bytes
+    joining = Stage("joining the panels", JOINING_BYTES * own.entries)
+    solve = modal_solve(own.dofs, own.entries, own.fill, modes, near)
+    cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * own.panels), kept)
+    kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
     return Demand(
         cost,
         modes if near else classes * modes,
-        round(face.count + inner),
-        nx * ny,
+        round(reduction.interface.count + own.inner),
+        own.panels,
         change,
         choice.kind != HEX,
         _beside(classes, solve),
@@ -292,7 +316,9 @@ def _beside(classes: int, solve: Cost) -> float:
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
     """Bytes that reducing the costliest kind of panel takes at its peak."""
     kinds = _panel_kinds(design, reduction, choice)
-    return max(_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds)
+    return max(
+        panel_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds
+    )
 
 
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
@@ -374,7 +400,7 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
     return share * kinds[-1][1] + (1.0 - share) * kinds[0][1]
 
 
-def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
+def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
     """Demand of reducing one panel, `copies` times as large as its mesh: matrices, constraint shapes, fixed-interface
     modes.
     """
@@ -433,7 +459,7 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     if design.pillar:
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
-    reducing = _reduction(mesh, face, functions, copies)
+    reducing = panel_reduction(mesh, face, functions, copies)
     return reducing, round(face.vertex_block + 2 * face.side_block + functions)
 
 
