@@ -33,6 +33,12 @@ DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 # times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
 CUTOFF = 0.64
 GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
+SOLVE_OPERATIONS = 2e7  # beside the dense solve at a wavevector: the pencil, phases, what modes left out are worth
+COMPLEX = 2.5  # times a real dense solve
+COLUMN_SOLVES, SWEEP = 2.0, 8.0  # with each boundary function, and operations of one an entry of the factor
+# times the work on a panel's own mesh: that of one order less and that without the innermost layer with it
+NESTED = 1.4
+ALIKE = 1.8  # classes' worth of four: one is another one turned over, two fall into halves
 JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
 PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
@@ -289,7 +295,8 @@ def _assembled(
     own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
     for body, functions, copies in own.kinds:
-        reducing = reducing.then(panel_reduction(body, reduction.ample, functions, copies))
+        is_alike = copies == 4 and "d" in case.design.cell_mirrors
+        reducing = reducing.then(panel_reduction(body, reduction.ample, functions, copies, is_alike))
     modes, kept = min(modes, own.dofs), own.kept_bytes
     joining = Stage("joining the panels", JOINING_BYTES * own.entries)
     solve = modal_solve(own.dofs, own.entries, own.fill, modes, near)
@@ -400,9 +407,9 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
     return share * kinds[-1][1] + (1.0 - share) * kinds[0][1]
 
 
-def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
-    """Demand of reducing one panel, `copies` times as large as its mesh: matrices, constraint shapes, fixed-interface
-    modes.
+def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False) -> Cost:
+    """Demand of reducing one panel, `copies` times as large as its mesh, class by class: matrices, constraint shapes,
+    fixed-interface modes; the same of the meshes nested in it. is_alike: a quarter whose x and y are alike.
     """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
@@ -411,9 +418,12 @@ def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies:
     shaping = Stage(
         "projecting a reduced cell", kept_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
     )
-    operations = 6.0 * mesh.dofs * (face.count + functions) ** 2
-    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs)
-    return first.then(Cost((shaping,), operations))
+    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs).then(Cost((shaping,)))
+    of_class = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / copies).operations
+    columns = COLUMN_SOLVES * SWEEP * mesh.fill.entries * face.count / copies
+    projecting = 6.0 * mesh.dofs * (face.count + functions) ** 2 / copies
+    operations = NESTED * (ALIKE if is_alike else copies) * (of_class + columns + projecting)
+    return replace(first, operations=operations)
 
 
 # -- unit cells --------------------------------------------------------------------------------------------------------
@@ -423,20 +433,24 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
-    solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
-    return _of_cell(case, choice, DENSE_OPERATIONS * solves)
+    lines, is_alike = case.bands.grid + 1.0, "d" in case.design.cell_mirrors
+    grid = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
+    if case.design.stagger:
+        path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + grid)
+    return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors + GAP_SOLVES + grid)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
-    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS * frequencies)
+    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS, frequencies)
 
 
-def _of_cell(case: Case, choice: ModelChoice, operations: float) -> Demand:
-    """Demand of dense pencils of the reduced cell, `operations` times the cube of their size."""
+def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float) -> Demand:
+    """Demand of so many dense solves of the reduced cell, `operations` times the cube of their size each."""
     demands = [
-        _lattice(*_reduced_cell(case, each, each.reduction), operations, case, choice)
+        _lattice(*_reduced_cell(case, each, each.reduction), operations, solves, case, choice)
         for each in (choice, *_finer_meshes(case.design, choice))
         if each.reduction
     ]
@@ -459,8 +473,9 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     if design.pillar:
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
-    reducing = panel_reduction(mesh, face, functions, copies)
-    return reducing, round(face.vertex_block + 2 * face.side_block + functions)
+    reducing = panel_reduction(mesh, face, functions, copies, "d" in design.cell_mirrors and len(halved) == 2)
+    cells = 2 if design.stagger else 1  # of two rows: two panels with a pillar, two bare ones
+    return reducing, round(cells**2 * (face.vertex_block + 2 * face.side_block) + cells * functions)
 
 
 def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:
@@ -479,9 +494,13 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
     return max(count, min(by_volume, fixed_modes(case.design, replace(reduction, top_hz=top_hz), True, pitch, mesh)))
 
 
-def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
-    """Demand of dense pencils of a size, `operations` times its cube."""
-    dense = Cost((Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),), operations * dof**3, dof)
+def _lattice(reducing: Cost, dof: int, operations: float, solves: float, case: Case, choice: ModelChoice) -> Demand:
+    """Demand of so many solves of dense pencils of a size, `operations` times its cube each."""
+    dense = Cost(
+        (Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),),
+        solves * (operations * dof**3 + SOLVE_OPERATIONS),
+        dof,
+    )
     return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 
