@@ -239,7 +239,8 @@ def _volume_m3(design: Design, part: str) -> float:
 class AssembledClass:
     """A symmetry class of a plate of reduced panels, or the whole plate: its tiling's sizes and its matrices'.
 
-    functions: of an average panel; inner: fixed-interface modes of the panel that has most.
+    functions: of an average panel; inner: fixed-interface modes of the panel that has most; summed: entries of its panels'
+    matrices one after another, entries: of their sum, in which what neighbours share counts once.
     """
 
     design: Design
@@ -250,6 +251,7 @@ class AssembledClass:
     functions: float
     inner: float
     dofs: float
+    summed: float
     entries: float
     fill: Fill
 
@@ -278,8 +280,13 @@ def assembled_class(design: Design, choice: ModelChoice, reduction: ReductionSet
     face, count = reduction.interface, across[0] * across[1]
     fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
     dofs, inner = count * (face.vertex_block + 2 * face.side_block + mean), max(each for _, each, _ in kinds)
-    entries, own = count * (face.count + mean) ** 2, face.count + mean
-    return AssembledClass(design, reduction, choice.quarter, nx * ny, kinds, own, inner, dofs, entries, fill)
+    own, vertex = face.count + mean, face.vertex_block
+    sides = 2 * count - across[0] - across[1]  # between two panels
+    corners = (across[0] - 1) * (across[1] - 1)  # of four panels and four sides
+    entries = count * own**2 - sides * (face.side_block + 2.0 * vertex) ** 2 + corners * vertex**2
+    return AssembledClass(
+        design, reduction, choice.quarter, nx * ny, kinds, own, inner, dofs, count * own**2, entries, fill
+    )
 
 
 def _assembled(
@@ -298,7 +305,7 @@ def _assembled(
         is_alike = copies == 4 and "d" in case.design.cell_mirrors
         reducing = reducing.then(panel_reduction(body, reduction.ample, functions, copies, is_alike))
     modes, kept = min(modes, own.dofs), own.kept_bytes
-    joining = Stage("joining the panels", JOINING_BYTES * own.entries)
+    joining = Stage("joining the panels", JOINING_BYTES * own.summed)
     solve = modal_solve(own.dofs, own.entries, own.fill, modes, near)
     cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * own.panels), kept)
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
