@@ -465,11 +465,23 @@ def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float) 
 
 
 def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
-    """The reduced cell on each mesh level after its own."""
+    """The reduced cell on each mesh level after its own that has more elements."""
     level = choice.mesh_level
     while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
         mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
-        yield replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
+        own, choice = (
+            choice,
+            replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh)),
+        )
+        if cell_dofs(design, own) < cell_dofs(design, choice):
+            yield choice
+
+
+def cell_dofs(design: Design, choice: ModelChoice) -> float:
+    """Degrees of freedom of the cells of a design's rows, meshed by a choice's hexahedra, curved feet as square ones."""
+    assert choice.hexahedra
+    boxes = [replace(row, pillar=row.pillar and square_of(row.pillar)) for row in design.row_designs]
+    return sum(of_boxes(cell_scene(row, choice.hexahedra), choice.hexahedra.order).dofs for row in boxes)
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
