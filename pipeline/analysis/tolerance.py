@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import patched_plate
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import driven_demand, foresight, mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.simplifications import khz
@@ -185,7 +185,7 @@ def _varied(case: Case, given: Tolerance, band: tuple[float, float], log: Log) -
         )
     foresight.announce(
         "plates with printed tolerances",
-        foresight.of_response(case, choice, band, given.samples * (DRAWN + AROUND_PEAK)),
+        driven_demand.of_tolerance(case, choice, band, given.samples * (DRAWN + AROUND_PEAK)),
         log,
     )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m

@@ -7,9 +7,10 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import driven_demand, foresight, mesh_rules
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
+from pipeline.planning.resources import Demand
 from pipeline.records.record import MeshRecord
 from pipeline.units import KHZ, MM
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
@@ -58,7 +59,8 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         log.left_out("symmetry classes " + ", ".join(plate.undriven), "the patches do not drive them")
     with log.step("modes of the patched plate"):
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit)
-        bytes_each = _demand(case, band_hz).cost.peak.bytes
+        choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
+        bytes_each = driven_demand.group_bytes(case, choice, _demand(case, band_hz).modes or 0.0)
         return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, wanted_window_hz=_search_window_hz(case))
 
 
@@ -112,7 +114,7 @@ def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
         )
 
 
-def _demand(case: Case, band_hz: tuple[float, float]) -> foresight.Demand:
+def _demand(case: Case, band_hz: tuple[float, float]) -> Demand:
     """What the response over a band is foreseen to take."""
     choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
-    return foresight.of_response(case, choice, band_hz, 0)
+    return driven_demand.of_response(case, choice, band_hz, 0)

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import astuple, replace
+from dataclasses import astuple, dataclass, replace
+from functools import cached_property
 from math import ceil, floor
 
 from geometry.hex.box_counts import BoxCounts, box_counts
@@ -23,7 +24,7 @@ from solvers.cores import workers
 from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
 from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.tiling import grid
+from solvers.superelement.tiling import Tiling, grid, tile
 
 MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common
@@ -32,6 +33,12 @@ DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 # times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
 CUTOFF = 0.64
 GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
+SOLVE_OPERATIONS = 2e7  # beside the dense solve at a wavevector: the pencil, phases, what modes left out are worth
+COMPLEX = 2.5  # times a real dense solve
+COLUMN_SOLVES, SWEEP = 2.0, 8.0  # with each boundary function, and operations of one an entry of the factor
+# times the work on a panel's own mesh: that of one order less and that without the innermost layer with it
+NESTED = 1.4
+ALIKE = 1.8  # classes' worth of four: one is another one turned over, two fall into halves
 JOINING_BYTES = 45.0  # an entry of a panel's matrices while they are summed
 PANEL_OPERATIONS = 2e6  # worth of time to number a panel's degrees of freedom
 TETRAHEDRA = 10.0  # times volume over edge cubed, graded edges included
@@ -121,19 +128,6 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
         cad=choice.kind != HEX,
         beside_bytes=_beside(classes, solve),
     )
-
-
-def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
-    """Demand of a response: all classes of the assembled plate with their modes about a band, summed at each
-    frequency.
-    """
-    from solvers.piezo.forced import MARGIN
-
-    reach = (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])
-    demand = of_modes(case, choice, Request("plate", reach))
-    modes = demand.modes or 0.0
-    summing = Cost((), 100.0 * modes**2 * frequencies)
-    return replace(demand, cost=demand.cost.then(summing))
 
 
 def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
@@ -241,6 +235,60 @@ def _volume_m3(design: Design, part: str) -> float:
 # -- reduced panels and what is assembled from them -------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class AssembledClass:
+    """A symmetry class of a plate of reduced panels, or the whole plate: its tiling's sizes and its matrices'.
+
+    functions: of an average panel; inner: fixed-interface modes of the panel that has most; summed: entries of its panels'
+    matrices one after another, entries: of their sum, in which what neighbours share counts once.
+    """
+
+    design: Design
+    reduction: ReductionSettings
+    quarter: bool
+    panels: int
+    kinds: list[Kind]
+    functions: float
+    inner: float
+    dofs: float
+    summed: float
+    entries: float
+    fill: Fill
+
+    @property
+    def kept_bytes(self) -> float:
+        """Bytes of the reduced panels."""
+        return len(self.kinds) * 24.0 * (self.reduction.interface.count + self.inner) ** 2
+
+    @property
+    def bare_modes(self) -> float:
+        """Fixed-interface modes of a panel without a pillar."""
+        return self.kinds[0][1]
+
+    @cached_property
+    def tiling(self) -> Tiling:
+        """The plate's panels."""
+        return tile(self.design, self.reduction.max_edge_m)
+
+
+def assembled_class(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> AssembledClass:
+    """Sizes of a symmetry class of a plate of reduced panels."""
+    nx, ny = _panels(design, reduction)
+    kinds = _panel_kinds(design, reduction, choice)
+    mean = _mean_functions(design, kinds, nx * ny)
+    across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
+    face, count = reduction.interface, across[0] * across[1]
+    fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
+    dofs, inner = count * (face.vertex_block + 2 * face.side_block + mean), max(each for _, each, _ in kinds)
+    own, vertex = face.count + mean, face.vertex_block
+    sides = 2 * count - across[0] - across[1]  # between two panels
+    corners = (across[0] - 1) * (across[1] - 1)  # of four panels and four sides
+    entries = count * own**2 - sides * (face.side_block + 2.0 * vertex) ** 2 + corners * vertex**2
+    return AssembledClass(
+        design, reduction, choice.quarter, nx * ny, kinds, own, inner, dofs, count * own**2, entries, fill
+    )
+
+
 def _assembled(
     case: Case,
     choice: ModelChoice,
@@ -251,33 +299,23 @@ def _assembled(
     change: tuple[str, ...],
 ) -> Demand:
     """Demand of a plate assembled from panels: the costliest kind of panel, then the assembled classes."""
-    design = case.design
-    nx, ny = _panels(design, reduction)
-    kinds = _panel_kinds(design, reduction, choice)
-    inner = max(functions for _, functions, _ in kinds)
-    mean = _mean_functions(design, kinds, nx * ny)
+    own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
-    for body, functions, copies in kinds:
-        reducing = reducing.then(_reduction(body, reduction.ample, functions, copies))
-    across = (ceil(nx / 2), ceil(ny / 2)) if choice.quarter else (nx, ny)
-    face = reduction.interface
-    fill = grid_fill(across, panelled(face.vertex_block, face.side_block, mean))
-    count = across[0] * across[1]
-    entries = count * (face.count + mean) ** 2
-    dofs = count * (face.vertex_block + 2 * face.side_block + mean)
-    modes = min(modes, dofs)
-    kept = len(kinds) * 24.0 * (face.count + inner) ** 2
-    joining = Stage("joining the panels", JOINING_BYTES * entries)
-    solve = modal_solve(dofs, entries, fill, modes, near)
-    cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * nx * ny), kept)
-    kept_bytes = kept + 3.0 * 12.0 * entries + (classes - 1) * 8.0 * dofs * modes
+    for body, functions, copies in own.kinds:
+        is_alike = copies == 4 and "d" in case.design.cell_mirrors
+        reducing = reducing.then(panel_reduction(body, reduction.ample, functions, copies, is_alike))
+    modes, kept = min(modes, own.dofs), own.kept_bytes
+    joining = Stage("joining the panels", JOINING_BYTES * own.summed)
+    solve = modal_solve(own.dofs, own.entries, own.fill, modes, near)
+    cost = reducing.then(Cost((joining,), classes * PANEL_OPERATIONS * own.panels), kept)
+    kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
     return Demand(
         cost,
         modes if near else classes * modes,
-        round(face.count + inner),
-        nx * ny,
+        round(reduction.interface.count + own.inner),
+        own.panels,
         change,
         choice.kind != HEX,
         _beside(classes, solve),
@@ -292,7 +330,9 @@ def _beside(classes: int, solve: Cost) -> float:
 def of_panels(design: Design, choice: ModelChoice, reduction: ReductionSettings) -> float:
     """Bytes that reducing the costliest kind of panel takes at its peak."""
     kinds = _panel_kinds(design, reduction, choice)
-    return max(_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds)
+    return max(
+        panel_reduction(body, reduction.ample, functions, copies).peak.bytes for body, functions, copies in kinds
+    )
 
 
 def _panels(design: Design, reduction: ReductionSettings) -> tuple[int, int]:
@@ -374,9 +414,9 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
     return share * kinds[-1][1] + (1.0 - share) * kinds[0][1]
 
 
-def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int) -> Cost:
-    """Demand of reducing one panel, `copies` times as large as its mesh: matrices, constraint shapes, fixed-interface
-    modes.
+def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False) -> Cost:
+    """Demand of reducing one panel, `copies` times as large as its mesh, class by class: matrices, constraint shapes,
+    fixed-interface modes; the same of the meshes nested in it. is_alike: a quarter whose x and y are alike.
     """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)
@@ -385,9 +425,12 @@ def _reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int)
     shaping = Stage(
         "projecting a reduced cell", kept_bytes + 4.0 * shapes + surface + 24.0 * (face.count + functions) ** 2
     )
-    operations = 6.0 * mesh.dofs * (face.count + functions) ** 2
-    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs)
-    return first.then(Cost((shaping,), operations))
+    first = assembly(mesh).then(solve, kept_bytes + 12.0 * 9.0 * mesh.pairs).then(Cost((shaping,)))
+    of_class = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, functions / copies).operations
+    columns = COLUMN_SOLVES * SWEEP * mesh.fill.entries * face.count / copies
+    projecting = 6.0 * mesh.dofs * (face.count + functions) ** 2 / copies
+    operations = NESTED * (ALIKE if is_alike else copies) * (of_class + columns + projecting)
+    return replace(first, operations=operations)
 
 
 # -- unit cells --------------------------------------------------------------------------------------------------------
@@ -397,20 +440,24 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
-    solves = wavevectors + GAP_SOLVES + (case.bands.grid + 1) ** 2
-    return _of_cell(case, choice, DENSE_OPERATIONS * solves)
+    lines, is_alike = case.bands.grid + 1.0, "d" in case.design.cell_mirrors
+    grid = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
+    if case.design.stagger:
+        path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + grid)
+    return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors + GAP_SOLVES + grid)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
-    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS * frequencies)
+    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS, frequencies)
 
 
-def _of_cell(case: Case, choice: ModelChoice, operations: float) -> Demand:
-    """Demand of dense pencils of the reduced cell, `operations` times the cube of their size."""
+def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float) -> Demand:
+    """Demand of so many dense solves of the reduced cell, `operations` times the cube of their size each."""
     demands = [
-        _lattice(*_reduced_cell(case, each, each.reduction), operations, case, choice)
+        _lattice(*_reduced_cell(case, each, each.reduction), operations, solves, case, choice)
         for each in (choice, *_finer_meshes(case.design, choice))
         if each.reduction
     ]
@@ -418,11 +465,23 @@ def _of_cell(case: Case, choice: ModelChoice, operations: float) -> Demand:
 
 
 def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
-    """The reduced cell on each mesh level after its own."""
+    """The reduced cell on each mesh level after its own that has more elements."""
     level = choice.mesh_level
     while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
         mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
-        yield replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
+        own, choice = (
+            choice,
+            replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh)),
+        )
+        if cell_dofs(design, own) < cell_dofs(design, choice):
+            yield choice
+
+
+def cell_dofs(design: Design, choice: ModelChoice) -> float:
+    """Degrees of freedom of the cells of a design's rows, meshed by a choice's hexahedra, curved feet as square ones."""
+    assert choice.hexahedra
+    boxes = [replace(row, pillar=row.pillar and square_of(row.pillar)) for row in design.row_designs]
+    return sum(of_boxes(cell_scene(row, choice.hexahedra), choice.hexahedra.order).dofs for row in boxes)
 
 
 def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
@@ -433,8 +492,9 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     mesh, functions, copies = _pillar_panel(design, reduction, choice, pitch, halved)
     if design.pillar:
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
-    reducing = _reduction(mesh, face, functions, copies)
-    return reducing, round(face.vertex_block + 2 * face.side_block + functions)
+    reducing = panel_reduction(mesh, face, functions, copies, "d" in design.cell_mirrors and len(halved) == 2)
+    cells = 2 if design.stagger else 1  # of two rows: two panels with a pillar, two bare ones
+    return reducing, round(cells**2 * (face.vertex_block + 2 * face.side_block) + cells * functions)
 
 
 def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:
@@ -453,9 +513,13 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
     return max(count, min(by_volume, fixed_modes(case.design, replace(reduction, top_hz=top_hz), True, pitch, mesh)))
 
 
-def _lattice(reducing: Cost, dof: int, operations: float, case: Case, choice: ModelChoice) -> Demand:
-    """Demand of dense pencils of a size, `operations` times its cube."""
-    dense = Cost((Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),), operations * dof**3, dof)
+def _lattice(reducing: Cost, dof: int, operations: float, solves: float, case: Case, choice: ModelChoice) -> Demand:
+    """Demand of so many solves of dense pencils of a size, `operations` times its cube each."""
+    dense = Cost(
+        (Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),),
+        solves * (operations * dof**3 + SOLVE_OPERATIONS),
+        dof,
+    )
     return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 

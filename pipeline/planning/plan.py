@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipeline.case.model import Case
-from pipeline.planning import foresight, simplifications
+from pipeline.planning import driven_demand, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice, model_choice_of
 from pipeline.planning.request import (
     Request,
@@ -243,7 +243,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
         "patches": patches.count,
         "quality_factor": case.quality_factor,
     }
-    demand = foresight.of_response(case, choice, (low, high), points)
+    demand = driven_demand.of_response(case, choice, (low, high), points)
     if not choice.quarter:
         return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
     undriven = simplifications.undriven_classes(patches)
@@ -326,7 +326,7 @@ def tolerance_step(case: Case) -> Step:
     )
     looks = f"{given.samples} plates drawn with seed {given.seed}, from {khz(low)} to {khz(high)}"
     numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
-    demand = foresight.of_response(case, choice, (low, high), given.samples * RESPONSE_POINTS)
+    demand = driven_demand.of_tolerance(case, choice, (low, high), given.samples * RESPONSE_POINTS)
     classes = choice.classes if mirrored[0] else (None,)
     return _step(
         "tolerance", "plates with printed tolerances", choice, classes, looks, (*kept, *mirrored), numbers, demand

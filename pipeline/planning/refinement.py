@@ -60,9 +60,8 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
     """Describe in words what finer reduction settings change."""
     words = []
     if finer.top_hz != reduction.top_hz:
-        words.append(
-            f"fixed-interface modes up to {finer.top_hz / 1e6:.2f} MHz instead of {reduction.top_hz / 1e6:.2f}"
-        )
+        top, before = (khz(float(f"{each:.3g}")) for each in (finer.top_hz, reduction.top_hz))
+        words.append(f"fixed-interface modes up to {top} instead of {before}")
     own, face = reduction.interface, finer.interface
     if face.along != own.along:
         words.append(f"degree {face.along} along the sides instead of {own.along}")
@@ -156,9 +155,13 @@ def _shorter_edges(choice: ModelChoice, error: float, wanted: float) -> ModelCho
 def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
     """The next mesh level of a part of hexahedra that has more of them; None after the finest."""
     finer = _on_next_level(choice, case.design)
-    if finer is None or finer.reduction or finer.part == "cell":
-        return finer
-    own, more = (foresight.whole_mesh(case, each).dofs for each in (choice, finer))  # sizes round to whole elements
+    if finer is None:
+        return None
+    of_cells = finer.reduction is not None or finer.part == "cell"
+    own, more = (  # sizes round to whole elements, and a foot on either face asks for two through the plate
+        foresight.cell_dofs(case.design, each) if of_cells else foresight.whole_mesh(case, each).dofs
+        for each in (choice, finer)
+    )
     return finer if more > own else _next_level(finer, case)
 
 

@@ -20,7 +20,7 @@ from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
-CACHED = ("all_modes", "_fields")  # what follows from modes and is computed again when asked for
+CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again when asked for
 
 
 def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:

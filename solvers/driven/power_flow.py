@@ -116,6 +116,6 @@ def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
     energies = np.zeros(len(plate.bonds))
     for number, bond in enumerate(plate.bonds):
         pairs = zip(forced.modes, motions, strict=True)
-        moved = np.sum([plate.motions[b.group.symmetries[0]][number][0] @ np.concatenate(m) for b, m in pairs], axis=0)
+        moved = np.sum([plate.motion(b.group.plates, number) @ np.concatenate(m) for b, m in pairs], axis=0)
         energies[number] = (np.conj(moved) @ bond.finest.stiffness @ moved).real
     return energies

@@ -23,7 +23,7 @@ from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, side_by_side
 from solvers.fem.missing_mode import largest_outside
-from solvers.measures.confinement import TouchField, measure, strength_force, wanted_symmetry
+from solvers.measures.confinement import strength_force, wanted_symmetry
 from solvers.measures.wanted_mode import NONE, Verdict, verdict
 from solvers.measures.wanted_search import Found, Interval, search
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
@@ -31,6 +31,7 @@ from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
+ROWS = 4096  # points of the touch face at once: a share of a field is copied, not all of it
 COUNTS = 1e-6  # of the largest load: a patch below it stands on a nodal line
 
 
@@ -210,10 +211,9 @@ class ForcedPlate:
             window = self.wanted_window_hz or self.solved_hz
             return Found(NONE, (), window, window, 0.0)
         vectors = basis.columns[:, : len(basis.frequency_hz)]
-        fields = self._fields[next(i for i, each in enumerate(self.modes) if each is basis)]
-        own = self._measured(
-            basis.group, basis.frequency_hz, vectors, np.arange(len(basis.frequency_hz)).tolist(), fields
-        )
+        known = self._touched[next(i for i, each in enumerate(self.modes) if each is basis)]
+        places = np.arange(len(basis.frequency_hz)).tolist()
+        own = self._measured(basis.group, basis.frequency_hz, vectors, places, known)
         if self.wanted_window_hz is not None:
             group, window = basis.group, self.wanted_window_hz
             found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
@@ -288,19 +288,14 @@ class ForcedPlate:
 
     def _measured(
         self, group: Group, tones: FloatArray, vectors: FloatArray, places: Sequence[int | None],
-        columns: list[TouchField] | None = None,
+        known: Touched | None = None,
     ) -> list[PlateMode]:  # fmt: skip
-        """Modes of a group with their measures.
-
-        Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
-        """
+        """Modes of a group with their measures; known: those of columns that begin with the modes."""
         if not len(tones):
             return []
-        known = columns or group.touch(vectors)
-        fields = [replace(field, values=field.values[:, : len(tones)]) for field in known]
-        inside, outside = touch_squares(fields, self.design)
-        parts = zip(group.symmetries, fields, strict=True)
-        strength = np.sum([measure(field, self.design, symmetry or None).strength for symmetry, field in parts], axis=0)
+        measured = known or touched(group, vectors, self.design)
+        inside, outside = (np.diag(gram)[: len(tones)] for gram in measured.grams)
+        strength = measured.strength[: len(tones)]
         per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if self.areas_m2[1] is not None else np.full(len(tones), np.nan)
@@ -373,19 +368,20 @@ class ForcedPlate:
         return volts
 
     @cached_property
-    def _fields(self) -> list[list[TouchField]]:
-        """u_z of every column on the touch face, class by class in each group."""
-        return [basis.group.touch(basis.columns) for basis in self.modes]
+    def _touched(self) -> list[Touched]:
+        """What every column moves on the touch face, group by group."""
+        return [touched(basis.group, basis.columns, self.design) for basis in self.modes]
 
     @cached_property
     def grams(self) -> list[tuple[FloatArray, FloatArray]]:
         """Integrals of u_z^2 over the active and the passive touch face, per pair of columns."""
-        return [touch_grams(fields, self.design) for fields in self._fields]
+        return [each.grams for each in self._touched]
 
     @cached_property
     def areas_m2(self) -> tuple[float, float | None]:
         """Areas of the active and of the passive touch face, as far as nothing hangs from them; None without a passive one."""
-        field = self._fields[0][0]
+        plate = self.modes[0].group.plates[0]
+        field = plate.touch(np.zeros((plate.dof, 0)))
         active = np.abs(field.points[:, 1]) < self.design.width_m / 2.0
         inside, outside = float(field.weights[active].sum()), float(field.weights[~active].sum())
         return inside, outside if outside > 1e-9 * inside else None
@@ -406,10 +402,11 @@ class ForcedPlate:
         eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts(eigenvalue)
         parts = []
-        for basis, fields in zip(self.modes, self._fields, strict=True):
-            amplitudes = basis.amplitudes(eigenvalue, self.loss, volts)
+        for basis in self.modes:
+            moved = basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)
+            fields = basis.group.touch(np.column_stack([moved.real, moved.imag]))
             for symmetry, field in zip(basis.group.symmetries, fields, strict=True):
-                parts.append(_unfolded(field.points, field.values @ amplitudes, symmetry))
+                parts.append(_unfolded(field.points, field.values @ np.array([1.0, 1.0j]), symmetry))
         return parts[0][0], np.asarray(sum(values for _, values in parts))
 
 
@@ -434,24 +431,31 @@ def rms(
     return np.sqrt(zone_m4 / active), None if passive is None else np.sqrt(passive_m4 / passive)
 
 
-def touch_grams(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
-    """Integrals of u_z^2 over the active and the passive touch face per pair of columns, (columns, columns) each."""
-    grams = [[values.T @ (weights[:, None] * values) for weights, values in _faces(field, design)] for field in fields]
-    inside, outside = np.sum(grams, axis=0)
-    return inside, outside
+@dataclass(frozen=True)
+class Touched:
+    """Measures of motions on the touch face: integrals of u_z^2 over its active and its passive part per pair of motions,
+    (k, k) each, and strengths (k,).
+    """
+
+    grams: tuple[FloatArray, FloatArray]
+    strength: FloatArray
 
 
-def touch_squares(fields: list[TouchField], design: Design) -> tuple[FloatArray, FloatArray]:
-    """The diagonals of `touch_grams`, (columns,) each."""
-    squares = [[weights @ np.square(values) for weights, values in _faces(field, design)] for field in fields]
-    inside, outside = np.sum(squares, axis=0)
-    return inside, outside
+def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
+    """Measures of motions (dof, k) of a group on the touch face, one class's field after the other.
 
-
-def _faces(field: TouchField, design: Design) -> list[tuple[FloatArray, FloatArray]]:
-    """Weights (q,) and values (q, columns) at the points of the active and of the passive touch face."""
-    active = np.abs(field.points[:, 1]) < design.width_m / 2.0
-    return [(field.weights[part], field.values[part]) for part in (active, ~active)]
+    Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
+    """
+    count = motions.shape[1]
+    grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
+    for plate, part in zip(group.plates, group.split(motions), strict=True):
+        field = plate.touch(part)
+        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
+        for gram, rows in zip(grams, (np.flatnonzero(active), np.flatnonzero(~active)), strict=True):
+            for some in np.array_split(rows, len(rows) // ROWS + 1):
+                gram += field.values[some].T @ (field.weights[some, None] * field.values[some])
+        strength += (strength_force(field, design, plate.symmetry or None) @ field.values) ** 2
+    return Touched(grams, strength)
 
 
 def _unfolded(points: FloatArray, values: ComplexArray, symmetry: str) -> tuple[FloatArray, ComplexArray]:
@@ -478,11 +482,11 @@ def group_modes(
         middle *= 1.0 + 3e-6
     factor, middle = factor_near(group.pencil, middle, shared.factorise)
     _, residual, slope = residual_vectors(group, factor, middle, (values, modes.vectors), group.loads)
-    gains = (group.loads.T @ residual, group.loads.T @ slope)
     if kept:
         kept.near = factor, middle
     else:
-        factor.free()
+        factor.free()  # before the coarser mesh's
+    gains = (group.loads.T @ residual, group.loads.T @ slope)
     better = extrapolated_modes(group, values, modes.vectors)
     columns = np.hstack([better.vectors, residual, slope])
     tones = scale.frequency(better.eigenvalue)

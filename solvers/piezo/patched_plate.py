@@ -140,11 +140,14 @@ class PatchedPlate:
         self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
         self.whole = some
-        self.motions: dict[str, list[list[sp.csr_array]]] = {}  # of the bonded faces, mesh by mesh, as far as asked for
+        self.motions: dict[
+            str, dict[int, list[sp.csr_array]]
+        ] = {}  # of bonded faces, mesh by mesh, as far as asked for
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]
         self.undriven = [p for group in self.everything if group not in self.groups for p in group.symmetries]
+        self._panel_contacts.clear()
 
     def _folded(self, patch: BondedPatch, plate: AssembledPlate) -> tuple[str, BondedPatch, FloatArray]:
         """A patch, or its image where x, y > 0 on a plate that is its own mirror image: what tells it from others, itself, and
@@ -170,14 +173,14 @@ class PatchedPlate:
     def _group(self, plates: list[AssembledPlate]) -> Group:
         dofs = sum(plate.dof for plate in plates)
         fine, coarse, by_modes, inertia, coarse_inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(5))
-        motions = [] if self._cannot_drive(plates) else self._moved(plates)
-        for number, (bond, moved) in enumerate(zip(self.bonds, motions, strict=bool(motions))):
-            part, motion = bond.finest, moved[0]
+        for number, bond in enumerate([] if self._cannot_drive(plates) else self.bonds):
+            part, motion = bond.finest, self.motion(plates, number)
             fine[:, number] = motion.T @ part.load
             inertia[:, number] = motion.T @ part.inertia
             by_modes[:, number] = motion.T @ part.softened
-            coarse[:, number] = moved[-1].T @ bond.parts[-1].load
-            coarse_inertia[:, number] = moved[-1].T @ bond.parts[-1].inertia
+            part, motion = bond.parts[-1], self.motion(plates, number, -1)
+            coarse[:, number] = motion.T @ part.load
+            coarse_inertia[:, number] = motion.T @ part.inertia
         shares = joint_shares([bond.shares for bond in self.bonds])
         return Group(
             tuple(plates),
@@ -197,27 +200,29 @@ class PatchedPlate:
         classes = [plate.symmetry for plate in plates]
         return len(classes) == 1 and any(mark == "A" and on for mark, on in zip(classes[0], on_line, strict=False))
 
-    def _moved(self, plates: list[AssembledPlate]) -> list[list[sp.csr_array]]:
-        """Motions of the bonded faces, kept."""
+    def motion(self, plates: Sequence[AssembledPlate], number: int, mesh: int = 0) -> sp.csr_array:
+        """Motion of a patch's bonded face in the classes, (3 b, dof); in one class that of a patch gives its mirror image's."""
+        first, flip = self._own_or_image(number, plates)
+        own = self._moved(plates)[first][mesh]
+        if first == number:
+            return own
+        return _scaled(own, np.tile(mirror_signs(plates[0].symmetry, flip), own.shape[0] // 3))
+
+    def _moved(self, plates: Sequence[AssembledPlate]) -> dict[int, list[sp.csr_array]]:
+        """Motions of the bonded faces that are no other's image, kept."""
         name = plates[0].symmetry
         if name not in self.motions:
-            self.motions[name] = self._motions(plates)
+            numbers = dict.fromkeys(self._own_or_image(number, plates)[0] for number in range(len(self.bonds)))
+            self.motions[name] = {number: self._motions(plates, number) for number in numbers}
         return self.motions[name]
 
-    def _motions(self, plates: list[AssembledPlate]) -> list[list[sp.csr_array]]:
-        """Of each patch the motions of its bonded face, mesh by mesh; in one class that of a patch tells its mirror image's."""
-        out: list[list[sp.csr_array]] = []
-        for number, bond in enumerate(self.bonds):
-            first, flip = self._own_or_image(number, plates)
-            if first < number:
-                signs = mirror_signs(plates[0].symmetry, flip)
-                out.append([_scaled(motion, np.tile(signs, motion.shape[0] // 3)) for motion in out[first]])
-                continue
-            if number not in self._panel_contacts:
-                self._panel_contacts[number] = [tuple(panel_contacts(self.whole, part.contact)) for part in bond.parts]
-            pairs = zip(self._panel_contacts[number], bond.parts, strict=True)
-            out.append([_motion(plates, panels, part.contact) for panels, part in pairs])
-        return out
+    def _motions(self, plates: Sequence[AssembledPlate], number: int) -> list[sp.csr_array]:
+        """Motion of a patch's bonded face, mesh by mesh."""
+        bond = self.bonds[number]
+        if number not in self._panel_contacts:
+            self._panel_contacts[number] = [tuple(panel_contacts(self.whole, part.contact)) for part in bond.parts]
+        pairs = zip(self._panel_contacts[number], bond.parts, strict=True)
+        return [_motion(plates, panels, part.contact) for panels, part in pairs]
 
     def _own_or_image(self, number: int, plates: Sequence[AssembledPlate]) -> tuple[int, FloatArray]:
         """The first patch whose mirror image in one class a patch is, and the axes (2,) turned round; itself elsewhere."""
@@ -226,7 +231,7 @@ class PatchedPlate:
 
     def _pencil(self, plates: list[AssembledPlate], mesh: int) -> PlainPencil:
         """K and M of the classes with the patches of a mesh, which move with their bonded faces, (3 b, dof) each."""
-        pencils = [self._bare(plate) for plate in plates]
+        pencils = [self._bare(plate, mesh) for plate in plates]
         stiffness, mass = ([getattr(p, name) for p in pencils] for name in ("stiffness", "mass"))
         whole, heavy = (each[0] if len(each) == 1 else sp.block_diag(each, format="csc") for each in (stiffness, mass))
         stiff: list[_Bonded] = []
@@ -239,11 +244,12 @@ class PatchedPlate:
         matrices = self._matrices
         return PlainPencil(matrices.added(whole, stiff), matrices.added(heavy, weights), self.scale, rigid)
 
-    def _bare(self, plate: AssembledPlate) -> PlainPencil:
-        """K and M of a class without patches, kept: each mesh of the patches begins with them."""
-        if plate.symmetry not in self._pencils:
-            self._pencils[plate.symmetry] = plate.pencil()
-        return self._pencils[plate.symmetry]
+    def _bare(self, plate: AssembledPlate, mesh: int) -> PlainPencil:
+        """K and M of a class without patches, kept from the finest mesh of the patches to the next, which begins with them."""
+        pencil = self._pencils.pop(plate.symmetry, None) or plate.pencil()
+        if mesh == 0 and joint_shares([bond.shares for bond in self.bonds]):
+            self._pencils[plate.symmetry] = pencil
+        return pencil
 
     def _yielding(self, plates: list[AssembledPlate], vectors: FloatArray) -> FloatArray:
         """f'F f of the forces f of all patches in motions (dof, k) of the classes, (k,)."""
@@ -417,7 +423,7 @@ def _part(patch: BondedPatch, plate: AssembledPlate, back: bool, eigenvalue: flo
     )
 
 
-def _motion(plates: list[AssembledPlate], panels: Sequence[PanelContact], contact: Contact) -> sp.csr_array:
+def _motion(plates: Sequence[AssembledPlate], panels: Sequence[PanelContact], contact: Contact) -> sp.csr_array:
     """The means of u that a contact feels per degree of freedom of the classes one after another, (3 b, dof)."""
     return sp.csr_array(
         sp.hstack([displacement_on(plate, panels, len(contact.means)) for plate in plates], format="csr")

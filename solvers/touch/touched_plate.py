@@ -131,7 +131,7 @@ class TouchedPlate(ForcedPlate):
         """The same with the finger's moments up to a lower degree only: what those beyond it are worth is the difference."""
         other = copy(self)
         other.finger, other.beyond = replace(self.finger, degree=degree), {}
-        for name in ("contact_rows", "grams", "_fields"):
+        for name in ("contact_rows", "grams", "_touched"):
             other.__dict__.pop(name, None)
         if self.modes is not self.free.modes:
             kept = len(self.plate.patches) + disk.count_of(degree)

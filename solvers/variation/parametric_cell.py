@@ -18,7 +18,7 @@ from itertools import combinations, product
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.moved import FLUSH_M, PillarChange, VariedPanel
 from geometry.layout import PLAIN, Pillar, region_materials
@@ -194,19 +194,26 @@ class _Sampler:
         for signs in product((1, -1), repeat=len(kept)):
             wanted = dict(zip(kept, signs, strict=True))
             modes, fixed = self._fixed(still, opened, wanted)
-            clamped = build.clamp(wanted)
-            eigenvalue = moved.scale.eigenvalue(1.0) * self.cell.fixed_hz[modes] ** 2
-            carried = _prolonged_modes(build, clamped, fixed, eigenvalue)
-            gram = build.copies / self.build.copies * weighted(carried, moved.mass)
-            carried = carried @ _orthonormal(gram, eigenvalue)
-            shapes = np.hstack([clamped.shapes, carried])
-            width = clamped.basis.shape[1]
-            place = np.zeros((self.cell.dof, shapes.shape[1]))
-            place[: len(clamped.basis), :width] = clamped.basis
-            place[self.cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
-            stiffness += build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
-            mass += build.copies * place @ weighted(shapes, moved.mass) @ place.T
+            stiff, heavy = self._of_class(build, wanted, modes, fixed)
+            stiffness += stiff
+            mass += heavy
         return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
+
+    def _of_class(
+        self, build: CellBuilder, signs: dict[int, int], modes: IntArray, fixed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """K_r and M_r of one symmetry class, whose factor and shapes end here: `modes` of the nominal cell, shapes (3n, m)."""
+        moved, cell = build.system, self.cell
+        clamped, eigenvalue = build.clamp(signs), moved.scale.eigenvalue(1.0) * cell.fixed_hz[modes] ** 2
+        carried = _prolonged_modes(build, clamped, fixed, eigenvalue)
+        gram = build.copies / self.build.copies * weighted(carried, moved.mass)
+        shapes = np.hstack([clamped.shapes, carried @ _orthonormal(gram, eigenvalue)])
+        width = clamped.basis.shape[1]
+        place = np.zeros((cell.dof, shapes.shape[1]))
+        place[: len(clamped.basis), :width] = clamped.basis
+        place[cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
+        stiffness = build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
+        return stiffness, build.copies * place @ weighted(shapes, moved.mass) @ place.T
 
     def _varied(self, opened: Sequence[int]) -> VariedPanel:
         setting = self.setting
@@ -218,7 +225,7 @@ class _Sampler:
         scale = Scale(setting.thickness_m, setting.material.young_pa, setting.material.density_kg_m3)
         return assemble(mesh, region_materials(setting.material, setting.pillar), scale)
 
-    def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[FloatArray, FloatArray]:
+    def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[IntArray, FloatArray]:
         """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
         from scipy.spatial import cKDTree  # slow to import, and a family from the cache needs none
 

@@ -15,7 +15,7 @@ import scipy.linalg
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.measures.wanted_mode import Verdict, verdict
-from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touch_grams
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
 
 SAME = 1e-10  # of the largest: directions that are combinations of the others
 
@@ -37,7 +37,7 @@ class PlateSpace:
         self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
         self.stiffness = scipy.linalg.block_diag(*(basis.projected[0] for basis in self.bases))
         self.loads = np.vstack([_gains(basis) for basis in self.bases])
-        pairs = [touch_grams(basis.group.touch(basis.columns), forced.design) for basis in self.bases]
+        pairs = [touched(basis.group, basis.columns, forced.design).grams for basis in self.bases]
         self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
         self._static = [_static(own, basis, extra) for own, (basis, extra) in zip(self.bases, raw, strict=True)]
 

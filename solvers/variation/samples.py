@@ -105,9 +105,9 @@ class VariedPlate:
         space = self.space
         totals = space.stiffness.copy(), np.eye(space.size)
         for kind, own in zip(self._kinds, changes, strict=True):
-            flat = kind.motions.reshape(-1, space.size)
-            for total, change in zip(totals, own, strict=True):
-                total += flat.T @ (change @ kind.motions).reshape(-1, space.size)
+            for total, changes_of in zip(totals, own, strict=True):
+                for change, motion in zip(changes_of, kind.motions, strict=True):
+                    total += motion.T @ (change @ motion)
         return space.changed(*totals, within)
 
     def _placed(self, families: Mapping[Signature, CellFamily]) -> tuple[FloatArray, list[_Kind]]:

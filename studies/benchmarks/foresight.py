@@ -1,7 +1,8 @@
 """Foreseen against measured memory and processor time, each scene in a process of its own.
 
 `python -m studies.benchmarks.foresight [NAME ...]`. Scenes off the calibrated design: other materials, thickness, sizes,
-accuracies, models and parts; and cells of the kinds that are published: stubs stout, slender, soft, tipped, of every shape.
+accuracies, models and parts; driven plates; and cells of the kinds that are published: stubs stout, slender, soft, tipped, of
+every shape.
 """
 
 from __future__ import annotations
@@ -54,6 +55,16 @@ SCENES: dict[str, tuple[str, ...]] = {
     "bands 1e-3": ("bands", REFERENCE, "--set", "bands.points=4", "--set", "solve.accuracy=0.001"),
     "round pillar": ("modes", SMALL, "--part", "pillar", "--set", ROUND),
 }  # fmt: skip
+DRIVEN: dict[str, tuple[str, ...]] = {
+    "response": ("response", REFERENCE),
+    "response whole": (
+        "response",
+        SMALL,
+        "--set",
+        "patches={size_mm=[6.0,3.0,0.3],centres_mm=[[-9.0,2.0],[4.0,-1.0]]}",
+    ),
+    "tolerance": ("tolerance", "studies/prototype-plate.toml", "--set", "tolerance.height_mm=0.05", "--samples", "2"),
+}
 SILICONE = "{young_GPa=1.175e-4,poisson=0.46875,density_kg_m3=1300.0}"
 
 
@@ -132,7 +143,15 @@ def taken(name: str) -> Taken:
     """Run a scene's command with empty caches. RuntimeError where it fails."""
     with tempfile.TemporaryDirectory() as folder:
         environment = {**os.environ, "ANTINODE_RESULTS": folder, "PYTHONPATH": str(ROOT)}
-        command = [sys.executable, "-c", MEASURED, *(SCENES | CELLS)[name], "--quiet", "--json", f"{folder}/found.json"]
+        command = [
+            sys.executable,
+            "-c",
+            MEASURED,
+            *(SCENES | DRIVEN | CELLS)[name],
+            "--quiet",
+            "--json",
+            f"{folder}/found.json",
+        ]
         ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     if ended.returncode:
         raise RuntimeError(f"{name}: exit code {ended.returncode}")
@@ -141,7 +160,7 @@ def taken(name: str) -> Taken:
 
 def main(names: list[str]) -> None:
     """One line a scene."""
-    for name in names or SCENES | CELLS:
+    for name in names or SCENES | DRIVEN | CELLS:
         one = taken(name)
         ratio, slower = one.peak_bytes / one.foreseen_bytes, one.processor_s / one.foreseen_s
         line = f"foreseen {one.foreseen_bytes / GIB:6.2f} GiB, peak {one.peak_bytes / GIB:6.2f} GiB, ratio {ratio:.2f}"

@@ -134,7 +134,8 @@ def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([-2e-3, 2e-3, -1e-3, 1e-3]), 0.3e-3, True)
     plate = PatchedPlate({each: model.assembled(each) for each in CLASSES}, [patch], True)
     forced = ForcedPlate(plate, design, Drive((0,), (), (20e3, 40e3), 300.0))
-    (group,), ((field,),) = forced.modes, forced._fields
+    (group,) = forced.modes
+    (field,) = group.group.touch(group.columns)
     eigenvalue = plate.scale.eigenvalue(tone)
     moved = field.values @ group.amplitudes(eigenvalue, forced.loss, forced.volts(eigenvalue))
     curve = forced.curve(np.array([tone]))

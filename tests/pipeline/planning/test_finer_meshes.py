@@ -8,7 +8,7 @@ import pytest
 from geometry.errors import MeshError
 from pipeline.analysis import bands, modes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.planning import foresight, mesh_rules, refinement
+from pipeline.planning import foresight, mesh_rules, plan, refinement
 from pipeline.planning.calibration import MeshLevel
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
@@ -62,6 +62,24 @@ def _dofs(part: str, scene: Case, choice: ModelChoice) -> float:
         assert choice.hexahedra
         return foresight.of_boxes(foresight.cell_scene(scene.design, choice.hexahedra), choice.hexahedra.order).dofs
     return foresight.whole_mesh(scene, choice).dofs
+
+
+def test_a_mesh_level_that_has_no_more_elements_is_passed_over() -> None:
+    """Feet on both faces grade a plate from either side: two elements through it are there before a level asks for them."""
+    scene = case_from_dict(
+        {
+            "name": "both",
+            "material": "glass",
+            "plate": {"thickness_mm": 0.5},
+            "pillar": {"shape": "square", "side_mm": 1.2, "height_mm": 1.5, "faces": "both"},
+            "array": {"pitch_x_mm": 3.0, "pitch_y_mm": 7.0},
+        }
+    )
+    (demand,) = plan.of_bands(scene).demands.values()
+    assert len(demand.finer_bytes) == 1
+    first, log = cell_model_choice(scene), RecordingLog()
+    finer = finer_mesh(first, 0.031, 0.0, scene, log)
+    assert finer and foresight.cell_dofs(scene.design, finer) > foresight.cell_dofs(scene.design, first)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ from pipeline.records.run_log import RunLog
 from solvers.errors import OutOfMemory
 from solvers.fem.factor import memory
 from solvers.fem.factor.memory import GROUP_FILES, available_bytes
-from studies.benchmarks.foresight import CELLS, SCENES, foreseen, taken
+from studies.benchmarks.foresight import CELLS, DRIVEN, SCENES, foreseen, taken
 
 SMALL, REFERENCE = str(ROOT / "examples" / "small.toml"), str(ROOT / "studies" / "three-rows.toml")
 SOFT = "pillar.material={young_GPa=0.07,density_kg_m3=1000.0,poisson=0.4}"
@@ -248,6 +248,23 @@ def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
 @pytest.mark.parametrize("name", [name for name in SCENES if name not in ("zone small", "plate small")])
 def test_peaks_of_large_scenes_lie_where_they_are_foreseen(name: str) -> None:
     assert peak_is_foreseen(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DRIVEN)
+def test_peaks_of_driven_plates_lie_where_they_are_foreseen(name: str) -> None:
+    assert peak_is_foreseen(name)
+
+
+def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
+    """K and M of every class joined with the patches stay, and those of the last one's coarser mesh beside them."""
+    case = load_case(REFERENCE, ["tolerance.height_mm=0.05"])
+    (modes,) = plan.of_modes(case, Request("plate", band_hz=case.solve.band_hz)).demands.values()
+    response, tolerance = plan.response_step(case, None, 11).demand, plan.tolerance_step(case).demand
+    one = load_case(REFERENCE, ["patches.centres_mm=[[0.0, 0.0]]", "patches.sensors=[]"])
+    own = plan.response_step(one, None, 11).demand
+    assert own and response and tolerance
+    assert modes.least_bytes < own.least_bytes < response.least_bytes < tolerance.least_bytes
 
 
 @pytest.mark.slow
