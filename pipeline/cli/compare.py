@@ -93,9 +93,11 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
 def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
     from pipeline.analysis import predesign
     from pipeline.case.model import load_case
+    from pipeline.case.plausible import warn_of_doubts
     from pipeline.logs import TerminalLog
 
-    case = load_case(place)
+    case, log = load_case(place), TerminalLog(quiet)
+    warn_of_doubts(case.design, log)
     quantities = {"case": case.to_dict()}
     design = quantities["case"]["design"]
     design |= {f"row_{number}": pillar for number, pillar in enumerate(design.pop("graded", ()), start=1)}
@@ -104,7 +106,7 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
     if not solve:
         return Design(flat(quantities))
     case.require_plate(command="compare --solve")
-    solved, bands = _solved(case, TerminalLog(quiet))
+    solved, bands = _solved(case, log)
     return Design(flat(quantities | solved), bands)
 
 

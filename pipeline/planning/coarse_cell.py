@@ -96,11 +96,13 @@ class CoarseCell:
 
     def _bisected_hz(self, below_hz: float) -> float:
         from solvers.fem.eigen import count_below
+        from solvers.fem.factor.factoriser import Factoriser
 
-        low, high, found = 0.0, below_hz, count_below(self._waves, below_hz)
+        factorise = Factoriser()  # one symbolic analysis for all counts
+        low, high, found = 0.0, below_hz, count_below(self._waves, below_hz, factorise)
         while found >= self.count and high > STEP * low:
             middle = sqrt(low * high) if low else high * sqrt(self.count / found) / STEP
-            number = count_below(self._waves, middle)
+            number = count_below(self._waves, middle, factorise)
             if number >= self.count:
                 high, found = middle, number
             else:

@@ -19,6 +19,7 @@ from solvers.fem.eigen import PlainPencil, lowest_values
 
 MATCH = 1e-6  # of the pitch: how far opposite nodes may lie apart
 REAL_PHASE = 1e-12
+PAIRS = 2_000_000  # of points and nodes whose distances are all computed, in the time that importing a tree takes
 
 
 @dataclass(frozen=True)
@@ -31,19 +32,29 @@ class PeriodicNodes:
 
 def periodic_nodes(mesh: AnyMesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
     """Pair the nodes on x+ with x-, y+ with y-. Raises MeshError when opposite faces do not match node for node."""
-    from scipy.spatial import cKDTree  # slow to import, and reduced cells need none
-
     low = mesh.nodes.min(axis=0)
     offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)
     for axis, face in enumerate(("x+", "y+")):
         offset[mesh.nodes_of(face), axis] = 1
     shift = np.column_stack([offset * np.array([pitch_x_m, pitch_y_m]), np.zeros(len(offset))])
     candidates = np.flatnonzero((offset == 0).all(axis=1))
-    distance, nearest = cKDTree(mesh.nodes[candidates]).query(mesh.nodes - shift)
+    distance, nearest = _nearest(mesh.nodes[candidates], mesh.nodes - shift)
     if distance.max() > MATCH * min(pitch_x_m, pitch_y_m):
         worst = 1e3 * (mesh.nodes[int(distance.argmax())] - np.array([low[0], low[1], 0.0]))
         raise MeshError(f"opposite faces do not match: the node at {worst.round(4)} mm has no partner one pitch away")
     return PeriodicNodes(candidates[nearest], offset)
+
+
+def _nearest(nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Distance from each point (n, 3) to the nearest of the nodes (m, 3), and which node that is, (n,) each."""
+    if len(nodes) * len(points) <= PAIRS:
+        squares = sum(np.subtract.outer(points[:, axis], nodes[:, axis]) ** 2 for axis in range(3))
+        nearest = np.argmin(squares, axis=1)
+        return np.linalg.norm(points - nodes[nearest], axis=1), nearest
+    from scipy.spatial import cKDTree  # takes longer to import than small meshes take without it
+
+    distance, nearest = cKDTree(nodes).query(points)
+    return distance, nearest
 
 
 class BlochCell:

@@ -77,3 +77,12 @@ def test_the_search_doubts_it_too(
     assert main(["search", str(written(tmp_path, *SLIPS["too stiff"])), "--vary", "plate.thickness_mm=1:2"]) == 2
     said = capsys.readouterr().err
     assert "warning MATERIAL" in said and "begun" in said
+
+
+def test_a_comparison_doubts_each_of_its_cases(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    good, bad = (tmp_path / name for name in ("good", "bad"))
+    for folder, sizes in ((good, (70, 2700)), (bad, SLIPS["g/cm3"])):
+        folder.mkdir()
+        written(folder, *sizes)
+    assert main(["compare", str(good / "p.toml"), str(bad / "p.toml"), "--quiet"]) == 0
+    assert capsys.readouterr().err.count("warning MATERIAL") == 1

@@ -10,6 +10,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
+from solvers.waves import bloch
 from solvers.waves.bloch import BlochCell, periodic_nodes
 from solvers.waves.brillouin import PathSegment, path_through, zone_grid
 from solvers.waves.gaps import Gap, complete_gaps
@@ -85,6 +86,13 @@ def test_every_node_beyond_the_cell_follows_its_partner_one_pitch_back() -> None
     assert len(np.unique(pairs.master)) == 4 * 4 * 5
 
 
+def test_small_and_large_meshes_are_paired_alike(monkeypatch: pytest.MonkeyPatch) -> None:
+    directly = periodic_nodes(cell(), *PITCH)
+    monkeypatch.setattr(bloch, "PAIRS", 0)
+    by_tree = periodic_nodes(cell(), *PITCH)
+    assert (directly.master == by_tree.master).all()
+
+
 def test_faces_that_do_not_match_are_refused_with_the_place() -> None:
     mesh = cell()
     nodes = mesh.nodes.copy()
@@ -97,9 +105,9 @@ def test_faces_that_do_not_match_are_refused_with_the_place() -> None:
 def test_the_pencil_is_hermitian_and_carries_the_phase_of_each_side() -> None:
     mesh = cell()
     system = assemble(mesh, {"plate": ALUMINIUM})
-    bloch = BlochCell(system, *PITCH)
+    waves = BlochCell(system, *PITCH)
     k = np.array([230.0, -470.0])
-    pencil, multiplicity = bloch.pencil(k)
+    pencil, multiplicity = waves.pencil(k)
     assert multiplicity == 2
     pairs = periodic_nodes(mesh, *PITCH)
     masters, compact = np.unique(pairs.master, return_inverse=True)
@@ -115,9 +123,9 @@ def test_the_pencil_is_hermitian_and_carries_the_phase_of_each_side() -> None:
 
 
 def test_phases_that_are_real_halve_the_problem_and_gamma_has_three_still_waves() -> None:
-    bloch = BlochCell(assemble(cell(), {"plate": ALUMINIUM}), *PITCH)
+    waves = BlochCell(assemble(cell(), {"plate": ALUMINIUM}), *PITCH)
     for share in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)):
-        pencil, multiplicity = bloch.pencil(np.array(share) * np.pi / np.array(PITCH))
-        assert (pencil.dof, multiplicity) == (bloch.dof, 1)
-    result = bloch.frequencies(np.zeros(2), 5)
+        pencil, multiplicity = waves.pencil(np.array(share) * np.pi / np.array(PITCH))
+        assert (pencil.dof, multiplicity) == (waves.dof, 1)
+    result = waves.frequencies(np.zeros(2), 5)
     assert (result[:3] < 1e-4 * result[3]).all() and result[3] > 1e5
