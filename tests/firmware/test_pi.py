@@ -39,6 +39,8 @@ def planned(
         "response_s": RESPONSE,
         "leaving_s": LEAVING,
         "proportional_max": proportional_max,
+        "noise2": 0.0,
+        "free_gain": abs(gain),
     }
     core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", wish))
     return gains
@@ -174,4 +176,5 @@ def test_neighbours_bound_the_gain_and_the_zero_stays_on_the_pole(core) -> None:
     assert free.law[0].proportional > 4.0 and bounded.law[0].proportional == 2.0
     assert free.law[1].proportional > free.law[0].proportional and bounded.law[1].proportional == 2.0
     for gains in (free, bounded):
-        assert gains.integral / gains.law[0].proportional == pytest.approx(1.0 - math.exp(-PERIOD / TAU), rel=1e-4)
+        law = gains.law[0]
+        assert law.integral / law.proportional == pytest.approx(1.0 - math.exp(-PERIOD / TAU), rel=1e-4)

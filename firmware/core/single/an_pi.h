@@ -11,6 +11,14 @@
  * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to
  * act: the plant's model carries it on to that moment.
  *
+ * A finger that lifts leaves within milliseconds a plate that needs a sixth of the drive, long before the mode that is
+ * followed shows it. So the drive that held the motion over the last step is weighed, from
+ *
+ *     U_k+1 - U_k = (G T / tau) (V - U / G'):
+ *
+ * whenever a unit of amplitude takes clearly less of it than 1 / G of the known mode, the law is that of the lesser G' and
+ * tau', and the integral holds no more than the reference takes.
+ *
  * Where the drive is limited only its direction counts. The way out of the limit has a pole of its own, a window long: the
  * drive stays at its limit until one window is enough to arrive.
  */
@@ -23,16 +31,29 @@
 /* V = integral + proportional reference - state U - feed V before. */
 typedef struct {
     float proportional;
+    float integral;   /* a step */
     an_complex state; /* Kp - j tau (w - w0) / G, times what is left of a measurement when its answer acts */
     an_complex feed;  /* the same, times what the last drive adds until then */
 } an_pi_law;
 
+/* What a law is made of. Force and mass are the plate's own: a finger changes neither push nor turning. */
 typedef struct {
-    an_pi_law law[2]; /* in general; from the limit */
-    float integral;   /* a step */
+    float push;    /* amplitude that a unit of drive adds in a step, G T / tau */
+    float turning; /* tau (w - w0) / G */
+    float age;     /* of a measurement when its answer begins to act, in steps */
+    an_complex turn; /* of a free mode until then, exp(-j (w - w0) age) */
+    float reached[2]; /* of a difference within a step, 1 - p: in general; from the limit */
+    float proportional_max;
+} an_pi_basis;
+
+typedef struct {
+    an_pi_basis basis;
+    an_pi_law law[2]; /* of the mode as it is known: in general; from the limit */
     float inverse_gain;
     float drive_limit;
-    float age; /* of a measurement when its answer begins to act, in steps */
+    float fresh; /* share of the last step in what a unit of amplitude is seen to take */
+    float noise; /* what noise makes of that, times an amplitude */
+    float least; /* that a unit of amplitude may take: of the free plate, where a finger lies on it */
     an_complex lead; /* turns the drive ahead: one sample, the delay, the mode's phase */
 } an_pi_gains;
 
@@ -43,6 +64,8 @@ typedef struct {
     float response_s;       /* gives p */
     float leaving_s;        /* the same, from the limit */
     float proportional_max; /* drive over sensor: what the neighbours of the mode allow */
+    float noise2;           /* at rest, of the difference of two measurements */
+    float free_gain;        /* |G| without a finger */
 } an_pi_wish;
 
 enum { AN_PI_LIMITED = 2 };
@@ -50,6 +73,11 @@ enum { AN_PI_LIMITED = 2 };
 typedef struct {
     an_complex integral;
     an_complex drive; /* the last, still acting */
+    float before;     /* the one before that, in phase with the reference */
+    an_complex measured; /* the last */
+    float taken;      /* drive that held the motion, times amplitude, lately ... */
+    float motion;     /* ... and amplitude squared: their quotient is what a unit of amplitude takes */
+    float falls;      /* by which that fell in the last step */
     float reference;  /* the last */
     uint32_t limited; /* AN_PI_LIMITED: the last drive met its limit; less: windows until its end shows in the measurement */
 } an_pi;

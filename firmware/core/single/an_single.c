@@ -95,6 +95,8 @@ static an_pi_wish wish_of(const an_single *app)
         .response_s = AN_RESPONSE_S,
         .leaving_s = AN_LEAVING_S,
         .proportional_max = app->neighbour > 0.0f ? AN_NEIGHBOUR_LOOP / app->neighbour : AN_NO_BOUND,
+        .noise2 = app->slow.quiet,
+        .free_gain = an_abs(app->mode.gain),
     };
     return wish;
 }
