@@ -70,8 +70,8 @@ def error_of_waves(lattice: Lattice, waves: Sequence[Waves]) -> ReductionError:
 
 
 def truncation(lattice: Lattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
-    """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n) from
-    0 on, relative; 0 for rigid-body waves.
+    """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n)
+    from 0 on, relative; 0 for rigid-body waves.
     """
     modes = np.where(_moving(waves), waves.by_modes, 0.0)
     return modes, _brought(lattice, waves, lattice.cell.interface.along_side)
@@ -86,8 +86,9 @@ def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
 
 
 def further_degrees(parts: Sequence[FloatArray]) -> float:
-    """What degrees along the sides beyond the last may bring, of what the last one brought: at most 1. parts: of each wavevector
-    what the degrees brought (degrees, n).
+    """What degrees along the sides beyond the last may bring, of what the last one brought: at most 1.
+
+    parts: of each wavevector what the degrees brought its waves, (degrees, n).
 
     Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
     A degree below 5 shows no q of even and of odd ones.

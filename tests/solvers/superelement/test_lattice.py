@@ -269,8 +269,8 @@ def test_the_fall_of_the_degrees_tells_what_further_ones_bring(pitch: tuple[floa
 
 
 def test_degrees_are_told_by_what_a_lattice_of_one_less_lacks_on_coarse_elements_too() -> None:
-    """Elements twice as long as the plate is thick, a tiny foot: high degrees are almost sums of lower ones, which move on without
-    them. To first order they would be 911 % of the eighth band's frequency.
+    """Elements twice as long as the plate is thick, a tiny foot: high degrees are almost sums of lower ones, which move on
+    without them. With all else held, degree 8 would bring 911 %.
     """
     tiny = Pillar("square", 0.25e-3, 0.25e-3, 0.6e-3, ALUMINIUM)
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=0.6e-3)
