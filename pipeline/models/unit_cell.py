@@ -100,7 +100,7 @@ def lattice_model(
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
     def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_bands(case, choice, len(corners))
+        return foresight.of_finer_mesh(case, choice, len(corners))
 
     first = choice, (lattice, bar)
     choice, (lattice, bar) = (
