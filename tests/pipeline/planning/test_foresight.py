@@ -25,7 +25,7 @@ from pipeline.planning import plan
 from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice
 from pipeline.planning.request import Request
-from pipeline.planning.resources import GIB, MEMORY_RANGE, SECONDS_RANGE, too_much
+from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.records.run_log import RunLog
 from solvers.errors import OutOfMemory
 from solvers.fem.factor import memory
@@ -301,7 +301,7 @@ def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
 def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None:
     took = taken(name)
     assert 0.5 < took.peak_bytes / took.foreseen_bytes < 2.0
-    assert SECONDS_RANGE[0] < took.processor_s / took.foreseen_s < SECONDS_RANGE[1]
+    assert 0.5 < took.processor_s / took.foreseen_s < 2.0
 
 
 def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
