@@ -32,6 +32,7 @@ from solvers.superelement.lattice_error import (
     cutoff_hz,
     error_of_waves,
     further_degrees,
+    in_order,
     last_degree_through,
     mesh_error,
     reduction_error,
@@ -99,7 +100,7 @@ def lattice_model(
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
     def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_bands(case, choice, len(corners))
+        return foresight.of_finer_mesh(case, choice, len(corners))
 
     first = choice, (lattice, bar)
     choice, (lattice, bar) = (
@@ -131,8 +132,9 @@ def widest_bar(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: flo
 def truncated_bars(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: float) -> FloatArray:
     """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
     estimates = [truncation(lattice, each) for each in waves]
-    modes, degrees = (np.array([each[:count] for each in kind]) for kind in zip(*estimates, strict=True))
-    return modes + truncation_bars(degrees, further_degrees(lattice, waves)) + beyond
+    modes = np.array([each[:count] for each, _ in estimates])
+    last = np.array([in_order(own, parts[-1])[:count] for own, (_, parts) in zip(waves, estimates, strict=True)])
+    return modes + truncation_bars(last, further_degrees([parts[:, :count] for _, parts in estimates])) + beyond
 
 
 def _from_hexahedra(design: Design, log: Log) -> Reduce:

@@ -32,8 +32,13 @@ DENSE_COPIES = 34  # of a lattice's matrices: nine steps of K and of M, and what
 DENSE_OPERATIONS = 2.0  # of a dense eigen-solve over n^3
 # times accuracy^-1/4 and the highest band: what modes left out from L on are uncertain by goes as L^-4
 CUTOFF = 0.64
-GAP_SOLVES = 70  # wavevectors that edges of gaps take beside the path's
-SOLVE_OPERATIONS = 2e7  # beside the dense solve at a wavevector: the pencil, phases, what modes left out are worth
+GAP_SOLVES = 110  # wavevectors that crossings and edges of gaps take beside the path's
+# beside the dense solve at a wavevector: the pencil, phases, labels; and a wave and entry of the cell: slopes, overlaps
+SOLVE_OPERATIONS, WAVE_OPERATIONS, WAVES_ABOVE = 5e7, 8.0, 6
+# worth of time to mesh, assemble, join and bound three nested meshes of a cell; coarse cells that choose its reduction, each
+CELL_OPERATIONS, COARSE_CELLS, COARSE_OPERATIONS = 5e9, 2, 2e9
+MOST_ENDS = 2.0  # times the cut-off that a plan begins with: no higher band is looked for
+LOWERED = 16.0  # operations over n^3 to find how much of what coarser meshes tell may be taken from a cell
 COMPLEX = 2.5  # times a real dense solve
 COLUMN_SOLVES, SWEEP = 2.0, 8.0  # with each boundary function, and operations of one an entry of the factor
 # times the work on a panel's own mesh: that of one order less and that without the innermost layer with it
@@ -445,23 +450,42 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     if case.design.stagger:
         path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
         return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + grid)
-    return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors + GAP_SOLVES + grid)
+    return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + grid, COARSE_CELLS)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
-    return _of_cell(case, choice, 2.0 * DENSE_OPERATIONS, frequencies)
+    return _of_cell(case, _advised(case, choice), 2.0 * DENSE_OPERATIONS, frequencies, COARSE_CELLS)
 
 
-def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float) -> Demand:
-    """Demand of so many dense solves of the reduced cell, `operations` times the cube of their size each."""
+def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
+    """Demand of the cell of a chosen reduction on a finer mesh, and of its bands at the path's corners."""
+    return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors)
+
+
+def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
+    """The choice with degrees along the sides and a cut-off as coarse cells are foreseen to advise for the bands."""
+    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
+
+    reduction, design, accuracy = choice.reduction, case.design, case.solve.accuracy
+    if reduction is None or design.pillar is None:
+        return choice
+    end_hz = coarse_cell(design, case.bands.count).bands_end_hz(MOST_ENDS * reduction.top_hz)
+    along = mesh_rules.degree_along(design, accuracy, end_hz, reduction.interface.along)
+    face = Interface(along, reduction.interface.through)
+    return replace(choice, reduction=replace(reduction, interface=face, top_hz=CUTOFF * accuracy**-0.25 * end_hz))
+
+
+def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, pilots: int = 0) -> Demand:
+    """Demand of so many coarse cells, and dense solves of the reduced one, `operations` times the cube of their size each."""
     demands = [
         _lattice(*_reduced_cell(case, each, each.reduction), operations, solves, case, choice)
         for each in (choice, *_finer_meshes(case.design, choice))
         if each.reduction
     ]
-    return replace(demands[0], finer_bytes=tuple(each.memory_bytes for each in demands[1:]))
+    whole = replace(demands[0], finer_bytes=tuple(each.memory_bytes for each in demands[1:]))
+    return replace(whole, cost=Cost((), pilots * COARSE_OPERATIONS).then(whole.cost))
 
 
 def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
@@ -484,8 +508,8 @@ def cell_dofs(design: Design, choice: ModelChoice) -> float:
     return sum(of_boxes(cell_scene(row, choice.hexahedra), choice.hexahedra.order).dofs for row in boxes)
 
 
-def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int]:
-    """Demand of the unit cell's reduction, and its degrees of freedom a wavevector."""
+def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings) -> tuple[Cost, int, float]:
+    """Demand of the unit cell's reduction, its degrees of freedom a wavevector, and all of them."""
     design, face = case.design, reduction.interface
     pitch = (design.pitch_x_m, design.pitch_y_m)
     halved = (0, 1) if {"x", "y"} <= {*design.cell_mirrors} else ()
@@ -494,30 +518,34 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
     reducing = panel_reduction(mesh, face, functions, copies, "d" in design.cell_mirrors and len(halved) == 2)
     cells = 2 if design.stagger else 1  # of two rows: two panels with a pillar, two bare ones
-    return reducing, round(cells**2 * (face.vertex_block + 2 * face.side_block) + cells * functions)
+    whole = face.count + functions
+    reducing = replace(reducing, operations=reducing.operations + cells * (CELL_OPERATIONS + LOWERED * whole**3))
+    return reducing, round(cells**2 * (face.vertex_block + 2 * face.side_block) + cells * functions), cells * whole
 
 
 def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:
-    """Fixed-interface modes of a cell to expect, up to a multiple of the highest band of a coarse one: those that it has, or
-    where its elements do not follow so many, what their density says, at most as those of a volume grow.
+    """Fixed-interface modes of a cell to expect up to its cut-off: those that a coarse one has, or where its elements do not
+    follow so many, what their density says, at most as those of a volume grow.
     """
     from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
 
-    coarse = coarse_cell(case.design, case.bands.count)
-    end_hz = coarse.bands_end_hz(reduction.top_hz)
-    top_hz = min(reduction.top_hz, CUTOFF * case.solve.accuracy**-0.25 * end_hz)
+    coarse, top_hz = coarse_cell(case.design, case.bands.count), reduction.top_hz
     count = coarse.fixed_modes(top_hz)
     if coarse.resolves(count):
         return float(count)
+    end_hz = coarse.bands_end_hz(top_hz)
     by_volume = coarse.fixed_modes(end_hz) * (top_hz / end_hz) ** 3
-    return max(count, min(by_volume, fixed_modes(case.design, replace(reduction, top_hz=top_hz), True, pitch, mesh)))
+    return max(count, min(by_volume, fixed_modes(case.design, reduction, True, pitch, mesh)))
 
 
-def _lattice(reducing: Cost, dof: int, operations: float, solves: float, case: Case, choice: ModelChoice) -> Demand:
-    """Demand of so many solves of dense pencils of a size, `operations` times its cube each."""
+def _lattice(
+    reducing: Cost, dof: int, whole: float, operations: float, solves: float, case: Case, choice: ModelChoice
+) -> Demand:
+    """Demand of so many solves of dense pencils of a size, `operations` times its cube each, of cells of `whole` functions."""
+    waves = WAVE_OPERATIONS * whole**2 * (case.bands.count + WAVES_ABOVE)
     dense = Cost(
         (Stage("solving the cell's dense pencils", DENSE_COPIES * 8.0 * dof**2),),
-        solves * (operations * dof**3 + SOLVE_OPERATIONS),
+        solves * (operations * dof**3 + SOLVE_OPERATIONS + waves),
         dof,
     )
     return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)

@@ -39,6 +39,10 @@ THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
 # fixed-interface modes leave out
 THIN_TO = 0.25
 SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
+ALONG_LEFT, MAX_ALONG = (
+    0.015,
+    9,
+)  # of the accuracy: what a coarse cell leaves of such waves along its sides; the highest degree
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 # by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it
@@ -257,17 +261,29 @@ def cutoff_to_hz(design: Design, high_hz: float) -> float:
 
 
 def degree_through(design: Design, accuracy: float, high_hz: float) -> int:
-    """The degree through the thickness whose polynomials miss little of a shear wave of a frequency, Hz, that crosses it.
-
-    Degree n has (2n + 1) j_n(x)^2 of the energy of exp(i x s) on [-1, 1], j_n the spherical Bessel function, at most
-    x^n / (2n + 1)!!, x the wavenumber times half the thickness. Each solve's own estimate checks it.
+    """The degree through the thickness whose polynomials miss little of a shear wave of a frequency, Hz, that crosses it. Each
+    solve's own estimate checks it.
     """
     phase = pi / 2.0 * high_hz / shear_cutoff_hz(design)
+    return degree_of(phase, accuracy / SEEN, THROUGH, MAX_THROUGH)
 
-    def missed(degree: int) -> float:
+
+def degree_along(design: Design, accuracy: float, high_hz: float, least: int) -> int:
+    """The same of the functions along a cell's longer side, which a coarse cell chooses, as far as waves alone tell it."""
+    phase = pi / 2.0 * high_hz / shear_cutoff_hz(design) * max(design.cell_m) / design.thickness_m
+    return degree_of(phase, ALONG_LEFT * accuracy, least, MAX_ALONG)
+
+
+def degree_of(phase: float, missed: float, least: int, most: int) -> int:
+    """The degree, between two, whose polynomials miss no more than so much of the energy of exp(i x s) on [-1, 1].
+
+    Degree n has (2n + 1) j_n(x)^2 of it, j_n the spherical Bessel function, at most x^n / (2n + 1)!!.
+    """
+
+    def energy(degree: int) -> float:
         return (2 * degree + 1) * (phase**degree / prod(range(1, 2 * degree + 2, 2))) ** 2
 
-    return next((n for n in range(THROUGH, MAX_THROUGH) if SEEN * missed(n + 1) <= accuracy), MAX_THROUGH)
+    return next((n for n in range(least, most) if energy(n + 1) <= missed), most)
 
 
 def bare_size_m(design: Design, order: int) -> float | None:

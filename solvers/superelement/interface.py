@@ -58,12 +58,27 @@ class Interface:
         """Degrees of freedom of side `index` (x-, x+, y-, y+): component fastest, then thickness, then bubble degree."""
         return np.arange(self.side_block) + 4 * self.vertex_block + index * self.side_block
 
-    def within(self, smaller: Interface) -> IntArray:
-        """Degrees of freedom of an interface of lower degrees among these, in its order."""
-        degree, layer = np.zeros(self.count, dtype=np.int64), np.arange(self.count) // 3 % self.layers
+    @property
+    def along_side(self) -> IntArray:
+        """Degree along its side of each degree of freedom, (count,); 0 on vertex lines."""
+        degree = np.zeros(self.count, dtype=np.int64)
         for index in range(4):
             degree[self.side(index)] = np.repeat(np.arange(2, self.along + 1), 3 * self.layers)
-        return np.flatnonzero((degree <= smaller.along) & (layer < smaller.layers))
+        return degree
+
+    @property
+    def across(self) -> IntArray:
+        """Degree through the thickness of each degree of freedom, (count,)."""
+        return np.arange(self.count) // 3 % self.layers
+
+    @property
+    def free(self) -> IntArray:
+        """One vertex line and one side along each axis, which the others of a lattice follow, (free,)."""
+        return np.concatenate([self.vertex(0), self.side(0), self.side(2)])
+
+    def within(self, smaller: Interface) -> IntArray:
+        """Degrees of freedom of an interface of lower degrees among these, in its order."""
+        return np.flatnonzero((self.along_side <= smaller.along) & (self.across < smaller.layers))
 
     def evaluate(self, points: FloatArray) -> FloatArray:
         """Scalar boundary functions at boundary points (n, 3) in the cell's own coordinates [-1, 1]^3, shape (n, count / 3)."""

@@ -76,12 +76,22 @@ class Lattice:
 
     def pencil(self, wavevector: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K(k) and M(k), (dof, dof) each."""
+        stiffness, mass = self._phased(wavevector, self.dof)
+        return stiffness, mass
+
+    def boundary(self, wavevector: FloatArray, shift: float) -> ComplexArray:
+        """Hermitian K(k) + s M(k) of the boundary functions alone, (free, free)."""
+        stiffness, mass = self._phased(wavevector, self.dof - len(self.cell.fixed_hz))
+        return np.asarray(stiffness + shift * mass)
+
+    def _phased(self, wavevector: FloatArray, size: int) -> list[ComplexArray]:
+        """K(k) and M(k) of the first `size` degrees of freedom."""
         steps, *matrices = self._steps
         angle = steps @ (np.asarray(wavevector, dtype=float) * np.array(self.cell.size_m[:2]))
         turn = np.vstack([np.cos(angle), np.sin(angle)])
-        parts = (turn @ matrix for matrix in matrices)
-        stiffness, mass = ((real + 1j * imaginary).reshape(self.dof, self.dof) for real, imaginary in parts)
-        return stiffness, mass
+        own = (matrix.reshape(9, self.dof, self.dof)[:, :size, :size].reshape(9, -1) for matrix in matrices)
+        parts = (turn @ each for each in own)
+        return [(real + 1j * imaginary).reshape(size, size) for real, imaginary in parts]
 
     @cached_property
     def c2_symmetry(self) -> C2Symmetry | None:

@@ -1,9 +1,11 @@
 """How far truncation and mesh may put the bands of a reduced cell off, from the reduced matrices alone.
 
-What the fixed-interface modes left out take is told by their residual flexibility and has bounds (`Waves.by_modes`). A subspace
-without the functions D raises an eigenvalue l of the wave u by u_D^H (K - l M)_DD u_D to first order, and the degree's error
-falls exponentially: what the last degree along the sides brought bounds what the next ones would, and by how much every second
-degree brought less, since a wave may need even or odd ones alone, tells how far they stay below it.
+What the fixed-interface modes left out take is told by their residual flexibility and has bounds (`Waves.by_modes`). Without
+the boundary functions D a wave u of the eigenvalue l rises by at most u_D^H S u_D, S the Schur complement of K + s M on D: the
+other functions come to rest, s M holds rigid motion. By Cholesky's factor L of the functions in the order of their degree it
+parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: what the last degree along the sides brought
+bounds what the next ones would, and by how much every second degree brought less, since a wave may need even or odd ones alone,
+tells how far they stay below it.
 """
 
 from __future__ import annotations
@@ -15,7 +17,6 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.residual import ResidualModes
 
@@ -23,10 +24,11 @@ HIDDEN, BEYOND = (
     0.3,
     0.02,
 )  # of the largest estimate of a band and those below it, of all: one wave may hide what others show
-# times the geometric series, of which further degrees brought 0.03 to 2.7 to 48 cells of degrees 5 and 6; and of the last
-# degree's part at least, where they bring next to nothing; the fewest degrees that tell it
-SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.2, 5
+# times the geometric series, of which further degrees brought 0.06 to 2.8 to 12 cells of degrees 5 and 6; and of the last
+# degree's part at least, of which they brought 0.48 where the series is shorter; the fewest degrees that tell it
+SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5
 LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
+SLIGHT = 1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
 STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
 
 
@@ -62,42 +64,40 @@ def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> Re
 def error_of_waves(lattice: Lattice, waves: Sequence[Waves]) -> ReductionError:
     """The same of waves that are solved already."""
     estimates = [truncation(lattice, each) for each in waves]
-    modes, degrees = (max(float(each.max(initial=0.0)) for each in kind) for kind in zip(*estimates, strict=True))
-    return ReductionError(modes, further_degrees(lattice, waves) * degrees)
+    modes = max(float(each.max(initial=0.0)) for each, _ in estimates)
+    parts = [each for _, each in estimates]
+    return ReductionError(modes, further_degrees(parts) * max(float(each[-1].max(initial=0.0)) for each in parts))
 
 
 def truncation(lattice: Lattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
-    """What the modes left out may put each wave off by, and what the last degree along the sides brought it, relative, (n,)
-    each; 0 for rigid-body waves.
+    """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n)
+    from 0 on, relative; 0 for rigid-body waves.
     """
-    cell, face = lattice.cell, lattice.cell.interface
     modes = np.where(_moving(waves), waves.by_modes, 0.0)
-    return modes, _rise(cell, waves, _beyond(face, Interface(max(face.along - 1, 1), face.through)))
+    return modes, _brought(lattice, waves, lattice.cell.interface.along_side)
 
 
-def further_degrees(lattice: Lattice, waves: Sequence[Waves]) -> float:
+def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
+    """Rises (n,) of waves, relative, as sorted bands show them: waves that rise by more than others change places."""
+    moving = _moving(waves)
+    value = np.where(moving, waves.eigenvalue, 1.0)
+    risen = np.sort(np.where(moving, value * (1.0 + 2.0 * rises), 0.0))
+    return np.where(moving, np.maximum(risen / value - 1.0, 0.0) / 2.0, 0.0)
+
+
+def further_degrees(parts: Sequence[FloatArray]) -> float:
     """What degrees along the sides beyond the last may bring, of what the last one brought: at most 1.
+
+    parts: of each wavevector what the degrees brought its waves, (degrees, n).
 
     Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
     A degree below 5 shows no q of even and of odd ones.
     """
-    cell, face = lattice.cell, lattice.cell.interface
-    if face.along < MIN_DEGREE:
+    worst = np.max([part.max(axis=1, initial=0.0) for part in parts], axis=0)
+    if len(worst) <= MIN_DEGREE or worst[-1] <= 0.0:
         return 1.0
-    degrees = range(face.along - 3, face.along + 1)
-    own = {degree: face.within(Interface(degree, face.through)) for degree in (degrees[0] - 1, *degrees)}
-    parts = {
-        degree: max(_largest_rise(cell, each, np.setdiff1d(own[degree], own[degree - 1])) for each in waves)
-        for degree in degrees
-    }
-    last, falls = parts[degrees[-1]], [parts[n] / parts[n - 2] for n in degrees[2:] if parts[n - 2] > 0.0]
-    if not falls or last <= 0.0:
-        return 1.0
-    return float(min(1.0, max(SERIES * (1.0 + parts[degrees[-2]] / last) * max(falls), MIN_SHARE)))
-
-
-def _largest_rise(cell: Cell, waves: Waves, functions: IntArray) -> float:
-    return float(_rise(cell, waves, functions).max(initial=0.0))
+    falls = [own / before for own, before in zip(worst[-2:], worst[-4:-2], strict=True) if before > 0.0]
+    return float(min(1.0, max(SERIES * (1.0 + worst[-2] / worst[-1]) * max(falls, default=1.0), MIN_SHARE)))
 
 
 def cutoff_hz(lattice: Lattice, wavevectors: FloatArray, count: int, wanted: float) -> float:
@@ -137,30 +137,22 @@ def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
 
 def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
     """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
-    face = lattice.cell.interface
-    highest = _beyond(face, Interface(face.along, max(face.through - 1, 1)))
-    rises = [_rise(lattice.cell, lattice.waves(k, count), highest) for k in wavevectors]
+    across = lattice.cell.interface.across
+    rises = [_brought(lattice, lattice.waves(k, count), across)[-1] for k in wavevectors]
     return max(float(each.max(initial=0.0)) for each in rises)
 
 
-def _beyond(face: Interface, lower: Interface) -> IntArray:
-    """Boundary functions of higher degrees than those of a lower interface."""
-    return np.setdiff1d(np.arange(face.count), face.within(lower))
-
-
-def _rise(cell: Cell, waves: Waves, functions: IntArray) -> FloatArray:
-    """Relative rise of each frequency without some of the cell's functions, (n,), to first order."""
-    own, square = waves.dofs[functions], np.ix_(functions, functions)
-    stiff, heavy = (
-        np.einsum("in,in->n", own.conj(), matrix[square] @ own).real for matrix in (cell.stiffness, cell.mass)
-    )
-    return _relative(stiff - waves.eigenvalue * heavy, waves)
-
-
-def _relative(raised: FloatArray, waves: Waves) -> FloatArray:
-    """Half of what eigenvalues are raised by over themselves; 0 for rigid-body waves."""
-    moving = _moving(waves)
-    return np.where(moving, np.maximum(raised, 0.0) / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
+def _brought(lattice: Lattice, waves: Waves, degree: IntArray) -> FloatArray:
+    """By how much boundary functions of each degree (boundary,) lower each frequency at most, relative, (degrees, n)."""
+    free, moving = lattice.cell.interface.free, _moving(waves)
+    parts = np.zeros((int(degree.max()) + 1, len(moving)))
+    if not moving.any():
+        return parts
+    order = np.argsort(degree[free], kind="stable")
+    still = max(float(waves.eigenvalue[moving].min()), SLIGHT * lattice.rounding)
+    lower = np.linalg.cholesky(lattice.boundary(waves.wavevector, still)[np.ix_(order, order)])
+    np.add.at(parts, degree[free][order], np.abs(lower.conj().T @ waves.dofs[free][order]) ** 2)
+    return np.where(moving, parts / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
 
 
 def _moving(waves: Waves) -> BoolArray:

@@ -103,7 +103,8 @@ CELLS: dict[str, tuple[str, ...]] = {
     "tapered": _cell('shape="tapered",base_mm=4.0,tip_mm=2.5,height_mm=6.0', thickness_mm=2.0),
     "cross": _cell('shape="cross",side_mm=5.0,arm_mm=2.0,height_mm=6.0', thickness_mm=2.0),
     "filleted": _cell('shape="square",side_mm=4.0,height_mm=5.0,fillet_mm=0.5', "solve.accuracy=0.03", thickness_mm=2.0),
-    "whole": _cell('shape="square",side_mm=4.0,height_mm=5.0', "solve.model=solid", thickness_mm=2.0, count=8),
+    "whole": _cell('shape="square",side_mm=4.0,height_mm=5.0', "solve.model=solid", "bands.path=GX", "bands.grid=0",
+                   thickness_mm=2.0, count=6),
 }  # fmt: skip
 
 

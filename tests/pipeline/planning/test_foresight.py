@@ -19,12 +19,13 @@ from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
 from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice
 from pipeline.planning.request import Request
-from pipeline.planning.resources import GIB, MEMORY_RANGE, SECONDS_RANGE, too_much
+from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.records.run_log import RunLog
 from solvers.errors import OutOfMemory
 from solvers.fem.factor import memory
@@ -93,6 +94,34 @@ def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) 
     (demand,) = plan.of_bands(case_from_dict(SQUAT)).demands.values()
     assert too_much(demand) is None and demand.functions and demand.functions < 600
     assert list(demand.finer_bytes) == sorted(demand.finer_bytes) and len(demand.finer_bytes) == 2
+
+
+STOUT = {
+    "name": "stubs on a plate as thick as the pitch",
+    "material": "aluminium",
+    "plate": {"thickness_mm": 10.0},
+    "pillar": {"shape": "round", "diameter_mm": 7.0, "height_mm": 10.0},
+    "array": {"pitch_mm": 10.0},
+    "bands": {"points": 2, "count": 16},
+    "solve": {"accuracy": 0.01},
+}
+
+
+def test_the_functions_foreseen_are_those_that_coarse_cells_advise() -> None:
+    """They raise cut-off and degree of a plan's first reduction, to three times the functions here."""
+    case = case_from_dict(STOUT)
+    (demand,) = plan.of_bands(case).demands.values()
+    reduction, corners = (
+        cell_model_choice(case).reduction,
+        np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]) * np.pi / 10e-3,
+    )
+    assert reduction and demand.functions
+    pilot = _Pilot(case.design, case.bands.count)
+    advised = _piloted(
+        pilot, reduction, corners, case.bands.count, MARGIN * case.solve.accuracy, TerminalLog(quiet=True), 0.0
+    )
+    functions = pilot.lattice(advised).dof
+    assert pilot.lattice(reduction).dof < 0.5 * functions < demand.functions < 2.0 * functions
 
 
 def test_the_changes_proposed_name_keys_that_there_are() -> None:
@@ -272,7 +301,7 @@ def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
 def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None:
     took = taken(name)
     assert 0.5 < took.peak_bytes / took.foreseen_bytes < 2.0
-    assert SECONDS_RANGE[0] < took.processor_s / took.foreseen_s < SECONDS_RANGE[1]
+    assert 0.5 < took.processor_s / took.foreseen_s < 2.0
 
 
 def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
