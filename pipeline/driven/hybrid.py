@@ -17,7 +17,7 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.planning.foresight import announce
 from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
-from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, with_bar
+from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
 from pipeline.units import UM
 from solvers.driven.contrast import best_volts
@@ -125,7 +125,7 @@ class _Method:
 
     def _volts(self, squares: ComplexArray) -> ComplexArray:
         """Of the drivers, (t, m, s, d), made for a plate's S (2, t, m, s, d, d); 1 for all where they are fixed."""
-        return best_volts(*squares, self.alpha) if self.fixed is None else np.ones((1, 1, 1, 1), dtype=complex)
+        return best_volts(squares[0], squares[1], self.alpha) if self.fixed is None else np.ones((1, 1, 1, 1), dtype=complex)
 
     def _at(self, volts: ComplexArray, count: int) -> ComplexArray:
         """Of the drivers, (t, d)."""
@@ -193,6 +193,8 @@ def solve(
             methods.append(_method(name, *figures))
     patches, plate = case.patches, plates.rows.plate
     assert patches is not None
+    known = tone is not None and plates.rows.wanted_place() is not None
+    error = frequency_error(plates.rows, tone, frequency_errors(plates.rows)) if tone and known else None
     record = HybridRecord(
         model=f"{plate.name} with {patches.count} patches",
         dof=sum(group.pencil.dof for group in plate.groups),
@@ -204,7 +206,8 @@ def solve(
         wanted_elsewhere_hz=None if wanted else tone,
         frequency_hz=tones.tolist(),
         methods=methods,
-        wanted_error=None if wanted is None else frequency_error(plates.rows, wanted, frequency_errors(plates.rows)),
+        wanted_error=error if wanted else None,
+        wanted_elsewhere_error=None if wanted else error,
     )
     for line in lines(record):
         log.info(line)
@@ -285,7 +288,8 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
     place = record.wanted_place
     if place is None or record.wanted_hz is None:
         elsewhere = record.wanted_elsewhere_hz
-        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {frequency(elsewhere)}"
+        tone = frequency_with_bar(elsewhere, record.wanted_elsewhere_error)
+        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {tone}"
         yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
         return
     yield f"at the wanted mode's peak, {frequency_with_bar(record.wanted_hz, record.wanted_error)}:"

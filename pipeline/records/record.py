@@ -674,8 +674,8 @@ class HybridMethod(Part):
 class HybridRecord(Part):
     """Confinement by rows alone, by patches alone, by both and by neither.
 
-    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error:
-    half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
+    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error,
+    wanted_elsewhere_error: half-widths of their bars, relative; errors of the methods have the unit of their figure.
     """
 
     model: str
@@ -689,6 +689,7 @@ class HybridRecord(Part):
     methods: list[HybridMethod]
     wanted_error: float | None = None
     wanted_elsewhere_hz: float | None = None
+    wanted_elsewhere_error: float | None = None
 
     @property
     def wanted_place(self) -> int | None:

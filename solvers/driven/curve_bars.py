@@ -128,7 +128,7 @@ def _turned(forms: Forms, volts: ComplexArray) -> ComplexArray:
 
 def _phase(values: ComplexArray) -> ComplexArray:
     size = np.abs(values)
-    return np.where(size > 0.0, values, 1.0) / np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.where(size > 0.0, values, 1.0 + 0.0j) / np.where(size > 0.0, size, 1.0), dtype=complex)
 
 
 def _louder(known: Doubts) -> FloatArray:
