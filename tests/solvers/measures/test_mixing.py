@@ -38,7 +38,7 @@ def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
 
 
 def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> None:
-    """A column's modes at a wavenumber: what the neighbour's share of any phase does to the ratio of both parts, to first order."""
+    """A column's modes at a wavenumber: what the neighbour's share of any phase does to the level, to first order."""
     draw = np.random.default_rng(6).normal(size=(2, 1000, 2)) + 0.3
     values, half, error = draw[0] + 1j * draw[1], np.arange(1000) < 400, 1e-5
     share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
