@@ -248,7 +248,8 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
         transmitted = f"; the case's take {taken} from a flexural wave's power"
     if not answer.db_per_row:
         return [f"{khz}, a flexural wave passes endless rows undamped{transmitted}"]
-    total = f"{with_bar(answer.rows_db, answer.rows_error_db, 'dB')} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
+    every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
+    total = f"{every} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
     return [f"{khz}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"]
 
 

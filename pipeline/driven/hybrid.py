@@ -125,7 +125,11 @@ class _Method:
 
     def _volts(self, squares: ComplexArray) -> ComplexArray:
         """Of the drivers, (t, m, s, d), made for a plate's S (2, t, m, s, d, d); 1 for all where they are fixed."""
-        return best_volts(squares[0], squares[1], self.alpha) if self.fixed is None else np.ones((1, 1, 1, 1), dtype=complex)
+        return (
+            best_volts(squares[0], squares[1], self.alpha)
+            if self.fixed is None
+            else np.ones((1, 1, 1, 1), dtype=complex)
+        )
 
     def _at(self, volts: ComplexArray, count: int) -> ComplexArray:
         """Of the drivers, (t, d)."""

@@ -549,8 +549,8 @@ class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
     rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
-    db_error, rows_error_db, transmission_error_db: half-widths of the bars of the decay per row, of all rows' and of the power's,
-    dB.
+    db_error, rows_error_db, transmission_error_db: half-widths of the bars of the decay per row, of all rows' and of the
+    power's, dB.
     """
 
     frequency_hz: float
@@ -609,7 +609,8 @@ class PeakRecord(Part):
     """The response at one frequency, and the quality factor read from the curve.
 
     height_error: half-width of the bar of both rms, relative, the damping given; frequency_error: of the frequency's, by mesh,
-    reduction and bonding together; quality_error: of the quality factor's. None where one is not known.
+    reduction and bonding together; quality_error: of the quality factor's; confinement_error_db: of the level's. None where one
+    is not known.
     """
 
     frequency_hz: float
@@ -620,6 +621,7 @@ class PeakRecord(Part):
     height_error: float | None = None
     frequency_error: float | None = None
     quality_error: float | None = None
+    confinement_error_db: float | None = None
 
     @property
     def zone_nm_per_V(self) -> float:

@@ -49,7 +49,6 @@ EXACT = {
 OPEN = {  # none is stated so far: what gets one leaves this list
     "ResponseRecord.zone_rms_m_per_V",
     "ResponseRecord.passive_rms_m_per_V",
-    "PeakRecord.confinement_db",
     "WantedRecord.driven_confinement_db",
     "WantedRecord.extension_db",
     "WantedMode.driven_confinement_db",
@@ -114,7 +113,7 @@ SMALL: dict[str, Any] = {
         "sensors": [2],
     },
 }
-COMMANDS = ["attenuation", "broadband", "crosstalk", "hybrid", "travel", "touch"]
+COMMANDS = ["attenuation", "broadband", "response", "crosstalk", "hybrid", "travel", "touch"]
 BAND = ["--band", "60kHz:80kHz"]
 OPTIONS = {"travel": [], "touch": ["--no-map"]}
 
