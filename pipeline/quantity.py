@@ -37,7 +37,7 @@ def decimals(value: float, bar: float | None) -> int:
     """Count the decimals of a figure that its bar allows; negative left of the decimal point.
 
     A bar keeps two digits where these are 10 to 35 and one otherwise, and its figure ends where it ends, so that rounding
-    moves a figure by at most a seventh of its bar. A figure without a bar has three significant digits.
+    moves a figure by at most a seventh of its bar. A figure without a bar has three significant digits, an exact 0 none beyond.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def decimals(value: float, bar: float | None) -> int:
     if bar is None or not isfinite(bar):
         return FEW - 1 - highest
     if bar <= 0.0:
-        return MOST - 1 - highest
+        return MOST - 1 - highest if value else 0
     last = _exponent(bar)
     return min((bar / 10.0**last < TWO_DIGITS_BELOW) - last, MOST - 1 - highest)
 

@@ -19,12 +19,13 @@ from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_mo
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.model_choice import SOLID, cell_model_choice
 from pipeline.planning.request import driven_band_hz
-from pipeline.quantity import frequency, level, with_bar
+from pipeline.quantity import frequency, level_with_bar, with_bar
 from pipeline.records.record import (
     AttenuationPoint,
     AttenuationRecord,
     MeshRecord,
     PredictionRecord,
+    Transmission,
     WaveRecord,
 )
 from solvers.analytic.predesign import predesign
@@ -32,7 +33,7 @@ from solvers.measures.levels import CONFINED_DB
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
-from solvers.waves.evanescent import KeptRow, Row, RowWaves
+from solvers.waves.evanescent import KeptRow, Row, RowStiffness, RowWaves
 from solvers.waves.level_errors import level_bars
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import stacked
@@ -90,7 +91,8 @@ def solve(
     _log_summary(samples, kx, log)
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
     with log.step("error bars of the decay"):
-        samples = _with_bars(row, coarser, samples, None if expected is None else expected + model.reduction_error)
+        error = None if expected is None else expected + model.reduction_error
+        samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
     return Attenuation(
         model=model.name,
         kx_per_m=kx,
@@ -152,10 +154,12 @@ def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
 def _point(row: Row, coarser: Row, bare: Row, rows: int, frequency_hz: float) -> AttenuationPoint:
     row_waves = row.waves(frequency_hz)
     waves = _waves(row, coarser, frequency_hz, row_waves)
-    transmission = transmitted_shares(stacked(row_waves.stiffness, rows), bare, frequency_hz) if rows else None
-    return AttenuationPoint(
-        frequency_hz=frequency_hz, waves=waves, db_per_row=_least(waves), transmission=transmission, db_error=None
-    )
+    transmission = _through(row_waves.stiffness, bare, rows, frequency_hz)
+    return AttenuationPoint(frequency_hz=frequency_hz, waves=waves, db_per_row=_least(waves), transmission=transmission)
+
+
+def _through(one: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> Transmission | None:
+    return transmitted_shares(stacked(one, rows), bare, frequency_hz) if rows else None
 
 
 def _with_bars(
@@ -164,7 +168,30 @@ def _with_bars(
     """The points with the half-widths of their decays' bars, where bands of the cell may be off by `error`, relative."""
     tones, decays = np.array([[p.frequency_hz, nan if p.db_per_row is None else p.db_per_row] for p in samples]).T
     bars = level_bars(tones, decays, error, lambda tone: _least(_waves(row, coarser, tone, row.waves(tone))))
-    return tuple(p.model_copy(update={"db_error": bar}) for p, bar in zip(samples, bars, strict=True))
+    return tuple(
+        p.model_copy(update={"db_error": bar, "waves": tuple(_with_bar(wave, p.db_per_row, bar) for wave in p.waves)})
+        for p, bar in zip(samples, bars, strict=True)
+    )
+
+
+def _with_bar(wave: WaveRecord, least: float | None, bar: float | None) -> WaveRecord:
+    """The least attenuated flexural wave with its decay's bar; no other has one."""
+    is_least = wave.polarisation == "flexural" and wave.db_per_row == least
+    return wave.model_copy(update={"db_error": bar}) if is_least else wave
+
+
+def _with_taken(
+    row: Row, bare: Row, rows: int, samples: tuple[AttenuationPoint, ...], error: float | None
+) -> tuple[AttenuationPoint, ...]:
+    """The points with the half-widths of the bars of what the rows take from a flexural wave's power."""
+
+    def taken(tone: float) -> float | None:
+        shares = _through(row.waves(tone).stiffness, bare, rows, tone)
+        return shares.taken_db if shares else None
+
+    tones, levels = np.array([[p.frequency_hz, p.taken_db] for p in samples]).T
+    bars = level_bars(tones, levels, error, taken)
+    return tuple(p.model_copy(update={"taken_error_db": bar}) for p, bar in zip(samples, bars, strict=True))
 
 
 def _least(waves: Iterable[WaveRecord]) -> float | None:
@@ -192,15 +219,17 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level,
     dB.
     """
-    per_row = attenuation.at(frequency_hz)
+    per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
-    transmitted = nearest.transmission.flexural if nearest.transmission else None
+    passes = nearest.transmission is not None and nearest.transmission.flexural > 0.0
     return PredictionRecord(
         frequency_hz=frequency_hz,
         db_per_row=per_row,
-        db_error=attenuation.error_at(frequency_hz),
+        db_error=error,
         rows_db=None if per_row is None else attenuation.rows * per_row,
-        transmission_db=-10.0 * math.log10(transmitted) if transmitted else None,
+        rows_error_db=None if error is None else attenuation.rows * error,
+        transmission_db=nearest.taken_db if passes else None,
+        transmission_error_db=nearest.taken_error_db if passes else None,
         zone_to_extension_db=extension_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
@@ -213,15 +242,14 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     if answer is None or answer.db_per_row is None:
         return []
     khz = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the wanted mode"
-    transmitted = (
-        ""
-        if answer.transmission_db is None
-        else f"; the case's take {level(answer.transmission_db)} from a flexural wave's power"
-    )
+    transmitted = ""
+    if answer.transmission_db is not None:
+        taken = level_with_bar(answer.transmission_db, answer.transmission_error_db)
+        transmitted = f"; the case's take {taken} from a flexural wave's power"
     if not answer.db_per_row:
         return [f"{khz}, a flexural wave passes endless rows undamped{transmitted}"]
-    bar = None if answer.db_error is None else solved.rows * answer.db_error
-    total = f"{with_bar(answer.rows_db, bar, 'dB')} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
+    every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
+    total = f"{every} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
     return [f"{khz}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"]
 
 

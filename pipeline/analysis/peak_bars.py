@@ -1,4 +1,4 @@
-"""Error bar of the quality factor that is read from a response's peak."""
+"""Error bars of what is read from a response's peak: its quality factor, its level over the passive face."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ from itertools import chain
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from pipeline.planning import calibration
 from solvers.control.resonance import half_power_points
+from solvers.driven.curve_bars import doubts, with_peak
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, louder, variations
+from solvers.driven.forms import face_grams
 from solvers.driven.peak_width import WidthRates, width_rates
+from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.height import height_error
 from solvers.piezo.peaks import Peak, curve_about, near_hz, peak_of
@@ -51,6 +54,24 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
         far, near = _parted(width_rates(forced, top, ends), near)
     half = half_widths(nominal, chain(near, louder(forced, np.nan if load is None else load)), again)
     error = float(np.hypot(half[0], far * nominal[0]) + abs(nominal[0] - peak.quality_factor))
+    return error if np.isfinite(error) else None
+
+
+def level_error_db(forced: ForcedPlate, peak: Peak) -> float | None:
+    """Compute the half-width of the bar of a peak's level over the passive face, dB, the peak following its mode.
+
+    None where it is not known, as where a charge feeds the drivers.
+    """
+    known = doubts(forced, calibration.mixing())
+    if known is None or peak.passive_rms is None or forced.circuit != "short":
+        return None
+
+    def level(squares: ComplexArray) -> FloatArray:
+        zone, passive = np.sqrt(squares[..., 0, 0].real)
+        return ratio_db(zone, passive)[None]
+
+    fed = forced.signs[forced.drivers].astype(complex)
+    error = float(with_peak(known, forced, face_grams(forced), peak.frequency_hz, fed, level)[0])
     return error if np.isfinite(error) else None
 
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.analysis.peak_bars import quality_error
+from pipeline.analysis.peak_bars import level_error_db, quality_error
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.quantity import figure, frequency, frequency_with_bar, level, with_bar
+from pipeline.quantity import figure, frequency, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from pipeline.units import KHZ
 from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
@@ -93,6 +93,7 @@ def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> Pe
         height_error=height,
         frequency_error=frequency,
         quality_error=same.quality_error if same else quality_error(forced, peak),
+        confinement_error_db=same.confinement_error_db if same else level_error_db(forced, peak),
     )
 
 
@@ -219,7 +220,9 @@ def lines(forced_response: Response) -> list[str]:
 
 
 def _summary(name: str, peak: PeakRecord) -> str:
-    level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
+    level_text = ""
+    if peak.confinement_db is not None:
+        level_text = f", {level_with_bar(peak.confinement_db, peak.confinement_error_db)} above the passive face"
     known = frequency_with_bar(peak.frequency_hz, peak.frequency_error)
     tone = known if peak.frequency_error is not None else f"{known} (error not known)"
     error = peak.height_error

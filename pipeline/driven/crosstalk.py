@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -17,10 +17,11 @@ from pipeline.quantity import frequency, frequency_with_bar, level_with_bar
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import MM
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
-from solvers.driven.error_bars import frequency_error, frequency_errors, half_widths, is_known, sources
+from solvers.driven.curve_bars import Doubts, changes, doubts, half_widths, in_parts, with_peak
+from solvers.driven.error_bars import frequency_error, frequency_errors
+from solvers.driven.forms import forms
 from solvers.measures.levels import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
-from solvers.piezo.height import height_error
 from solvers.threads import one_thread
 
 
@@ -37,7 +38,8 @@ def solve(
     with log.step(f"{design.zones} zones, each driven in turn"):
         zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
         tones = np.linspace(*forced.band_hz, points)
-        driven, errors = [], frequency_errors(forced)
+        driven, errors, known = [], frequency_errors(forced), doubts(forced, calibration.mixing())
+        curves = _curve_bars(zones, volts, tones, known)
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
             mac = zones.mac(fed, peak, zone)
@@ -54,7 +56,9 @@ def solve(
                     passive_db=None if np.isnan(at[-1]) else float(ratio_db(at[-1], at[zone])),
                     mac=mac,
                     over_rms_m_per_V=over[:, :-1].T.tolist(),
-                    **_bars(zones, fed, zone, peak, errors),
+                    over_rms_error_m_per_V=_numbers(curves[zone]),
+                    peak_error=frequency_error(forced, peak, errors),
+                    **_peak_bars(zones, fed, zone, peak, known),
                 )
             )
     record = CrosstalkRecord(
@@ -70,31 +74,54 @@ def solve(
     return record
 
 
-def _bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, errors: list[FloatArray]) -> dict[str, Any]:
+def _curve_bars(zones: Zones, volts: FloatArray, tones: FloatArray, known: Doubts | None) -> FloatArray:
+    """Half-widths of the bars of every zone's rms while each is driven, (driven, zones, n); NaN where they are not known."""
+    forced, count = zones.forced, zones.forced.design.zones
+    if known is None:
+        return np.full((len(volts), count, len(tones)), np.nan)
+
+    def bars(part: FloatArray) -> FloatArray:
+        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(1.0) * part**2
+        out = []
+        for fed in volts[:, forced.drivers]:
+            each = np.broadcast_to(fed.astype(complex), (len(part), len(fed)))
+            alone = own.fed(each)
+            out.append(half_widths(_rms(alone.squares), changes(known, own, at, each), [alone], _rms))
+        return np.array(out)
+
+    return in_parts(bars, tones)
+
+
+def _rms(squares: ComplexArray) -> FloatArray:
+    """Of one voltage's forms (k, ..., 1, 1)."""
+    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
+
+
+def _peak_bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
     """Half-widths of the bars of what one driven zone shows at its peak; None where they are not known."""
-    forced, share = zones.forced, calibration.mixing()
+    forced, count = zones.forced, zones.forced.design.zones
+    parts = count + zones.has_passive
+    grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
 
-    def figures(each: Zones, tone: float) -> FloatArray:
-        (rms,) = each.rms(fed, np.array([tone]))
-        return np.concatenate([rms, ratio_db(rms, rms[zone]), [each.mac(fed, tone, zone)]])
+    def figures(squares: ComplexArray) -> FloatArray:
+        rms = _rms(squares)
+        return np.concatenate([rms[:-1], ratio_db(rms[:-1], rms[zone]), rms[-1:] ** 2 / rms[zone] ** 2])
 
-    nominal, count = figures(zones, peak_hz), forced.design.zones
-    half = np.full_like(nominal, np.nan)
-    if share is not None and is_known(errors):
-        load = height_error(forced, peak_hz)
-        half = half_widths(
-            nominal,
-            sources(forced, errors, peak_hz, share, load),
-            lambda each: figures(zones.of(each), peak_hz * each.own),
-        )
-    known = [None if np.isnan(value) else float(value) for value in half]
+    half = np.full(2 * parts + 1, np.nan)
+    if known is not None:
+        half = with_peak(known, forced, grams, peak_hz, fed[forced.drivers].astype(complex), figures)
+    levels = _numbers(half[parts : 2 * parts])
     return {
-        "peak_error": frequency_error(forced, peak_hz, errors),
-        "rms_error_m_per_V": known[:count],
-        "level_error_db": known[count + 1 : 2 * count + 1],
-        "passive_error_db": known[2 * count + 1],
-        "mac_error": known[-1],
+        "rms_error_m_per_V": _numbers(half[:count]),
+        "level_error_db": levels[:count],
+        "passive_error_db": levels[count] if zones.has_passive else None,
+        "mac_error": _numbers(half)[-1],
     }
+
+
+def _numbers(values: FloatArray) -> list[Any]:
+    """The same with None for NaN."""
+    return [_numbers(each) if np.ndim(each) else None if np.isnan(each) else float(each) for each in values]
 
 
 def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,22 +17,15 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.planning.foresight import announce
 from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
-from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, with_bar
+from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
 from pipeline.units import UM
-from solvers.driven.contrast import contrast_volts
-from solvers.driven.error_bars import (
-    Louder,
-    Variation,
-    frequency_error,
-    frequency_errors,
-    half_widths,
-    is_known,
-    sources,
-)
+from solvers.driven.contrast import best_volts
+from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widths, in_parts
+from solvers.driven.error_bars import frequency_error, frequency_errors
+from solvers.driven.forms import Forms, face_grams, forms
 from solvers.measures.levels import ratio_db
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.height import height_error
 from solvers.piezo.peaks import near_hz
 from solvers.threads import one_thread
 
@@ -49,34 +42,128 @@ class Plates:
     bare: ForcedPlate
     detuned: tuple[ForcedPlate, ...]
 
-    @property
-    def every(self) -> tuple[ForcedPlate, ...]:
-        """All of them."""
-        return (self.rows, self.bare, *self.detuned)
 
-    def with_one(self, plate: ForcedPlate, other: ForcedPlate) -> Plates:
-        """The same with another plate in the place of one."""
-        rows, bare, *detuned = (other if each is plate else each for each in self.every)
-        return Plates(rows, bare, tuple(detuned))
+@dataclass(frozen=True, eq=False)
+class _Plate:
+    """A plate and what may be wrong about it: its forms at any tones."""
 
+    forced: ForcedPlate
+    grams: FloatArray
+    known: Doubts | None
 
-@dataclass(frozen=True)
-class _Levels:
-    """Of one method at one frequency."""
+    @classmethod
+    def of(cls, forced: ForcedPlate) -> _Plate:
+        return cls(forced, face_grams(forced), doubts(forced, calibration.mixing()))
 
-    db: float
-    volts_per_um: float
-    off_db: float
-    rows_off_db: float | None
+    def forms(self, tones: FloatArray) -> Forms:
+        return forms(self.forced, self.grams, tones)
 
-    @property
-    def values(self) -> FloatArray:
-        """The figures; NaN for what has no meaning."""
-        off = np.nan if self.rows_off_db is None else self.rows_off_db
-        return np.array([self.db, self.volts_per_um, self.off_db, off])
+    def eigenvalue(self, tones: FloatArray) -> FloatArray:
+        return np.asarray(self.forced.plate.scale.eigenvalue(1.0) * tones**2)
+
+    def changes(self, own: Forms, tones: FloatArray, volts: ComplexArray, still: int | None = None) -> Iterator[Change]:
+        assert self.known is not None
+        return changes(self.known, own, self.eigenvalue(tones), volts, still)
 
 
-Level = Callable[[Plates, float], _Levels]
+@dataclass(frozen=True, eq=False)
+class _Method:
+    """A method on its own plate, its figures (level, V per um, off, rows off) and their bars over tones.
+
+    fixed (d,): the drivers' voltages; None where they are shaped for each tone, for the plate as it is. detuned: plates of the
+    last figure.
+    """
+
+    own: _Plate
+    fixed: ComplexArray | None
+    detuned: tuple[_Plate, ...]
+    alpha: float
+
+    def with_bars(self, tones: FloatArray, still: int | None = None) -> FloatArray:
+        """Figures and half-widths of their bars, (2, 4, t); NaN where one means nothing or is not known.
+
+        still: mode of its own plate that stays where it is.
+        """
+        own, others = [self.own.forms(each) for each in _off(tones)], [plate.forms(tones) for plate in self.detuned]
+        plain = [_plain(self._fed(each)) for each in own], [_plain(self._fed(each)) for each in others]
+        volts = self._volts(plain[0][0])
+        nominal = _figures(volts, *plain)[..., 0, 0]
+        if any(plate.known is None for plate in (self.own, *self.detuned)):
+            return np.array([nominal, np.full_like(nominal, np.nan)])
+        at = self._at(volts, len(tones))
+        bars = [
+            half_widths(
+                nominal,
+                self.own.changes(own[0], tones, at, still),
+                [self._fed(each) for each in own],
+                lambda *each: _figures(self._volts(each[0]), each, plain[1]),
+            )
+        ]
+        for place, (plate, each) in enumerate(zip(self.detuned, others, strict=True)):
+
+            def again(changed: ComplexArray, place: int = place) -> FloatArray:
+                return _figures(volts, plain[0], [*plain[1][:place], changed, *plain[1][place + 1 :]])
+
+            bars.append(half_widths(nominal, plate.changes(each, tones, at), [self._fed(each)], again))
+        return np.array([nominal, np.linalg.norm(bars, axis=0)])
+
+    def at_peak(self, tone: float, rows: _Plate) -> FloatArray:
+        """The same (2, 4) at a peak that follows its mode on the plate with rows."""
+        if rows.known is None:
+            return self.with_bars(np.array([tone]))[..., 0]
+        mode, ends = rows.known.ends(rows.eigenvalue(np.array([tone]))[0])
+        nominal, half = self.with_bars(np.array([tone]), mode if self.own is rows else None)[..., 0]
+        own = [self._fed(self.own.forms(each)) for each in _off(tone * ends)]
+        change = rows.known.at_ends(mode)
+        parts = [each.softened(change)[:, :, mode, None] if self.own is rows else _plain(each) for each in own]
+        others = [_plain(self._fed(plate.forms(tone * ends))) for plate in self.detuned]
+        ended = _figures(self._volts(parts[0]), parts, others)[..., 0, 0]
+        return np.array([nominal, np.hypot(half, np.abs(ended - nominal[:, None]).max(axis=1))])
+
+    def _fed(self, each: Forms) -> Forms:
+        return each if self.fixed is None else each.fed(self._at(self.fixed, len(each.answers)))
+
+    def _volts(self, squares: ComplexArray) -> ComplexArray:
+        """Of the drivers, (t, m, s, d), made for a plate's S (2, t, m, s, d, d); 1 for all where they are fixed."""
+        return (
+            best_volts(squares[0], squares[1], self.alpha)
+            if self.fixed is None
+            else np.ones((1, 1, 1, 1), dtype=complex)
+        )
+
+    def _at(self, volts: ComplexArray, count: int) -> ComplexArray:
+        """Of the drivers, (t, d)."""
+        return volts[:, 0, 0] if self.fixed is None else np.broadcast_to(self.fixed, (count, len(self.fixed)))
+
+
+def _off(tones: FloatArray) -> list[FloatArray]:
+    """The tones, and those at which every resonance is off as much the other way round."""
+    return [tones / (1.0 + sign * DETUNING) for sign in (0.0, -1.0, 1.0)]
+
+
+def _plain(each: Forms) -> ComplexArray:
+    """S (k, t, 1, 1, d, d) of a plate as computed."""
+    return each.squares[:, :, None, None]
+
+
+def _figures(volts: ComplexArray, own: Sequence[ComplexArray], detuned: Sequence[ComplexArray]) -> FloatArray:
+    """The four figures (4, t, m, s) of voltages (t, m, s, d), from S of the plate at its tones and off, and of detuned ones."""
+    squares = [_values(each, volts) for each in own]
+    level, *off = [_level(each) for each in squares]
+    per_um = UM * np.abs(volts).max(axis=-1) / np.sqrt(squares[0][0])
+    rows_off = [_level(_values(each, volts)) for each in detuned] or [np.full_like(level, np.nan)]
+    return np.array(
+        np.broadcast_arrays(level, per_um, np.min(off, axis=0), np.minimum.reduce(np.broadcast_arrays(*rows_off)))
+    )
+
+
+def _values(squares: ComplexArray, volts: ComplexArray) -> FloatArray:
+    """v^H S v, (k, t, m, s)."""
+    return np.asarray(np.maximum((volts.conj() * (squares @ volts[..., None])[..., 0]).sum(axis=-1).real, 0.0))
+
+
+def _level(squares: FloatArray) -> FloatArray:
+    return ratio_db(*np.sqrt(squares))
 
 
 @one_thread()
@@ -97,25 +184,21 @@ def solve(
     tone, (low, high) = driven_hz(plates.rows), plates.rows.band_hz
     wanted = near_hz(plates.rows, tone) if tone and low <= tone <= high else None
     tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
-    errors = {id(plate): frequency_errors(plate) for plate in plates.every}
-    with log.step(f"{len(tones)} frequencies, four methods each"):
-        levels = {name: [_levels(plates, name, inner, float(f), alpha) for f in tones] for name in METHODS}
-    with log.step("error bars"):
+    rows, bare, *detuned = (_Plate.of(plate) for plate in (plates.rows, plates.bare, *plates.detuned))
+    alone = (plates.rows.signs * inner)[plates.rows.drivers].astype(complex)
+    with log.step(f"{len(tones)} frequencies, four methods each, and their error bars"):
         methods = []
-        for name, own in levels.items():
-
-            def level(of: Plates, tone: float, name: str = name) -> _Levels:
-                return _levels(of, name, inner, tone, alpha)
-
-            bars = [
-                _peak_bars(plates, level, each, f, errors)
-                if wanted is not None and f == wanted
-                else _slope_bars(plates, level, each, f, errors)
-                for each, f in zip(own, tones.tolist(), strict=True)
-            ]
-            methods.append(_method(name, own, bars))
+        for name in METHODS:
+            own, others = (rows, tuple(detuned)) if name in ("rows", "both") else (bare, ())
+            method = _Method(own, None if name in ("patches", "both") else alone, others, alpha)
+            figures = in_parts(method.with_bars, tones)
+            if wanted is not None:
+                figures[..., tones == wanted] = method.at_peak(wanted, rows)[..., None]
+            methods.append(_method(name, *figures))
     patches, plate = case.patches, plates.rows.plate
     assert patches is not None
+    known = tone is not None and plates.rows.wanted_place() is not None
+    error = frequency_error(plates.rows, tone, frequency_errors(plates.rows)) if tone and known else None
     record = HybridRecord(
         model=f"{plate.name} with {patches.count} patches",
         dof=sum(group.pencil.dof for group in plate.groups),
@@ -127,7 +210,8 @@ def solve(
         wanted_elsewhere_hz=None if wanted else tone,
         frequency_hz=tones.tolist(),
         methods=methods,
-        wanted_error=None if wanted is None else frequency_error(plates.rows, wanted, errors[id(plates.rows)]),
+        wanted_error=error if wanted else None,
+        wanted_elsewhere_error=None if wanted else error,
     )
     for line in lines(record):
         log.info(line)
@@ -181,66 +265,21 @@ def _retuned(design: Design, factor: float) -> Design:
     return replace(design, pillar=design.pillar and of(design.pillar), graded=tuple(map(of, design.graded)))
 
 
-def _levels(plates: Plates, method: str, inner: FloatArray, frequency_hz: float, alpha: float) -> _Levels:
-    """Voltages made for the plate as computed; off: every resonance, or the pillars' alone, elsewhere by the detuning."""
-    own = plates.rows if method in ("rows", "both") else plates.bare
-    shaped = contrast_volts(own, frequency_hz, alpha) if method in ("patches", "both") else None
-    volts: ComplexArray = np.asarray(plates.rows.signs * inner, dtype=complex) if shaped is None else shaped
-
-    def level(plate: ForcedPlate, tone: float) -> tuple[float, float]:
-        curve = plate.driven_by(volts).curve(np.array([tone]))
-        assert curve.passive_rms_m_per_v is not None
-        zone = float(curve.zone_rms_m_per_v[0])
-        return float(ratio_db(zone, curve.passive_rms_m_per_v[0])), zone
-
-    db, zone = level(own, frequency_hz)
-    off = min(level(own, frequency_hz / (1.0 + sign * DETUNING))[0] for sign in (-1.0, 1.0))
-    rows_off = min(level(plate, frequency_hz)[0] for plate in plates.detuned) if own is plates.rows else None
-    return _Levels(db, UM * float(np.abs(volts).max()) / zone, off, rows_off)
-
-
-def _peak_bars(
-    plates: Plates, level: Level, own: _Levels, tone: float, errors: dict[int, list[FloatArray]]
-) -> FloatArray:
-    """Half-widths at the wanted mode's peak, which follows the plate with rows; each plate errs by itself."""
-    share, squares = calibration.mixing(), np.zeros(4)
-    for plate in plates.every:
-        if share is None or not is_known(errors[id(plate)]):
-            return np.full(4, np.nan)
-        follows, load = plate is plates.rows, height_error(plate, tone)
-
-        def again(each: Variation | Louder, plate: ForcedPlate = plate, follows: bool = follows) -> FloatArray:
-            return level(plates.with_one(plate, each.of(plate)), tone * each.own if follows else tone).values
-
-        squares += half_widths(own.values, sources(plate, errors[id(plate)], tone, share, load), again) ** 2
-    return np.asarray(np.sqrt(squares))
-
-
-def _slope_bars(
-    plates: Plates, level: Level, own: _Levels, tone: float, errors: dict[int, list[FloatArray]]
-) -> FloatArray:
-    """Half-widths away from that peak: the worst over the frequency's bar, that of the worst known resonance about."""
-    every = np.concatenate([each for plate in plates.every for each in errors[id(plate)]])
-    worst = float(every.max()) if np.isfinite(every).all() else np.nan
-    if not np.isfinite(worst):
-        return np.full(4, np.nan)
-    ends = [level(plates, tone * (1.0 + sign * worst)).values for sign in (-1.0, 1.0)]
-    return np.asarray(np.max(np.abs(np.array(ends) - own.values), axis=0))
-
-
-def _method(name: str, levels: list[_Levels], bars: list[FloatArray]) -> HybridMethod:
-    rows_off = [each.rows_off_db for each in levels if each.rows_off_db is not None]
-    columns = [[None if np.isnan(each) else float(each) for each in column] for column in np.array(bars).T]
+def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
+    """From figures and bars, (4, t) each."""
+    db, per_um, off, rows_off = figures.tolist()
+    errors = [[None if np.isnan(each) else each for each in column] for column in bars.tolist()]
+    has_rows = bool(np.isfinite(figures[3]).all())
     return HybridMethod(
         method=name,  # type: ignore[arg-type]
-        confinement_db=[each.db for each in levels],
-        volts_per_um=[each.volts_per_um for each in levels],
-        off_db=[each.off_db for each in levels],
-        rows_off_db=rows_off or None,
-        confinement_error_db=columns[0],
-        volts_error_per_um=columns[1],
-        off_error_db=columns[2],
-        rows_off_error_db=columns[3] if rows_off else None,
+        confinement_db=db,
+        volts_per_um=per_um,
+        off_db=off,
+        rows_off_db=rows_off if has_rows else None,
+        confinement_error_db=errors[0],
+        volts_error_per_um=errors[1],
+        off_error_db=errors[2],
+        rows_off_error_db=errors[3] if has_rows else None,
     )
 
 
@@ -253,7 +292,8 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
     place = record.wanted_place
     if place is None or record.wanted_hz is None:
         elsewhere = record.wanted_elsewhere_hz
-        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {frequency(elsewhere)}"
+        tone = frequency_with_bar(elsewhere, record.wanted_elsewhere_error)
+        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {tone}"
         yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
         return
     yield f"at the wanted mode's peak, {frequency_with_bar(record.wanted_hz, record.wanted_error)}:"

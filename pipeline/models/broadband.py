@@ -22,7 +22,7 @@ from solvers.measures.levels import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.superelement.build import Reductions
 from solvers.threads import one_thread
-from solvers.waves.column import Column, ColumnModes, Driven
+from solvers.waves.column import Column, Driven
 from solvers.waves.evanescent import Row, RowStiffness, RowWaves
 from solvers.waves.level_errors import level_bars
 from solvers.waves.polarisation import label_of
@@ -54,7 +54,7 @@ def broadband(
         errors = _mode_bars(driven) if with_bars else np.full(len(driven.modes.frequency_hz), np.nan)
         widest = _widest(driven.modes.frequency_hz, errors, low, high)
         bars = _level_bars(driven, errors, points)
-        taken = np.array([-10.0 * np.log10(max(each.flexural, 1e-30)) if each else np.nan for each in transmitted])
+        taken = np.array([each.taken_db if each else np.nan for each in transmitted])
         taken_bars = level_bars(tones, taken, widest, lambda tone: _taken_db(column, bare, tone))
     columns = tones.tolist(), driven.confinement_db.tolist(), transmitted, bars, taken_bars
     samples = [
@@ -63,17 +63,17 @@ def broadband(
         )
         for tone, level, shares, bar, lost in zip(*columns, strict=True)
     ]
-    wanted_hz, wanted_db, wanted_error = _wanted(driven.modes, errors, mesh_rules.wanted_window_hz(design))
+    wanted_hz, wanted_db, wanted_error, wanted_bar = _wanted(driven, errors, mesh_rules.wanted_window_hz(design))
     confined = stretches(tones, driven.confinement_db)
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
-    return BroadbandRecord(
+    record = BroadbandRecord(
         model=f"column of superelements hex{order}",
         kx_per_m=case.kx_wanted_per_m,
         rows=design.rows,
         wanted_hz=wanted_hz,
         wanted_db=wanted_db,
         wanted_error=wanted_error,
-        wanted_error_db=None,
+        wanted_error_db=wanted_bar,
         frequency_error=widest,
         confined_hz=_about(confined, wanted_hz),
         stopped_hz=_about(stopped, wanted_hz),
@@ -81,6 +81,8 @@ def broadband(
         stopped=stopped,
         points=samples,
     )
+    ends = {"confined_error": confined, "stopped_error": stopped}
+    return record.model_copy(update={name: [record.end_errors(each) for each in of] for name, of in ends.items()})
 
 
 def checked(case: Case) -> Design:
@@ -173,21 +175,20 @@ def _level_bars(driven: Driven, errors: FloatArray, points: int) -> list[float |
 
 def _taken_db(column: Column, bare: Row, frequency_hz: float) -> float | None:
     shares = _through(column, bare, frequency_hz)
-    return -10.0 * float(np.log10(max(shares.flexural, 1e-30))) if shares else None
+    return shares.taken_db if shares else None
 
 
-def _wanted(
-    modes: ColumnModes, errors: FloatArray, window_hz: Stretch
-) -> tuple[float | None, float | None, float | None]:
-    """Frequency, confinement and relative bar of the wanted mode among the column's, as `antinode search` finds it."""
-    inside = (modes.frequency_hz >= window_hz[0]) & (modes.frequency_hz <= window_hz[1])
-    level = modes.confinement
+def _wanted(driven: Driven, errors: FloatArray, window_hz: Stretch) -> tuple[float | None, ...]:
+    """Frequency and confinement of the wanted mode among the column's, found as `antinode search` does, and both bars."""
+    tones, level, share = driven.modes.frequency_hz, driven.modes.confinement, calibration.mixing()
+    inside = np.flatnonzero((tones >= window_hz[0]) & (tones <= window_hz[1]))
     at = verdict(level.strength[inside], level.zone_share[inside], level.mac[inside]).index
     if at is None:
-        return None, None, None
-    error = float(errors[inside][at])
-    found = float(modes.frequency_hz[inside][at]), float(level.confinement_db[inside][at])
-    return *found, error if np.isfinite(error) else None
+        return None, None, None, None
+    own = int(inside[at])
+    error = float(errors[own]) if np.isfinite(errors[own]) else None
+    bar = None if error is None or share is None else share * driven.mixing_db(own, error)
+    return float(tones[own]), float(level.confinement_db[own]), error, bar
 
 
 def stretches(frequency_hz: FloatArray, level_db: FloatArray, least_db: float = CONFINED_DB) -> list[Stretch]:

@@ -388,13 +388,14 @@ class BandsRecord(Open):
 
 
 class WaveRecord(Part):
-    """One wave across the rows."""
+    """One wave across the rows; db_error: half-width of its decay's bar, dB, of the least attenuated flexural one alone."""
 
     polarisation: str
     ky_re_per_m: float
     ky_im_per_m: float
     db_per_row: float
     pillar_share: float
+    db_error: float | None = None
 
 
 class Transmission(Part):
@@ -405,11 +406,16 @@ class Transmission(Part):
     shear: float
     longitudinal: float
 
+    @property
+    def taken_db(self) -> float:
+        """What the rows take from a flexural wave's power, dB, at most 300."""
+        return -10.0 * log10(max(self.flexural, 1e-30))
+
 
 class AttenuationPoint(Part):
     """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through.
 
-    db_error: half-width of the decay's bar, dB; None where unknown.
+    db_error, taken_error_db: half-widths of the bars of the decay and of what the rows take, dB; None where unknown.
     """
 
     frequency_hz: float
@@ -417,6 +423,12 @@ class AttenuationPoint(Part):
     db_per_row: float | None
     transmission: Transmission | None
     db_error: float | None = None
+    taken_error_db: float | None = None
+
+    @property
+    def taken_db(self) -> float:
+        """As of `Transmission`; NaN where no wave arrives."""
+        return self.transmission.taken_db if self.transmission else nan
 
 
 class AttenuationRecord(Part):
@@ -486,8 +498,8 @@ class BroadbandPoint(Part):
 
     @property
     def taken_db(self) -> float:
-        """What the rows take from a flexural wave's power, dB, at most 300; NaN where none arrives."""
-        return -10.0 * log10(max(self.transmission.flexural, 1e-30)) if self.transmission else nan
+        """As of `Transmission`; NaN where no wave arrives."""
+        return self.transmission.taken_db if self.transmission else nan
 
 
 class BroadbandRecord(Part):
@@ -495,7 +507,8 @@ class BroadbandRecord(Part):
 
     confined, stopped: intervals where the driven motion is confined, and where no more than a tenth of a wave's power
     passes, Hz; confined_hz, stopped_hz: those of them that hold the wanted mode's frequency, None where none does.
-    wanted_error, frequency_error: relative half-widths of the bars of the wanted mode and of any frequency of the column.
+    wanted_error, frequency_error: relative half-widths of the bars of the wanted mode and of any frequency of the column;
+    confined_error, stopped_error: of both ends of each interval.
     """
 
     model: str
@@ -511,12 +524,15 @@ class BroadbandRecord(Part):
     wanted_error: float | None = None
     wanted_error_db: float | None = None
     frequency_error: float | None = None
+    confined_error: list[tuple[float | None, float | None]] = []
+    stopped_error: list[tuple[float | None, float | None]] = []
 
-    def end_errors(self, ends_hz: tuple[float, float]) -> tuple[float | None, ...]:
+    def end_errors(self, ends_hz: tuple[float, float]) -> tuple[float | None, float | None]:
         """Relative half-widths of the bars of an interval's ends: half a step of the frequencies beside the column's bar."""
         error = self.frequency_error
         step = (self.points[-1].frequency_hz - self.points[0].frequency_hz) / max(len(self.points) - 1, 1)
-        return tuple(None if error is None else error + step / (2.0 * end) for end in ends_hz)
+        low, high = (None if error is None else error + step / (2.0 * end) for end in ends_hz)
+        return low, high
 
     def taken_db(self, frequency_hz: float) -> float:
         """What the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
@@ -533,14 +549,17 @@ class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
     rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
-    db_error: half-width of the bar of the decay per row, dB.
+    db_error, rows_error_db, transmission_error_db: half-widths of the bars of the decay per row, of all rows' and of the
+    power's, dB.
     """
 
     frequency_hz: float
     db_per_row: float | None
     db_error: float | None = None
     rows_db: float | None
+    rows_error_db: float | None = None
     transmission_db: float | None
+    transmission_error_db: float | None = None
     zone_to_extension_db: float | None
     rows_needed: int | None
 
@@ -590,7 +609,8 @@ class PeakRecord(Part):
     """The response at one frequency, and the quality factor read from the curve.
 
     height_error: half-width of the bar of both rms, relative, the damping given; frequency_error: of the frequency's, by mesh,
-    reduction and bonding together; quality_error: of the quality factor's. None where one is not known.
+    reduction and bonding together; quality_error: of the quality factor's; confinement_error_db: of the level's. None where one
+    is not known.
     """
 
     frequency_hz: float
@@ -601,6 +621,7 @@ class PeakRecord(Part):
     height_error: float | None = None
     frequency_error: float | None = None
     quality_error: float | None = None
+    confinement_error_db: float | None = None
 
     @property
     def zone_nm_per_V(self) -> float:
@@ -655,8 +676,8 @@ class HybridMethod(Part):
 class HybridRecord(Part):
     """Confinement by rows alone, by patches alone, by both and by neither.
 
-    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error:
-    half-width of that peak's bar, relative; errors of the methods have the unit of their figure.
+    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error,
+    wanted_elsewhere_error: half-widths of their bars, relative; errors of the methods have the unit of their figure.
     """
 
     model: str
@@ -670,6 +691,7 @@ class HybridRecord(Part):
     methods: list[HybridMethod]
     wanted_error: float | None = None
     wanted_elsewhere_hz: float | None = None
+    wanted_elsewhere_error: float | None = None
 
     @property
     def wanted_place(self) -> int | None:
@@ -790,6 +812,7 @@ class DrivenZone(Part):
     passive_db: float | None
     over_rms_m_per_V: list[list[float]]
     mac: float | None = None
+    over_rms_error_m_per_V: list[list[float | None]] | None = None
     peak_error: float | None = None
     rms_error_m_per_V: list[float | None] | None = None
     level_error_db: list[float | None] | None = None

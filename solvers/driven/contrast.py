@@ -7,9 +7,8 @@ driver's field.
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
 
-from geometry.elements import ComplexArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.piezo.forced import ForcedPlate
 
 ROUNDING = 1e-12  # of the outside's mean: what voltages that move nothing there have
@@ -25,24 +24,40 @@ def contrast_volts(plate: ForcedPlate, frequency_hz: float, alpha: float = 0.0) 
     passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
     if len(drivers) < 2 or plate.circuit != "short" or not passive:
         return None
-    inside, outside = _grams(plate, frequency_hz)
-    mean = float(np.trace(outside).real)
-    floor = max(ROUNDING, alpha**2 / len(drivers)) * mean * np.eye(len(drivers))
-    best = scipy.linalg.eigh(inside, outside + floor)[1][:, -1]
     volts = np.zeros(len(plate.plate.patches), dtype=complex)
-    volts[drivers] = best / best[int(np.argmax(np.abs(best)))]
+    volts[drivers] = best_volts(*_grams(plate, frequency_hz), alpha)
     return volts
 
 
-def unit_volts(plate: ForcedPlate, eigenvalue: float) -> ComplexArray:
-    """Voltages of all patches with each driver alone at 1 V and the sensors open, (patches, drivers)."""
-    volts = np.eye(len(plate.plate.patches), dtype=complex)[:, plate.drivers]
+def best_volts(inside: ComplexArray, outside: ComplexArray, alpha: float) -> ComplexArray:
+    """The drivers' voltages (..., d) of the largest contrast between two forms (..., d, d), the largest of size 1."""
+    count = inside.shape[-1]
+    mean = np.trace(outside, axis1=-2, axis2=-1).real[..., None, None]
+    lower = np.linalg.cholesky(outside + max(ROUNDING, alpha**2 / count) * mean * np.eye(count))
+    back = np.linalg.inv(lower)
+    top = np.linalg.eigh(back @ inside @ back.conj().swapaxes(-1, -2))[1][..., -1]
+    best = (back.conj().swapaxes(-1, -2) @ top[..., None])[..., 0]
+    largest = np.abs(best).argmax(axis=-1)[..., None]
+    return np.asarray(best / np.take_along_axis(best, largest, axis=-1))
+
+
+def unit_volts(plate: ForcedPlate, eigenvalue: float | FloatArray) -> ComplexArray:
+    """Voltages of all patches at eigenvalues (...) with each driver alone at 1 V, sensors open, (..., patches, drivers)."""
+    one = np.eye(len(plate.plate.patches), dtype=complex)[:, plate.drivers]
+    volts = np.tile(one, (*np.shape(eigenvalue), 1, 1))
     if left := plate.sensors:
-        moved = np.sum([basis.receptance(eigenvalue, plate.loss) for basis in plate.modes], axis=0)
-        moved = moved * plate.plate.stiffness_unit
-        clamped = moved[np.ix_(left, left)] + np.diag(plate.plate.capacitance_f[left])
-        volts[left] = np.linalg.solve(clamped, -moved[np.ix_(left, plate.drivers)])
+        moved, clamped = clamped_charges(plate, eigenvalue)
+        volts[..., left, :] = -np.linalg.solve(clamped, moved[..., plate.drivers])
     return volts
+
+
+def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """Charges of the sensors per volt on each patch by the plate's motion (..., sensors, patches), and on the sensors in all
+    (..., sensors, sensors), scaled.
+    """
+    left = plate.sensors
+    moved = np.sum([basis.receptance(eigenvalue, plate.loss)[..., left, :] for basis in plate.modes], axis=0)
+    return moved, moved[..., left] + np.diag(plate.plate.capacitance_f[left]) / plate.plate.stiffness_unit
 
 
 def _grams(plate: ForcedPlate, frequency_hz: float) -> tuple[ComplexArray, ComplexArray]:

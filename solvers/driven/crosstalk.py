@@ -12,7 +12,6 @@ from itertools import product
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.driven.error_bars import Louder, Variation
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.driven_zones import peak_hz, zone_parts
 from solvers.piezo.circuit import resonances_hz
@@ -49,10 +48,10 @@ class Zones:
         fed = plate.volts_over(at)
         return np.concatenate([basis.amplitudes(at, plate.loss, fed) for basis in plate.modes], axis=1).T
 
-    def of(self, each: Variation | Louder) -> Zones:
-        """The zones of the plate within its bars."""
-        grams, shapes = each.among(self.forced, self.grams, both=True), each.among(self.forced, self.shapes)
-        return Zones(each.of(self.forced), grams, shapes)
+    @property
+    def has_passive(self) -> bool:
+        """Whether something of the touch face lies in no zone."""
+        return not bool(np.isnan(self.grams[-1]).any())
 
     def peak_hz(self, volts: FloatArray, zone: int) -> float:
         """Where the zone moves most within the band, Hz."""

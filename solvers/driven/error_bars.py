@@ -119,20 +119,11 @@ class Variation:
         moved = float(np.sqrt(self.values[place] / self.basis.eigenvalue[mode.place]))
         return replace(mode, frequency_hz=mode.frequency_hz * moved)
 
-    def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
-        """Values (..., columns) of all groups' columns, one after another, in the new modes; both: of the last two axes."""
-        first = 0
-        for basis in plate.modes:
-            if self._is_in(basis):
-                return self._turned(values, both, first)
-            first += basis.columns.shape[1]
-        return values
-
-    def _turned(self, values: FloatArray, both: bool = False, first: int = 0) -> FloatArray:
+    def _turned(self, values: FloatArray, both: bool = False) -> FloatArray:
         """Columns of the pair, and rows of a Gram matrix, in the new modes."""
         if self.turn is None:
             return values
-        out, places = values.copy(), [first + place for place in self.places]
+        out, places = values.copy(), list(self.places)
         out[..., places] = out[..., places] @ self.turn
         if both:
             out[..., places, :] = self.turn.T @ out[..., places, :]
@@ -192,10 +183,6 @@ class Louder:
             other.__dict__["free"] = self.of(free)
         other.modes = [self._basis(each, len(plate.plate.patches)) for each in plate.modes]
         return other
-
-    def among(self, plate: ForcedPlate, values: FloatArray, both: bool = False) -> FloatArray:
-        """Values of the columns, which stay."""
-        return values
 
     def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
         """Values of a group's columns, which stay."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
+from typing import Any
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray
+from geometry.elements import FloatArray
 from geometry.layout import Design
 from solvers.measures.confinement import TouchField
 
@@ -25,7 +27,13 @@ class Overlaps:
     def of(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """Integrate over both parts; None without a passive face."""
         active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
-        return None if active.all() else cls(_products(touch, active), _products(touch, ~active))
+        faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
+        return None if active.all() else cls.between(faces)
+
+    @classmethod
+    def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
+        """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
+        return cls(*(np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces))
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
         """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
@@ -59,11 +67,6 @@ class Overlaps:
         unlike = np.append(unlike, [np.delete(unlike, index).max(initial=0.0)] * len(ends_hz))
         mixed = np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
         return float(DECIBELS * np.linalg.norm(mixed * unlike))
-
-
-def _products(touch: TouchField, part: BoolArray) -> FloatArray:
-    values = touch.values[part]
-    return np.asarray(values.T @ (touch.weights[part, None] * values))
 
 
 def mixing_db(

@@ -48,6 +48,19 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     return _known(float(lost / given) + 2.0 * float(frequency_errors(basis).total[index])) if given else None
 
 
+def load_errors(basis: GroupModes) -> FloatArray:
+    """Errors of the loads' gains by the mesh of the bond and by the modes left out of the panels, (modes, patches); NaN where
+    they are not known.
+    """
+    if basis.bond is None or basis.group.by_modes is None:
+        return np.full_like(basis.gain, np.nan)
+    growth = np.max(
+        [cell.residual.growth(basis.eigenvalue) for plate in basis.group.plates for cell in plate.cells], axis=0
+    )
+    left = basis.columns[:, : len(basis.eigenvalue)].T @ basis.group.by_modes
+    return np.asarray(basis.bond.gain + (growth - 1.0)[:, None] * np.abs(left))
+
+
 def _known(error: float) -> float | None:
     return error if np.isfinite(error) else None
 

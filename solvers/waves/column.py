@@ -21,6 +21,7 @@ from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile, measure_profile
 from solvers.measures.driven_zones import BESIDE, DrivenZones, drive_zones
+from solvers.measures.mode_mixing import Overlaps
 from solvers.superelement.build import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate_error import ModeErrors
@@ -43,13 +44,15 @@ class Driven:
     """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for.
 
     errors: estimates those of the modes' frequencies. bar_db: gives the half-widths (n,) of the bars of the levels from
-    relative half-widths (k,) of those frequencies and the expected share of the bound on the modes' mixing.
+    relative half-widths (k,) of those frequencies and the expected share of the bound on the modes' mixing; mixing_db: bounds
+    what mixing moves a mode's own level by, from its number and the relative half-width of its frequency's.
     """
 
     modes: ColumnModes
     confinement_db: FloatArray
     errors: Callable[[], ModeErrors]
     bar_db: Callable[[FloatArray, float], FloatArray]
+    mixing_db: Callable[[int, float], float]
 
 
 @dataclass(frozen=True)
@@ -147,8 +150,12 @@ class Column:
         def bar_db(error: FloatArray, mixed: float) -> FloatArray:
             return forced_bars(parts, force, stiff, moved, quality_factor, error, mixed)
 
+        def mixing_db(index: int, error: float) -> float:
+            return Overlaps.between(parts).mixing_db(tones_hz, index, error)
+
         modes = ColumnModes(tones_hz, measure_profile(own, self.design))
-        return Driven(modes, forced.confinement_db, lambda: mode_errors(self, self.pencil(), stiff, vectors), bar_db)
+        errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
+        return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
 
     def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Frequencies (k,) in Hz within a window (all of them from below 0 to inf) and their vectors (dof, k); a dense solve

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,10 @@ from pipeline.records.record import (
     SampleRecord,
     TouchStateRecord,
 )
+from solvers.driven import curve_bars
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
+from solvers.driven.curve_bars import Doubts
+from solvers.driven.error_bars import Variation
 from solvers.driven.power_flow import power_flow
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
@@ -215,6 +219,95 @@ def test_a_level_and_its_share_are_those_of_the_same_areas(forced: ForcedPlate) 
     share = inside / (inside + passive)
     areas = (2.0 * design.half_span_m - 2.0 * design.width_m) / design.width_m
     assert (rms[0] / rms[-1]) ** 2 * (1.0 - share) / share == pytest.approx(areas, rel=1e-6)
+
+
+def doubts_of(forced: ForcedPlate, frequency: float, load: float) -> Doubts:
+    """Every mode's frequency and every driver's load off by as much, relative."""
+    value = np.concatenate([basis.eigenvalue for basis in forced.modes])
+    gain = np.concatenate([basis.gain[:, forced.drivers] for basis in forced.modes])
+    group = np.repeat(np.arange(len(forced.modes)), [len(basis.eigenvalue) for basis in forced.modes])
+    ends = value[:, None] * ((1.0 + frequency * np.array([-1.0, 1.0])) ** 2 - 1.0)
+    errors = np.full(len(value), frequency)
+    return Doubts(value, ends, errors, load * np.abs(gain), np.full(gain.shape[1], load), group, 0.18, 0.0)
+
+
+def test_curves_have_bars_that_hold_what_a_resonance_within_its_own_makes(
+    forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Any resonance moved anywhere within its bar, of a percent here: no zone's curve leaves its own, some come near."""
+    case = case_of(patches=PATCHES)
+    assert case.patches is not None
+    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
+    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.01, 0.0))
+    monkeypatch.setattr(curve_bars, "AT_ONCE", 5)
+    record = crosstalk.solve(case, QUIET, points=9)
+    zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
+    bars = np.array(record.zones[0].over_rms_error_m_per_V, dtype=float)
+    nominal, used = np.array(record.zones[0].over_rms_m_per_V), 0.0
+    assert bars.shape == nominal.shape and np.isfinite(bars).all()
+    for basis in forced.modes:
+        for place, value in enumerate(basis.eigenvalue):
+            for end in (0.99, 0.997, 1.004, 1.01):
+                varied = Variation(basis, (place,), (value * end**2,)).of(forced)
+                moved = Zones(varied, zones.grams, zones.shapes).rms(fed, np.array(record.frequency_hz)).T[:-1]
+                off = np.abs(moved - nominal)
+                assert (off <= bars * (1.0 + 1e-9)).all()
+                used = max(used, float((off / bars).max()))
+    assert used > 0.5
+
+
+def test_curves_have_bars_about_as_wide_as_all_that_is_wrong_together(
+    forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plates whose modes are all off at once, each by a share of its bar drawn evenly from -1 to 1.
+
+    Independent shares that add up by their squares come to 1/sqrt(3) of the bar: nine of ten lie within it, and half of them
+    beyond a tenth of it.
+    """
+    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
+    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.002, 0.0))
+    record = crosstalk.solve(case_of(patches=PATCHES), QUIET, points=41)
+    zones, fed = zones_of(forced), zone_volts(forced, np.array(PATCHES["centres_mm"]) * 1e-3)[0]
+    nominal, bars = (
+        np.array(getattr(record.zones[0], name)) for name in ("over_rms_m_per_V", "over_rms_error_m_per_V")
+    )
+    draw, used = np.random.default_rng(5), []
+    for _ in range(12):
+        other = forced.driven_by(np.zeros(len(forced.plate.patches), dtype=complex))
+        other.modes = [
+            replace(
+                basis, eigenvalue=basis.eigenvalue * (1.0 + 0.002 * draw.uniform(-1.0, 1.0, len(basis.eigenvalue))) ** 2
+            )
+            for basis in forced.modes
+        ]
+        moved = Zones(other, zones.grams, zones.shapes).rms(fed, np.array(record.frequency_hz)).T[:-1]
+        used.append(np.abs(moved - nominal) / bars)
+    assert np.mean(np.array(used) <= 1.0) > 0.9 and np.median(used) > 0.1
+
+
+def test_a_peak_s_bars_follow_its_mode(forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The bars hold what the plate shows at the moved peak of a moved resonance; the driven zone's own level is exactly 0.
+
+    At a tone that stays, a resonance of quality 300 moved by a percent leaves a sixth of the height: no such bar is meant.
+    """
+    case = case_of(patches=PATCHES)
+    assert case.patches is not None
+    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
+    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.01, 0.02))
+    record = crosstalk.solve(case, QUIET, points=2)
+    zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
+    first = record.zones[0]
+    assert first.level_db[0] == first.level_error_db[0] == 0.0  # type: ignore[index]
+    assert "zones at 0 dB, " in crosstalk.lines(record)[1]
+    rms, half = np.array(first.rms_m_per_V), np.array(first.rms_error_m_per_V, dtype=float)
+    assert half[0] < 0.2 * rms[0] and (half > 0.02 * rms).all()
+    tones = np.concatenate([basis.frequency_hz for basis in forced.modes])
+    nearest = float(tones[np.abs(tones - first.peak_hz).argmin()])
+    basis, place = next((b, int(k)) for b in forced.modes for k in np.flatnonzero(b.frequency_hz == nearest))
+    for end in (0.99, 1.01):
+        varied = Variation(basis, (place,), (basis.eigenvalue[place] * end**2,)).of(forced)
+        (moved,) = Zones(varied, zones.grams, zones.shapes).rms(fed, np.array([first.peak_hz * end]))
+        assert (np.abs(moved[:-1] - rms) <= half * (1.0 + 1e-9)).all()
 
 
 def test_a_zone_whose_peak_is_not_its_wanted_mode_is_told(

@@ -1,0 +1,177 @@
+"""Error bars of what a driven plate does at many tones, from one solve: its quadratic forms on plates within its bars.
+
+What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
+
+* the frequency of each mode, anywhere within its bar: at its ends, and where the resonance comes nearest to the tone;
+* the stiffness that couples the mode nearest to a tone with each other one of its group, as `error_bars` has it;
+* the load of each mode: what its patches may be wrong by has one origin and adds up by size;
+* the load of each driver, and of all of them, on all modes; what lies beyond the modes, as much as the least known mode.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.driven.forms import Forms, forms
+from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.frequency_bar import frequency_errors
+from solvers.piezo.height import load_errors
+
+Change = Callable[[Forms], ComplexArray]
+SIGNS = np.array([-1.0, 1.0])
+AT_ONCE = 16  # tones
+
+
+@dataclass(frozen=True, eq=False)
+class Doubts:
+    """What may be wrong about a plate's n modes: eigenvalues value (n,), their lowest and highest change (n, 2), relative
+    errors of the frequencies (n,); errors of the drivers' loads (n, d), and of all of those of a driver, relative, (d,).
+
+    group (n,): number of each mode's group; share: of the bound on mixing that is expected; beyond: error of what lies beyond
+    the modes, relative.
+    """
+
+    value: FloatArray
+    change: FloatArray
+    frequency: FloatArray
+    load: FloatArray
+    driver: FloatArray
+    group: IntArray
+    share: float
+    beyond: float
+
+    def nearest(self, eigenvalue: FloatArray) -> IntArray:
+        """The modes nearest in frequency to scaled eigenvalues (t,), (t,)."""
+        return np.asarray(np.abs(np.sqrt(self.value) - np.sqrt(eigenvalue)[:, None]).argmin(axis=1))
+
+    def ends(self, eigenvalue: float) -> tuple[int, FloatArray]:
+        """The mode nearest to a tone, and factors (2,) on its frequency at the ends of its bar."""
+        mode = int(self.nearest(np.array([eigenvalue]))[0])
+        return mode, np.sqrt(1.0 + self.change[mode] / self.value[mode])
+
+    def at_ends(self, mode: int) -> FloatArray:
+        """Changes (2, n, 1) of one mode's stiffness to either end, one at each of two tones."""
+        out = np.zeros((2, len(self.value), 1))
+        out[:, mode, 0] = self.change[mode]
+        return out
+
+
+def doubts(forced: ForcedPlate, share: float | None) -> Doubts | None:
+    """What may be wrong about a plate; None where one part of it is not known. share: see `Doubts`."""
+    frequency = np.concatenate([frequency_errors(basis).total for basis in forced.modes])
+    loads = [load_errors(basis) for basis in forced.modes]
+    if share is None or not len(frequency):
+        return None
+    load, gain = np.concatenate(loads), np.concatenate([basis.gain for basis in forced.modes])
+    if not (np.isfinite(frequency).all() and np.isfinite(load).all()):
+        return None
+    value = np.concatenate([basis.eigenvalue for basis in forced.modes])
+    opened, drivers = forced.sensors, forced.drivers
+    capacitance = forced.plate.capacitance_f[opened] / forced.plate.stiffness_unit
+    heard = (2.0 * np.abs(gain[:, opened]) * load[:, opened] / capacitance).sum(axis=1)
+    ends = value[:, None] * ((1.0 + SIGNS * np.minimum(frequency, 0.5)[:, None]) ** 2 - 1.0) + SIGNS * heard[:, None]
+    driver = np.linalg.norm(load[:, drivers], axis=0) / np.linalg.norm(gain[:, drivers], axis=0)
+    group = np.repeat(np.arange(len(forced.modes)), [len(basis.eigenvalue) for basis in forced.modes])
+    beyond = 2.0 * float(frequency.max()) + float(driver.max())
+    return Doubts(value, ends, frequency, load[:, drivers], driver, group, share, beyond)
+
+
+def changes(
+    known: Doubts, forms: Forms, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
+) -> Iterator[Change]:
+    """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
+
+    Parameters
+    ----------
+    known : Doubts
+    forms : Forms
+        At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
+    eigenvalue : ndarray, shape (t,)
+        Of the tones, scaled.
+    volts : ndarray, shape (t, d)
+        By which loads on a mode add up.
+    still : int, optional
+        Number of a mode that stays where it is.
+    """
+    softer = forms.lossy * forms.own
+    nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
+    moved = np.stack([*np.broadcast_arrays(*known.change.T, nearest)], axis=-1)
+    if still is not None:
+        moved[:, still] = 0.0
+    yield lambda each: each.softened(moved)
+    mode = known.nearest(eigenvalue)
+    coupling = _coupling(known, mode)
+    yield lambda each: each.coupled(mode, coupling)
+    rows = known.load[:, None] * SIGNS[:, None] * _turned(forms, volts)[:, :, None]
+    yield lambda each: each.forced(rows)
+    yield lambda each: each.rest(known.beyond * SIGNS)
+    yield lambda each: each.louder(1.0 + SIGNS[:, None] * _louder(known)[:, None])
+
+
+def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
+    """Stiffness that couples one mode a tone (t,) with each other one of its group, (t, n, 2)."""
+    error = np.maximum(known.frequency, known.frequency[mode][:, None])
+    size = 2.0 * known.share * error * np.sqrt(np.maximum(known.value * known.value[mode][:, None], 0.0))
+    others = (known.group == known.group[mode][:, None]) & (np.arange(len(known.value)) != mode[:, None])
+    return np.asarray(np.where(others, size, 0.0)[..., None] * SIGNS)
+
+
+def _turned(forms: Forms, volts: ComplexArray) -> ComplexArray:
+    """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
+    moving = (forms.modal @ volts[..., None]) / forms.flexible[..., None]
+    return np.asarray(_phase(moving) * _phase(volts).conj()[:, None])
+
+
+def _phase(values: ComplexArray) -> ComplexArray:
+    size = np.abs(values)
+    return np.asarray(np.where(size > 0.0, values, 1.0 + 0.0j) / np.where(size > 0.0, size, 1.0), dtype=complex)
+
+
+def _louder(known: Doubts) -> FloatArray:
+    """Relative errors (m, d) of the drivers' loads: of all alike, and of each alone."""
+    every = np.full((1, len(known.driver)), known.driver.max())
+    return every if len(known.driver) == 1 else np.concatenate([every, np.diag(known.driver)])
+
+
+def half_widths(
+    nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms], figures: Callable[..., FloatArray]
+) -> FloatArray:
+    """Half-widths (f, t) of the bars of figures (f, t), by all sources together.
+
+    figures: gives them (f, t, m, s) from S (k, t, m, s, d, d) of each of the plate's forms.
+    """
+    squares = np.zeros_like(nominal)
+    for source in sources:
+        changed = figures(*(source(each) for each in forms))
+        squares += (np.abs(changed - nominal[..., None, None]).max(axis=-1) ** 2).sum(axis=-1)
+    return np.asarray(np.sqrt(squares))
+
+
+def with_peak(
+    known: Doubts, forced: ForcedPlate, grams: FloatArray, peak_hz: float, volts: ComplexArray,
+    figures: Callable[[ComplexArray], FloatArray],
+) -> FloatArray:  # fmt: skip
+    """Half-widths (f,) of figures at a peak that follows its mode, the nearest one; volts (d,) of the drivers.
+
+    figures: gives them from S (k, ..., 1, 1), (f, ...).
+    """
+    at = forced.plate.scale.eigenvalue(peak_hz)
+    mode, ends = known.ends(at)
+    own = forms(forced, grams, peak_hz * np.array([1.0, *ends]))
+    first = own.at(slice(0, 1))
+    alone = first.fed(volts[None])
+    nominal = figures(alone.squares)
+    half = half_widths(nominal, changes(known, first, np.array([at]), volts[None], mode), [alone], figures)[:, 0]
+    last = own.at(slice(1, 3)).fed(np.broadcast_to(volts, (2, len(volts))))
+    ended = last.softened(known.at_ends(mode))[:, :, mode, 0]
+    return np.hypot(half, np.abs(figures(ended) - nominal).max(axis=1))
+
+
+def in_parts(bars: Callable[[FloatArray], FloatArray], frequency_hz: FloatArray) -> FloatArray:
+    """What a function makes of some tones, (..., n), asked for a few at a time."""
+    parts = np.array_split(frequency_hz, -(-len(frequency_hz) // AT_ONCE))
+    return np.concatenate([bars(part) for part in parts], axis=-1)

@@ -1,0 +1,226 @@
+"""Integrals of |u_z|^2 over parts of a driven plate as quadratic forms of its drivers' voltages, and those of plates like it.
+
+With columns [modes, R, R1] of all groups, X (columns, drivers) their answers per volt with the sensors open and G a part's
+integrals per pair of columns, the part has v^H S v, S = X^H G X. A change d of the stiffness of mode r and a force on it both
+add y_r rho to X, y_r the answer to a unit force on the mode and rho a row of the drivers: of the stiffness
+
+    rho = -d c x_r / (1 + d c f_rr),  c = 1 + i/Q, x_r the mode's row of X, f_rr its row of y_r,
+
+and two such rows where two modes are coupled (Sherman, Morrison, Woodbury). So S is exact on every plate that differs in one
+mode or in one pair of them, at the cost of a few products and without another solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.driven.contrast import clamped_charges, unit_volts
+from solvers.piezo.forced import ForcedPlate, GroupModes
+
+
+@dataclass(frozen=True, eq=False)
+class Forms:
+    """A plate's forms at t tones.
+
+    grams (k, columns, columns): of the parts. places (n,): the modes' columns. answers (t, columns, d): X. flexible (t, n): of
+    the modes alone. charged (t, columns, o), gains (n, o): answers to unit charges on the open patches, and their gains.
+    drivers, volts (t, drivers): the forms of each driver, and what they are fed with where d = 1 stands for all together.
+    """
+
+    grams: FloatArray
+    places: IntArray
+    lossy: complex
+    answers: ComplexArray
+    flexible: ComplexArray
+    charged: ComplexArray
+    gains: FloatArray
+    drivers: Forms | None = None
+    volts: ComplexArray | None = None
+
+    @cached_property
+    def squares(self) -> ComplexArray:
+        """S, (k, t, d, d)."""
+        return np.asarray(_adjoint(self.answers) @ self._heavy)
+
+    @cached_property
+    def modal(self) -> ComplexArray:
+        """The modes' rows of X, (t, n, d)."""
+        return np.asarray(self.answers[:, self.places])
+
+    @cached_property
+    def own(self) -> ComplexArray:
+        """f_rr, (t, n)."""
+        return np.asarray(self.flexible * (1.0 - (self.charged[:, self.places] * self.gains).sum(axis=-1)))
+
+    @cached_property
+    def beside(self) -> ComplexArray:
+        """y_r^H G X, (k, t, n, d)."""
+        charged = _adjoint(self.charged) @ self._heavy
+        return np.asarray(self.flexible.conj()[..., None] * (self._heavy[:, :, self.places] - self.gains @ charged))
+
+    @cached_property
+    def norms(self) -> ComplexArray:
+        """y_r^H G y_r, (k, t, n)."""
+        moved = self._moved[:, :, self.places]
+        single = np.diagonal(self.grams, axis1=1, axis2=2)[:, None, self.places]
+        crossed = 2.0 * (moved * self.gains).sum(axis=-1).real
+        both = (self.gains @ self._charges * self.gains).sum(axis=-1)
+        return np.asarray(np.abs(self.flexible) ** 2 * (single - crossed + both))
+
+    def at(self, tones: slice) -> Forms:
+        """The same at some of the tones."""
+        return replace(self, answers=self.answers[tones], flexible=self.flexible[tones], charged=self.charged[tones])
+
+    def fed(self, volts: ComplexArray) -> Forms:
+        """The same of one voltage alone: the drivers', (t, d)."""
+        return replace(self, answers=self.answers @ volts[..., None], drivers=self, volts=volts)
+
+    def softened(self, change: FloatArray) -> ComplexArray:
+        """S with the stiffness of each mode changed by (t, n, s): (k, t, n, s, d, d)."""
+        step = change * self.lossy
+        return self._forced(-(step / (1.0 + step * self.own[..., None]))[..., None] * self.modal[:, :, None])
+
+    def forced(self, rows: ComplexArray) -> ComplexArray:
+        """S with a further force on each mode, (t, n, s, drivers) per volt: (k, t, n, s, d, d)."""
+        return self._forced(rows if self.volts is None else rows @ self.volts[:, None, :, None])
+
+    def _forced(self, rows: ComplexArray) -> ComplexArray:
+        return self._with(self.beside[..., None, :], rows[..., None, :], self.norms[..., None, None])
+
+    def rest(self, share: FloatArray) -> ComplexArray:
+        """S with all columns but the modes' larger by shares (s,): (k, t, 1, s, d, d)."""
+        rest = self.answers.copy()
+        rest[:, self.places] = 0.0
+        crossed, own = _adjoint(rest) @ self._heavy, _adjoint(rest) @ _times(self.grams, rest)
+        parts = self.squares, crossed + _adjoint(crossed), own
+        none, one, two = (part[:, :, None, None] for part in parts)
+        share = share[:, None, None]
+        return np.asarray(none + share * one + share**2 * two)
+
+    def louder(self, factor: FloatArray) -> ComplexArray:
+        """S with the drivers' answers times factors (m, s, drivers): (k, t, m, s, d, d)."""
+        if self.drivers is None or self.volts is None:
+            return np.asarray(factor[..., None] * self.squares[:, :, None, None] * factor[..., None, :])
+        fed = factor * self.volts[:, None, None]
+        return np.asarray(np.einsum("tmsa,ktab,tmsb->ktms", fed.conj(), self.drivers.squares, fed)[..., None, None])
+
+    def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
+        """S with one mode a tone (t,) and each other coupled by a stiffness (t, n, s), 0 to itself: (k, t, n, s, d, d)."""
+        at, step = np.arange(len(mode)), (change * self.lossy)[..., None]
+        here, there = self.own[at, mode][:, None, None, None], self.own[..., None, None]
+        first, second = self.modal[at, mode][:, None, None], self.modal[:, :, None]
+        turned = 1.0 + step * self._between(mode)[..., None, None]
+        size = step**2 * here * there - turned**2
+        rows = [
+            -step * (step * there * first - turned * second) / size,
+            -step * (step * here * second - turned * first) / size,
+        ]
+        beside = [np.broadcast_to(self.beside[:, at, mode][:, :, None], self.beside.shape), self.beside]
+        return self._with(np.stack(beside, -2), np.stack(rows, -2), self._pairs(mode))
+
+    def _with(self, beside: ComplexArray, rows: ComplexArray, pairs: ComplexArray) -> ComplexArray:
+        """S with X + sum y_u rho_u: y_u^H G X (k, t, n, u, d), rho_u (t, n, s, u, d), y_u^H G y_v (k, t, n, u, u)."""
+        crossed = np.einsum("ktmua,tmsub->ktmsab", beside.conj(), rows)
+        within = np.einsum("tmsua,ktmuv,tmsvb->ktmsab", rows.conj(), pairs, rows, optimize=True)
+        return np.asarray(self.squares[:, :, None, None] + crossed + _adjoint(crossed) + within)
+
+    def _between(self, mode: IntArray) -> ComplexArray:
+        """f_ij of one mode a tone and each, (t, n)."""
+        at = np.arange(len(mode))
+        crossed = np.einsum("to,jo->tj", self.charged[at, self.places[mode]], self.gains)
+        return np.asarray(self.flexible * ((mode[:, None] == np.arange(len(self.places))) - crossed))
+
+    def _pairs(self, mode: IntArray) -> ComplexArray:
+        """y_i^H G y_j of one mode a tone and each, (k, t, n, 2, 2)."""
+        at, columns, gains = np.arange(len(mode)), self.places[mode], self.gains[mode]
+        flat = self.grams[:, columns[:, None], self.places]
+        flat = flat - np.einsum("kto,jo->ktj", self._moved[:, at, columns], self.gains)
+        flat = flat - np.einsum("to,ktjo->ktj", gains, self._moved[:, :, self.places].conj())
+        flat = flat + np.einsum("to,ktop,jp->ktj", gains, self._charges, self.gains)
+        cross = self.flexible[at, mode].conj()[:, None] * self.flexible * flat
+        out = np.empty((*cross.shape, 2, 2), dtype=complex)
+        out[..., 0, 0], out[..., 1, 1] = self.norms[:, at, mode][..., None], self.norms
+        out[..., 0, 1], out[..., 1, 0] = cross, cross.conj()
+        return out
+
+    @cached_property
+    def _heavy(self) -> ComplexArray:
+        """G X, (k, t, columns, d)."""
+        return _times(self.grams, self.answers)
+
+    @cached_property
+    def _moved(self) -> ComplexArray:
+        """G times the answers to charges, (k, t, columns, o)."""
+        return _times(self.grams, self.charged)
+
+    @cached_property
+    def _charges(self) -> ComplexArray:
+        """G between charges, (k, t, o, o)."""
+        return np.asarray(_adjoint(self.charged) @ self._moved)
+
+
+def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> Forms:
+    """The forms of a plate whose drivers hold voltages.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+    grams : ndarray, shape (k, columns, columns)
+        Integrals over k parts per pair of all groups' columns, one group after another.
+    frequency_hz : ndarray, shape (t,)
+    """
+    at = np.array([forced.plate.scale.eigenvalue(float(tone)) for tone in frequency_hz])
+    opened, clamped = forced.sensors, clamped_charges(forced, at)[1]
+    charges = np.zeros((len(at), len(forced.plate.patches), len(opened)), dtype=complex)
+    charges[:, opened] = np.linalg.inv(clamped)
+    return Forms(
+        grams,
+        mode_columns(forced),
+        1.0 + 1j * forced.loss,
+        _answers(forced.modes, at, forced.loss, unit_volts(forced, at)),
+        np.concatenate([basis.flexibility(at, forced.loss) for basis in forced.modes], axis=-1),
+        _answers(forced.modes, at, forced.loss, charges),
+        np.concatenate([basis.gain[:, opened] for basis in forced.modes]),
+    )
+
+
+def face_grams(forced: ForcedPlate) -> FloatArray:
+    """Means of u_z^2 over the active and over the passive touch face per pair of all groups' columns, (2, columns, columns)."""
+    grams = [block_diag(*each) for each in zip(*forced.grams, strict=True)]
+    return np.array([gram / area for gram, area in zip(grams, forced.areas_m2, strict=True) if area])
+
+
+def mode_columns(forced: ForcedPlate) -> IntArray:
+    """Places (n,) of all groups' modes among all groups' columns."""
+    return np.concatenate(list(_placed(forced.modes)))
+
+
+def _placed(modes: list[GroupModes]) -> Iterator[IntArray]:
+    first = 0
+    for basis in modes:
+        yield first + np.arange(len(basis.eigenvalue))
+        first += basis.columns.shape[1]
+
+
+def _answers(modes: list[GroupModes], at: FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:
+    """Coefficients (t, columns, n) per voltages (t, patches, n)."""
+    one = volts.transpose(2, 0, 1)
+    return np.concatenate([basis.amplitudes(at, loss, one) for basis in modes], axis=-1).transpose(1, 2, 0)
+
+
+def _adjoint(values: ComplexArray) -> ComplexArray:
+    return np.asarray(values.conj().swapaxes(-1, -2))
+
+
+def _times(real: FloatArray, values: ComplexArray) -> ComplexArray:
+    """Products (k, t, rows, n) of real matrices (k, rows, rows) and complex ones (t, rows, n)."""
+    t, rows, n = values.shape
+    flat = np.ascontiguousarray(values.transpose(1, 0, 2)).reshape(rows, t * n)
+    out = real @ flat.real + 1j * (real @ flat.imag)
+    return np.asarray(out.reshape(len(real), rows, t, n).transpose(0, 2, 1, 3))
