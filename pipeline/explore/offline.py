@@ -95,7 +95,7 @@ def page(explorer: Explorer) -> str:
     html = html.replace('<link rel="stylesheet" href="explore.css">', style)
     if len(html.encode()) > MAX_BYTES:
         size, most = len(html.encode()) / 1e6, MAX_BYTES / 1e6
-        raise InputError(f"the explorer's page would have {size:.1f} MB, at most {most:g} MB are meant to travel")
+        raise InputError(f"the explorer's page would have {size:g} MB, at most {most:g} MB are meant to travel")
     return html
 
 

@@ -8,7 +8,8 @@ import pytest
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.measures.confinement import TouchField, measure
-from solvers.measures.mode_mixing import mixing_db
+from solvers.measures.levels import share_error
+from solvers.measures.mode_mixing import Overlaps, mixing_db
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])
@@ -18,7 +19,7 @@ def face(values: np.ndarray, half_m: float = 20e-3) -> TouchField:
     """Random fields (1000, k) at random points of the touch face."""
     draw = np.random.default_rng(4)
     points = draw.uniform(-1.0, 1.0, (1000, 2)) * (30e-3, half_m)
-    return TouchField(points, np.full(1000, 1e-6), values)
+    return TouchField(points, np.full(1000, 1e-6), values, 1.0)
 
 
 def fields(count: int = 3) -> np.ndarray:
@@ -57,3 +58,53 @@ def test_a_neighbour_of_the_same_field_moves_nothing_and_a_zone_alone_has_no_lev
     values = fields(1)
     assert mixing_db(face(np.hstack([values, 3.0 * values])), TONES[:2], 0, DESIGN, 1e-2) == pytest.approx(0.0)
     assert mixing_db(face(values, half_m=9e-3), TONES[:1], 0, DESIGN, 1e-2) is None
+
+
+def alike(values: np.ndarray) -> np.ndarray:
+    """MAC and strength."""
+    measured = measure(face(values[:, None]), DESIGN, None)
+    return np.array([measured.mac[0], measured.strength[0]])
+
+
+def shape_bars(values: np.ndarray, error: float, index: int = 0, **more: float) -> np.ndarray:
+    overlaps = Overlaps.of(face(values), DESIGN)
+    assert overlaps
+    return np.array(overlaps.mixing_shape(TONES[: values.shape[1]], index, error, **more))
+
+
+@pytest.mark.parametrize("error", [1e-5, 1e-3, 1e-2])
+def test_one_neighbour_moves_mac_and_strength_by_what_its_share_does_in_the_worse_sign(error: float) -> None:
+    """Not to first order alone: the bars of a mode that has nothing of the shape are not 0."""
+    values = fields(2)
+    share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
+    mixed = [(values[:, 0] + sign * share * values[:, 1]) / np.hypot(1.0, share) for sign in (1.0, -1.0)]
+    moved = np.abs([alike(each) - alike(values[:, 0]) for each in mixed]).max(axis=0)
+    assert shape_bars(values, error) == pytest.approx(moved, rel=1e-9)
+    assert shape_bars(values, error, share=0.25) == pytest.approx(shape_bars(values, 0.25 * error), rel=1e-9)
+
+
+def test_bars_of_mac_and_strength_add_by_their_squares_and_a_mode_alone_has_none() -> None:
+    values = fields()
+    alone = [shape_bars(values[:, :2], 1e-6), shape_bars(values[:, [0, 2]], 1e-6 * _further())]
+    assert shape_bars(values, 1e-6) == pytest.approx(np.hypot(*alone), rel=1e-4)
+    assert np.isnan(shape_bars(values[:, :1], 1e-4)).all()
+
+
+def _further() -> float:
+    """The share of the third mode over that of a second one in its place."""
+    return TONES[2] / (TONES[2] ** 2 - TONES[0] ** 2) * (TONES[1] ** 2 - TONES[0] ** 2) / TONES[1]
+
+
+def test_a_share_s_bar_is_that_of_its_level() -> None:
+    """With any motion that is louder in the zone alone by so many decibels, or softer."""
+    values = fields(1)
+    design, face_of = DESIGN, face(values)
+    own = measure(face_of, design, None)
+    active = np.abs(face_of.points[:, 1]) < design.width_m / 2.0
+    for decibels in (0.01, 1.0, 6.0):
+        changed = [np.where(active[:, None], 10.0 ** (sign * decibels / 20.0), 1.0) * values for sign in (1.0, -1.0)]
+        levels = [measure(face(each), design, None) for each in changed]
+        assert [abs(each.confinement_db[0] - own.confinement_db[0]) for each in levels] == pytest.approx([decibels] * 2)
+        moved = max(abs(each.zone_share[0] - own.zone_share[0]) for each in levels)
+        assert share_error(float(own.zone_share[0]), decibels) == pytest.approx(moved, rel=1e-9)
+    assert share_error(None, 1.0) is None and share_error(0.5, None) is None
