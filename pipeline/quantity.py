@@ -14,7 +14,7 @@ from pipeline.units import KHZ
 FEW = 3  # significant digits of a figure without a bar
 MOST = 7  # significant digits of any figure: a bar does not count round-off
 TWO_DIGITS_BELOW = 3.55  # leading digits of a bar from which one digit of it is enough
-SMALLEST, LARGEST = -6, 9  # powers of ten between which a figure is written without one
+SMALLEST, LARGEST = -4, 9  # powers of ten between which a figure is written without one
 UNKNOWN = "–"
 
 

@@ -9,7 +9,7 @@ function decimals(value, bar) {
   return Math.min((bar / 10 ** last < 3.55 ? 1 : 0) - last, 6 - exponent(value));
 }
 const fixed = (value, places) => (places < 0 ? Math.round(value * 10 ** places) / 10 ** places : value).toFixed(Math.max(places, 0)).replace(/^-(?=0\.?0*$)/, "");
-const SMALLEST = -6, LARGEST = 9;
+const SMALLEST = -4, LARGEST = 9;
 function figure(value, bar) {
   if (!isKnown(value)) return "–";
   const places = decimals(value, bar), highest = exponent(value);

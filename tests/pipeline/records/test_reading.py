@@ -9,7 +9,7 @@ def test_frequencies_have_the_digits_of_their_bars_and_the_answer_is_starred() -
     head = ("frequency_hz", "error", "symmetry", "confinement_db", "confinement_error_db", "mac")
     rows = [[30056.0123, 2e-3, "SS", -0.0170816, 1.2, 5.26595e-06], [34492.64, None, "SS", 11.6123, 0.04, 0.987795]]
     assert reading_table(head, rows, [1]).splitlines() == [
-        "  frequency (kHz)  ± error (%)  symmetry  confinement (dB)  ± confinement (dB)        mac",
+        "  frequency (kHz)  ± error (%)  symmetry  confinement (dB)  ± confinement (dB)       mac",
         "            30.06         0.20        SS               0.0                 1.2  5.27e-06",
         "*            34.5            -        SS             11.61                0.04     0.988",
     ]
@@ -86,5 +86,5 @@ def test_a_quality_factor_s_bar_is_in_its_own_unit() -> None:
     assert reading_table(head, [[300.4, 0.08], [58.31, 2.0]]).splitlines() == [
         "quality factor  ± quality factor",
         "        300.40              0.08",
-        "          58.3                 2",
+        "          58.3               2.0",
     ]
