@@ -84,8 +84,8 @@ def figure(value: float | None, bar: float | None = None) -> str:
     if value is None or not isfinite(value):
         return UNKNOWN
     places, highest = decimals(value, bar), _exponent(value)
-    if not SMALLEST <= highest <= LARGEST:
-        return f"{value:.{max(places + highest, 0)}e}"
+    if not SMALLEST <= highest <= LARGEST and places + highest >= 0:
+        return f"{value:.{places + highest}e}"
     text = _fixed(value, places)
     return text.rstrip("0").rstrip(".") if bar is not None and bar <= 0.0 and "." in text else text
 

@@ -41,8 +41,8 @@ def run(arguments: Namespace) -> int:
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
-    read = [_in_words(row, one.quantities, two.quantities) for row in rows]
-    words = [outputs.table(head, read) if read else "nothing differs"]
+    lines = [_in_words(row, one.quantities, two.quantities) for row in rows]
+    words = [outputs.table(head, lines) if lines else "nothing differs"]
     left = 0 if arguments.all else len(known) - len(alike)
     if left:
         words.append(f"{left} quantities are known of one of the two alone: --all lists them")

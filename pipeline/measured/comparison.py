@@ -16,7 +16,7 @@ from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
 from pipeline.planning.request import driven_band_hz
 from pipeline.quantity import figure, frequency, level, percent, percentage
-from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
+from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord, shift_in_words
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
@@ -156,7 +156,7 @@ def _sweep(
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
     arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
-    return record, arrays, _sweep_summary(measured, theirs, ours, record)
+    return record, arrays, _sweep_summary(measured, theirs, ours, error)
 
 
 def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
@@ -187,13 +187,13 @@ def _identified(identified: Resonance) -> dict[str, Any]:
     }
 
 
-def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, record: MeasuredSweepRecord) -> str:
-    error = record.computed.frequency_error
+def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
+    shift = shift_in_words(theirs.frequency_hz - ours.frequency_hz, ours.frequency_hz, error)
     losses = " against ".join("none" if q is None else figure(q) for q in (theirs.quality_factor, ours.quality_factor))
     bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
     return (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {frequency(theirs.frequency_hz, error)}, "
-        f"computed {frequency(ours.frequency_hz, error)}: shift {record.shift_text}, {bar}; "
+        f"computed {frequency(ours.frequency_hz, error)}: shift {shift}, {bar}; "
         f"quality factor {losses} computed"
     )
 

@@ -63,6 +63,9 @@ NAMES = {
     "band_khz": ("stop band", Form("kHz")),
     "given_second_hz": ("given, second bending", KHZ),
     "allowed": ("allowed", PERCENT),
+    "young_GPa": ("young GPa", Form("", is_given=True)),
+    "density_kg_m3": ("density kg m3", Form("", is_given=True)),
+    "poisson": ("poisson", Form("", is_given=True)),
 }
 UNREAD = ("residual",)  # for whoever checks a solver: in files alone
 # bars that decide digits, and stand in files alone

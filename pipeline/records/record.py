@@ -1003,6 +1003,13 @@ class ResonanceRecord(Open):
     frequency_error: float | None = None
 
 
+def shift_in_words(shift_hz: float, computed_hz: float, error: float | None) -> str:
+    """Write a shift from a computed frequency in Hz and in percent; error: relative half-width of the computed one's bar."""
+    half = None if error is None else error * computed_hz
+    moved, part = quantity.with_bar(shift_hz, half, "Hz"), quantity.percentage(shift_hz / computed_hz, error)
+    return f"{quantity.signed(moved)} ({quantity.signed(part)})"
+
+
 class MeasuredSweepRecord(ResonanceRecord):
     """A measured sweep beside the computed response, where the measuring instrument points.
 
@@ -1019,9 +1026,7 @@ class MeasuredSweepRecord(ResonanceRecord):
     @property
     def shift_text(self) -> str:
         """The shift in Hz and in percent with the digits that the model's bar allows."""
-        error = self.computed.frequency_error
-        shift = quantity.signed(quantity.with_bar(self.frequency_shift_hz, self.frequency_shift_error_hz, "Hz"))
-        return f"{shift} ({quantity.signed(quantity.percentage(self.frequency_shift, error))})"
+        return shift_in_words(self.frequency_shift_hz, self.computed.frequency_hz, self.computed.frequency_error)
 
 
 class ComputedMap(Open):

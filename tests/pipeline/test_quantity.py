@@ -60,6 +60,7 @@ def test_no_figure_has_a_digit_beyond_the_second_of_its_bar(bar: float) -> None:
         (50.0, None, "50.0"),
         (1.2345e-9, None, "1.23e-09"),
         (1.2345e-9, 2e-12, "1.2345e-09"),
+        (3.3e-5, 0.08, "0.00"),
         (7.0e12, 0.0, "7.000000e+12"),
         (None, 0.1, "–"),
         (math.nan, 0.1, "–"),

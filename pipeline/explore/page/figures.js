@@ -13,7 +13,7 @@ const SMALLEST = -4, LARGEST = 9;
 function figure(value, bar) {
   if (!isKnown(value)) return "–";
   const places = decimals(value, bar), highest = exponent(value);
-  if (highest < SMALLEST || highest > LARGEST) return value.toExponential(Math.max(places + highest, 0)).replace(/e([+-])(\d)$/, "e$10$2");
+  if ((highest < SMALLEST || highest > LARGEST) && places + highest >= 0) return value.toExponential(places + highest).replace(/e([+-])(\d)$/, "e$10$2");
   const text = fixed(value, places);
   return isKnown(bar) && bar <= 0 && text.includes(".") ? text.replace(/\.?0+$/, "") : text;
 }

@@ -77,7 +77,7 @@ def test_the_closest_zones_are_found_row_by_row(monkeypatch: pytest.MonkeyPatch,
     assert document["best"]["gap_mm"] == pytest.approx(54.0) and document["limits"]["isolation_db"] == 20.0
     assert "best 54.0 gap between zones (mm)" in landscape(document).alt
     settings = replace(settings, limits=Limits(isolation_db=31.0))
-    with pytest.raises(CheckFailed, match=r"zone.shared_rows=20: zones 30.00 dB apart, at least 31"):
+    with pytest.raises(CheckFailed, match=r"zone.shared_rows=20: zones 30.0 dB apart, at least 31"):
         optimiser.search(space, settings, WarningLog(), EvaluationCache(tmp_path))
 
 
