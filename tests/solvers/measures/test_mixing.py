@@ -95,16 +95,19 @@ def _further() -> float:
     return TONES[2] / (TONES[2] ** 2 - TONES[0] ** 2) * (TONES[1] ** 2 - TONES[0] ** 2) / TONES[1]
 
 
-def test_a_share_s_bar_is_that_of_its_level() -> None:
-    """With any motion that is louder in the zone alone by so many decibels, or softer."""
-    values = fields(1)
-    design, face_of = DESIGN, face(values)
-    own = measure(face_of, design, None)
-    active = np.abs(face_of.points[:, 1]) < design.width_m / 2.0
+@pytest.mark.parametrize("louder", [0.3, 3.0])
+def test_a_share_s_bar_is_that_of_its_level(louder: float) -> None:
+    """With any motion that is louder in the zone alone by so many decibels, or softer; of a small and a large share."""
+    active = np.abs(face(fields(1)).points[:, 1]) < DESIGN.width_m / 2.0
+
+    def of(factor: float) -> tuple[float, float]:
+        measured = measure(face(np.where(active[:, None], factor, 1.0) * fields(1)), DESIGN, None)
+        return float(measured.confinement_db[0]), float(measured.zone_share[0])
+
+    level_db, share = of(louder)
+    assert (share < 0.5) == (louder < 1.0)
     for decibels in (0.01, 1.0, 6.0):
-        changed = [np.where(active[:, None], 10.0 ** (sign * decibels / 20.0), 1.0) * values for sign in (1.0, -1.0)]
-        levels = [measure(face(each), design, None) for each in changed]
-        assert [abs(each.confinement_db[0] - own.confinement_db[0]) for each in levels] == pytest.approx([decibels] * 2)
-        moved = max(abs(each.zone_share[0] - own.zone_share[0]) for each in levels)
-        assert share_error(float(own.zone_share[0]), decibels) == pytest.approx(moved, rel=1e-9)
+        ends = [of(louder * 10.0 ** (sign * decibels / 20.0)) for sign in (1.0, -1.0)]
+        assert [abs(end - level_db) for end, _ in ends] == pytest.approx([decibels] * 2)
+        assert share_error(share, decibels) == pytest.approx(max(abs(end - share) for _, end in ends), rel=1e-9)
     assert share_error(None, 1.0) is None and share_error(0.5, None) is None
