@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
-MEASURES = ("frequency_hz", "frequency_error", "confinement_db", "confinement_error_db", "extension_db", "mac")
-MEASURES += ("worst_db", "band_khz", "isolation_db", "gap_mm")
+MEASURES = (
+    *("frequency_hz", "frequency_error", "confinement_db", "confinement_error_db", "extension_db", "mac"),
+    *("worst_db", "band_khz", "isolation_db", "gap_mm"),
+)
 
 
 def search(arguments: Namespace) -> int:

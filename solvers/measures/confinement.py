@@ -92,7 +92,7 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
     heavy = touch.weights * shape_at(touch, design, symmetry)
     own = float(heavy @ shape_at(touch, design, symmetry))
     surface = design.material.density_kg_m3 * design.thickness_m
-    return np.asarray(heavy * np.sqrt(surface / (max(own, 1e-300) * touch.modal_mass_kg)))
+    return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
 def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from math import log
+from typing import Any
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray, IntArray
+from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
 from solvers.measures.confinement import TouchField, shape_at
 
@@ -23,8 +25,8 @@ class Overlaps:
 
     active: FloatArray
     passive: FloatArray
-    projection: FloatArray
-    strength: float
+    projection: FloatArray = field(default_factory=lambda: np.zeros(0))
+    strength: float = np.nan
 
     @classmethod
     def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
@@ -32,10 +34,17 @@ class Overlaps:
         active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
         if active.all():
             return None
+        faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
         heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
         surface = design.material.density_kg_m3 * design.thickness_m
-        return cls(_products(touch, active), _products(touch, ~active), projection, surface / touch.modal_mass_kg)
+        return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
+
+    @classmethod
+    def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
+        """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
+        active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
+        return cls(active, passive)
 
     def _mixed(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...]) -> FloatArray:
         """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode, one at most."""
@@ -99,11 +108,6 @@ class Overlaps:
         inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
         both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
         return np.asarray(np.abs(both[:, :2] - both[:, 2:]).max(axis=1))
-
-
-def _products(touch: TouchField, part: BoolArray) -> FloatArray:
-    values = touch.values[part]
-    return np.asarray(values.T @ (touch.weights[part, None] * values))
 
 
 def mixing_db(

@@ -38,6 +38,21 @@ def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
     assert result == pytest.approx(abs(moved), rel=10.0 * share)
 
 
+def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> None:
+    """A column's modes at a wavenumber: what the neighbour's share of any phase does to the level, to first order."""
+    draw = np.random.default_rng(6).normal(size=(2, 1000, 2)) + 0.3
+    values, half, error = draw[0] + 1j * draw[1], np.arange(1000) < 400, 1e-5
+    share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
+
+    def ratio(moved: np.ndarray) -> np.ndarray:
+        return 10.0 * np.log10(np.mean(np.abs(moved[half]) ** 2, axis=0) / np.mean(np.abs(moved[~half]) ** 2, axis=0))
+
+    phases = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
+    worst = np.abs(ratio(values[:, :1] + share * phases * values[:, 1:]) - ratio(values[:, :1])).max()
+    overlaps = Overlaps.between([(np.full(part.sum(), 1e-6), values[part]) for part in (half, ~half)])
+    assert overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(worst, rel=1e-2)
+
+
 def test_neighbours_add_by_their_squares() -> None:
     values = fields()
     both = mixing_db(face(values), TONES, 0, DESIGN, 1e-4)
