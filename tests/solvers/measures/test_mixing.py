@@ -7,7 +7,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure
+from solvers.measures.confinement import TouchField, measure, strength_force
 from solvers.measures.levels import share_error
 from solvers.measures.mode_mixing import Overlaps, mixing_db
 
@@ -126,3 +126,13 @@ def test_a_share_s_bar_is_that_of_its_level(louder: float) -> None:
         assert [abs(end - level_db) for end, _ in ends] == pytest.approx([decibels] * 2)
         assert share_error(share, decibels) == pytest.approx(max(abs(end - share) for _, end in ends), rel=1e-9)
     assert share_error(None, 1.0) is None and share_error(0.5, None) is None
+
+
+@pytest.mark.parametrize("mass_kg", [1.0, 1e-9])
+def test_a_class_that_lacks_the_shape_has_no_strength_at_any_scale(mass_kg: float) -> None:
+    touch = face(fields(1))
+    light = TouchField(touch.points, touch.weights, touch.values, mass_kg)
+    assert not strength_force(light, DESIGN, "AA").any()
+    force = strength_force(light, DESIGN, None)
+    strength = measure(light, DESIGN, None).strength
+    assert (force @ touch.values) ** 2 == pytest.approx(strength, rel=1e-12)
