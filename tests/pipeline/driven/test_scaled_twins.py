@@ -41,7 +41,11 @@ STRIP = {
     "zone": {"length_mm": 120.0, "width_mm": 8.0, "nodal_lines": 6},
     "array": {"rows": 0},
     "solve": {"accuracy": 0.1, "band_kHz": [3.0, 9.0]},
-    "patches": {"size_mm": [8.0, 4.0, 0.3], "centres_mm": [[x, 0.0] for x in (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0)]},
+    "patches": {
+        "size_mm": [8.0, 4.0, 0.3],
+        "centres_mm": [[x, 0.0] for x in (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -37.0, 37.0)],
+        "sensors": [6, 7],
+    },
 }
 
 
