@@ -30,7 +30,7 @@ FOUR = {
     **STEEL_PILLARS,
     "array": {**STEEL_PILLARS["array"], "extension_mm": 8.0},
     "patches": {"size_mm": [3.0, 2.0, 0.3], "face": "touch", "centres_mm": [[-5.0, 0.0], [5.0, 0.0], [0.0, 11.0]]},
-    "solve": {"accuracy": 0.1, "band_kHz": [30.0, 60.0]},
+    "solve": {"accuracy": 0.1, "band_kHz": [105.0, 125.0]},
 }
 PATCHED = {**tomllib.loads(three_patches((75.0, 95.0), 0.1)), "damping": {"quality": 100.0}}
 
