@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
@@ -14,6 +14,7 @@ import numpy as np
 
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
+from pipeline.quantity import figure, frequency, interval, level, signed
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ class Mode:
     """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error.
 
     `mac`, `zone_share` and `strength` run from 0 to 1, `confinement_db` is in dB, `error` the half-width of the frequency's
-    error bar over the frequency, `confinement_error_db` that of the level's in dB.
+    error bar over the frequency, `confinement_error_db` that of the level's in dB; the other errors are those of their measure.
 
     >>> import antinode
     >>> mode = antinode.load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=1)[0]
@@ -160,6 +161,9 @@ class Mode:
     error: float | None
     _owner: Modes = field(repr=False, compare=False)
     confinement_error_db: float | None = None
+    zone_share_error: float | None = None
+    mac_error: float | None = None
+    strength_error: float | None = None
 
     def to_pyvista(self) -> Any:
         """The closed outer surface of the whole body in m, with `displacement` (points, 3) of unit modal mass as point data.
@@ -187,8 +191,7 @@ class Modes(Result, Sequence[Mode]):
 
     @cached_property
     def _modes(self) -> tuple[Mode, ...]:
-        levels = ("zone_share", "confinement_db", "confinement_error_db")
-        names = ("frequency_hz", "symmetry", "mac", *levels, "strength", "residual", "error")
+        names = [each.name for each in fields(Mode) if not each.name.startswith("_")]
         return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
 
     error: FloatArray = column(
@@ -226,7 +229,8 @@ class Modes(Result, Sequence[Mode]):
         return iter(self._modes)
 
     def __repr__(self) -> str:
-        span = f", {self[0].frequency_hz:.1f} to {self[-1].frequency_hz:.1f} Hz" if len(self) else ""
+        ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []
+        span = f", {interval(*(hz for hz, _ in ends), *(error for _, error in ends))}" if ends else ""
         return f"<antinode.Modes of the {self._document.get('part', 'plate')}: {len(self)}{span}>"
 
     def to_pyvista(self, mode: int | Mode | None = None) -> Any:
@@ -246,7 +250,7 @@ class Modes(Result, Sequence[Mode]):
         from pipeline.records.reading import filled
 
         levels = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength")
-        names = ("frequency_hz", "error", "symmetry", *levels)
+        names = ("frequency_hz", "error", "symmetry", *levels, "zone_share_error", "mac_error", "strength_error")
         wanted = self.wanted.frequency_hz if self.wanted else None
         shown = filled(names, [[getattr(mode, name) for name in names] for mode in self])
         return html_table(*shown, [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])
@@ -313,7 +317,7 @@ class Bands(Result):
 
 def _over(result: Result, f: FloatArray) -> str:
     """What a result over frequency is, in a few words."""
-    return f"<antinode.{type(result).__name__}: {len(f)} frequencies from {f[0] / KHZ:.4g} to {f[-1] / KHZ:.4g} kHz>"
+    return f"<antinode.{type(result).__name__}: {len(f)} frequencies from {f[0] / KHZ:g} to {f[-1] / KHZ:g} kHz>"
 
 
 class Attenuation(Result):
@@ -439,8 +443,8 @@ class Predesign(Result):
         return tuple(self._document["limits"])
 
     def __repr__(self) -> str:
-        height = "" if self.pillar_height_mm is None else f", pillar {self.pillar_height_mm:.2f} mm"
-        return f"<antinode.Predesign: zone {self.zone_hz / KHZ:.2f} kHz{height}>"
+        height = "" if self.pillar_height_mm is None else f", pillar {figure(self.pillar_height_mm)} mm"
+        return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
 
 
 class Tolerance(Result):
@@ -490,7 +494,11 @@ class Touch(Result):
         return mode
 
     def __repr__(self) -> str:
-        amplitudes = ", ".join(f"{name} {1e6 * state.finger_m:.3g} um" for name, state in self.states.items())
+        moved = {name: (state.finger_m, state.finger_error_m) for name, state in self.states.items()}
+        amplitudes = ", ".join(
+            f"{name} {figure(1e6 * size, None if error is None else 1e6 * error)} um"
+            for name, (size, error) in moved.items()
+        )
         return f"<antinode.Touch: {amplitudes}>"
 
 
@@ -545,7 +553,8 @@ class Travel(Result):
         return float(self._document["twr"])
 
     def __repr__(self) -> str:
-        return f"<antinode.Travel: {self._document['frequency_hz']:.1f} Hz, travelling-wave ratio {self.twr:.3f}>"
+        tone = frequency(self._document["frequency_hz"], self._document.get("frequency_error"))
+        return f"<antinode.Travel: {tone}, travelling-wave ratio {figure(self.twr, self._document.get('twr_error'))}>"
 
 
 class Crosstalk(Result):
@@ -624,7 +633,7 @@ class Search(Result):
             return drawn
 
     def __repr__(self) -> str:
-        gain = "" if self.gain_db is None else f", {self.gain_db:+.2f} dB"
+        gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
         return f"<antinode.Search: {len(self._document['evaluations'])} evaluations, best {self.best_values}{gain}>"
 
 

@@ -14,6 +14,7 @@ from pipeline.units import KHZ
 FEW = 3  # significant digits of a figure without a bar
 MOST = 7  # significant digits of any figure: a bar does not count round-off
 TWO_DIGITS_BELOW = 3.55  # leading digits of a bar from which one digit of it is enough
+SMALLEST, LARGEST = -4, 9  # powers of ten between which a figure is written without one
 UNKNOWN = "–"
 
 
@@ -67,7 +68,7 @@ def figure(value: float | None, bar: float | None = None) -> str:
     Parameters
     ----------
     value, bar : float or None
-        The figure and the half-width of its bar in the same unit; None without an estimate.
+        The figure and the half-width of its bar in the same unit; None without an estimate, 0 of an exact figure.
 
     Returns
     -------
@@ -82,7 +83,11 @@ def figure(value: float | None, bar: float | None = None) -> str:
     """
     if value is None or not isfinite(value):
         return UNKNOWN
-    return _fixed(value, decimals(value, bar))
+    places, highest = decimals(value, bar), _exponent(value)
+    if not SMALLEST <= highest <= LARGEST and places + highest >= 0:
+        return f"{value:.{places + highest}e}"
+    text = _fixed(value, places)
+    return text.rstrip("0").rstrip(".") if bar is not None and bar <= 0.0 and "." in text else text
 
 
 def _fixed(value: float, places: int) -> str:
@@ -205,6 +210,18 @@ def level_figure(level_db: float | None, bar_db: float | None = None) -> str:
     if level_db is None or not isfinite(level_db):
         return UNKNOWN
     return figure(level_db, bar_db) if is_known(bar_db) else _fixed(level_db, 1)
+
+
+def percentage(ratio: float | None, bar: float | None = None, space: str = " ") -> str:
+    """Format a ratio in percent with the digits that its bar allows, both of them relative to 1.
+
+    >>> from pipeline.quantity import percentage
+    >>> percentage(0.87349, 0.0021), percentage(0.87349), percentage(None)
+    ('87.35 %', '87.3 %', '–')
+    """
+    if ratio is None or not isfinite(ratio):
+        return UNKNOWN
+    return f"{figure(100.0 * ratio, None if bar is None else 100.0 * bar)}{space}%"
 
 
 def percent(error: float | None, space: str = " ") -> str:

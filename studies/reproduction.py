@@ -101,7 +101,7 @@ def _row(entry: dict[str, Any]) -> Row:
     verdict = verdict_of(entry["thesis"], entry["ours"])
     if entry["note"] and verdict != "agrees":
         verdict += f": {entry['note']}"
-    return entry["quantity"], f"{entry['thesis']}{words}", f"{entry['ours']}{words}", verdict
+    return entry["quantity"], f"{entry['thesis']}{words}", f"{entry['shown']}{words}", verdict
 
 
 def verdict_of(thesis: Any, ours: Any) -> str:

@@ -113,11 +113,12 @@ def columns() -> Iterator[str]:
             yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
             yield "\n".join(_column(each.name, each.heading, each.unit) for each in measure.columns)
     yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
-    yield "\n".join(_column(name, heading, unit) for name, heading, _, _, unit in tables.TRACKED)
+    yield "\n".join(_column(name, heading, unit) for name, heading, _, unit in tables.TRACKED)
 
 
-def _column(name: str, heading: str, unit: str) -> str:
-    return row(f"`{name}`", field_meanings()["columns"].get(name, heading), unit or "-")
+def _column(name: str, heading: str, unit: str | None) -> str:
+    """A line of the table; the file holds what pages show in percent relative."""
+    return row(f"`{name}`", field_meanings()["columns"].get(name, heading), "-" if unit in (None, "", "%") else unit)
 
 
 def column_names() -> set[str]:

@@ -17,6 +17,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
+from pipeline.quantity import figure, frequency
 from pipeline.records.reading import reading_table
 from pipeline.units import MS, US
 from pipeline.views.answer import Answer
@@ -88,7 +89,9 @@ def _from_case(case: Case, log: Log) -> ModePlant:
     zone = predesign(case.design).zone
     if zone is None:
         raise InputError(f"{case.name}: [plate], [zone]: too little is given to size the zone")
-    log.info(f"mode by predesign, {zone.frequency_hz:.0f} Hz; gain {WANTED_GAIN} assumed; --table takes computed modes")
+    log.info(
+        f"mode by predesign, {frequency(zone.frequency_hz)}; gain {WANTED_GAIN} assumed; --table takes computed modes"
+    )
     return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, WANTED_GAIN)
 
 
@@ -177,15 +180,15 @@ def _lines(study: DqStudy, measured: Identified | None) -> list[str]:
     head = ("name", "detuning_hz", "reference", "reached_95_s", "settled_5_s", "overshoot", "limited_periods")
     rows: list[list[Any]] = [[step.to_dict()[key] for key in head] for step in (*study.steps, *study.windups)]
     return [
-        f"mode {data.wanted.frequency_hz:.1f} Hz, quality factor {data.wanted.quality_factor:.0f}, "
+        f"mode {frequency(data.wanted.frequency_hz)}, quality factor {data.wanted.quality_factor:g}, "
         f"{len(data.neighbours)} neighbours",
         f"identified from a simulated sweep{' of the measured mode' if measured else ''}: "
-        f"{plant.frequency_hz:.3f} Hz, tau {plant.tau_s / MS:.4f} ms, "
-        f"|G| {abs(plant.gain):.4f}, delay {study.identified.delay_s / US:.2f} us",
-        f"continuous PI: K_p = {study.pi.proportional:.4g}, K_i = {study.pi.integral_per_s:.5g} 1/s for tau_d = "
-        f"{data.response_s / MS:.3f} ms; each {sampled['period_s'] / US:g} us: K_p = {sampled['proportional']:.4g}, "
-        f"integral {sampled['integral']:.4g}",
-        f"margins: gain {study.margins.gain:.2f}, phase of the carrier {study.margins.phase_deg:.1f} degrees, "
-        f"sensitivity {study.margins.sensitivity:.2f}",
+        f"{frequency(plant.frequency_hz)}, tau {figure(plant.tau_s / MS)} ms, "
+        f"|G| {figure(abs(plant.gain))}, delay {figure(study.identified.delay_s / US)} us",
+        f"continuous PI: K_p = {figure(study.pi.proportional)}, K_i = {figure(study.pi.integral_per_s)} 1/s for tau_d = "
+        f"{data.response_s / MS:g} ms; each {sampled['period_s'] / US:g} us: K_p = {figure(sampled['proportional'])}, "
+        f"integral {figure(sampled['integral'])}",
+        f"margins: gain {figure(study.margins.gain)}, phase of the carrier {figure(study.margins.phase_deg)} degrees, "
+        f"sensitivity {figure(study.margins.sensitivity)}",
         reading_table(head, rows),
     ]

@@ -15,6 +15,7 @@ from pipeline.case.quantities import parse_band
 from pipeline.errors import InputError
 from pipeline.logs import Log, TerminalLog
 from pipeline.paths import STUDIES
+from pipeline.quantity import figure, frequency, interval
 from pipeline.records.reading import reading_table
 from pipeline.units import KHZ, MM
 from pipeline.views.answer import Answer, emit, of_case
@@ -93,11 +94,12 @@ def _mason(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     entries = beside("mason", thesis_models.mason(whole))
     cell, one = data.cell, data.filter
     lines = [
-        f"five cells of {data.material.name}, each {cell.length_m / MM:.3f} mm long, section {cell.area_m2 / MM**2:g} mm2, "
+        f"five cells of {data.material.name}, each {figure(cell.length_m / MM)} mm long, section {cell.area_m2 / MM**2:g} mm2, "
         f"quality factor {data.quality_factor:g}; 1 N in the middle one",
-        f"filter: L = {one.inductance_kg:.4g} kg, C = {one.capacitance_m_n:.4g} m/N, rejects {one.rejected_hz:.6g} Hz",
+        f"filter: L = {figure(one.inductance_kg)} kg, C = {figure(one.capacitance_m_n)} m/N, "
+        f"rejects {frequency(one.rejected_hz)}",
         *(
-            f"modes, {name}: {', '.join(f'{f:.0f}' for f in modes) + ' Hz' if len(modes) else 'none in the band'}"
+            f"modes, {name}: {', '.join(map(figure, modes)) + ' Hz' if len(modes) else 'none in the band'}"
             for name, modes in study.modes_hz.items()
         ),
         *compared(entries),
@@ -120,7 +122,7 @@ def _refuse_empty(text: str, study: MasonStudy, whole: MasonStudy) -> None:
     """Raise InputError naming where the modes are, when none of the three lines has one in the band."""
     if not any(len(modes) for modes in study.modes_hz.values()):
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
-        listed = f"from {min(every) / KHZ:.4g} to {max(every) / KHZ:.4g} kHz, {len(every)} of them"
+        listed = f"from {interval(min(every), max(every))}, {len(every)} of them"
         raise InputError(f"--band = {text!r}: holds no mode of the three bars; they have modes {listed}")
 
 
@@ -192,7 +194,7 @@ def _beam(arguments: Namespace, case: Case | None, log: Log) -> Answer:
     head = ("layout", "frequency_hz", "gain_n_m", "strength", "ratio_before", "ratio_after", "largest_force_n")
     rows = [[case[key] for key in head] for case in document["cases"]]
     lines = [
-        f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {study.left_m / MM:.1f} mm from both ends; "
+        f"free-free {data.material.name} strip {size}, 1 N in the middle, loops {figure(study.left_m / MM)} mm from both ends; "
         f"strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond",
         reading_table(head, rows),
         *compared(document["comparison"]),

@@ -8,6 +8,8 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, level, percentage
 from pipeline.units import KHZ, MM, UM
 
 if TYPE_CHECKING:
@@ -51,8 +53,8 @@ def mason(study: MasonStudy) -> ReportFigure:
     style.legend_below(figure, *bare.get_legend_handles_labels())
     alt = (
         f"Joint velocities over frequency of three clamped cells and of five free ones without and with filters, and the "
-        f"filter's impedance. With filters a mode at {target:.2f} kHz stays between them: inner joints lie "
-        f"{study.confinement_filtered_db:.0f} dB above outer ones, against {study.confinement_bare_db:.0f} dB without."
+        f"filter's impedance. With filters a mode at {frequency(study.data.target_hz)} stays between them: inner joints lie "
+        f"{level(study.confinement_filtered_db)} above outer ones, against {level(study.confinement_bare_db)} without."
     )
     return ReportFigure("mason", "A band-reject filter confines a mode", alt, figure, vector=True)
 
@@ -65,7 +67,7 @@ def pillar(pillar_row: PillarFilter, point: PointForce, cell: dict[str, Any] | N
 def _point_force(point: PointForce) -> ReportFigure:
     figure, axes = style.panels(3.0)
     transmitted = {name: point.of(name).transmitted for name in POINTS}
-    labels = {name: f"{text}: |t|² = {transmitted[name]:.2g}" for name, text in POINTS.items()}
+    labels = {name: f"{text}: |t|² = {figure_text(transmitted[name])}" for name, text in POINTS.items()}
     curves = {labels[name]: np.abs(point.of(name).deflection) for name in POINTS}
     style.draw_lines(axes.plot, point.x_over_wavelength, curves)
     style.mark(axes, 0.0)
@@ -73,8 +75,8 @@ def _point_force(point: PointForce) -> ReportFigure:
     axes.set(xlabel="x / wavelength", ylabel="|w| / incident", title=title, ylim=(0, 3.4))
     axes.legend(fontsize=7, loc="upper left", ncols=2)
     alt = (
-        f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {transmitted['spring']:.0%} of the "
-        f"power, a pinned point {transmitted['pinned']:.0%}, the damper {transmitted['printed damper']:.0%}."
+        f"Amplitude along a beam met by one point: a spring 4 EI beta^3 passes {percentage(transmitted['spring'])} of the "
+        f"power, a pinned point {percentage(transmitted['pinned'])}, the damper {percentage(transmitted['printed damper'])}."
     )
     return ReportFigure("point_force", "One point on an endless beam", alt, figure, vector=True)
 
@@ -103,8 +105,9 @@ def _rows(row: PillarFilter, cell: dict[str, Any] | None) -> ReportFigure:
     decay.set(ylabel="decay (dB per row)", xlabel="frequency (kHz)")
     decay.legend(fontsize=7)
     alt = (
-        f"Power through rows of pillars over frequency: one pillar's moment stops it at {stopped:.2f} kHz, its clamped "
-        f"resonance is at {clamped:.2f} kHz; an oscillator of its mass and resonance would stop it at {oscillator:.2f} kHz."
+        f"Power through rows of pillars over frequency: one pillar's moment stops it at {frequency(row.stopped_hz)}, its "
+        f"clamped resonance is at {frequency(row.clamped_hz)}; an oscillator of its mass and resonance would stop it at "
+        f"{frequency(row.oscillator_stopped_hz)}."
     )
     return ReportFigure("pillar_rows", "Rows of pillars as a filter", alt, figure, vector=True)
 
@@ -121,7 +124,7 @@ def _shapes(study: ActiveBeamStudy) -> ReportFigure:
     shown = {
         "3.5 Equal forces": _by_layout(study, ("point", "pair"), first),
         "3.6 Opposed forces": _by_layout(study, ("couple", "opposed"), first),
-        "3.7 Two gains, one force a side": {f"K' = {case.gain_n_m:.0e} N/m": case for case in gains},
+        "3.7 Two gains, one force a side": {f"K' = {case.gain_n_m:g} N/m": case for case in gains},
         "3.8 Higher frequency": _by_layout(study, ("point", "pair", "couple"), last),
     }
     figure, panels = style.panels(5.6, 2, 2)
@@ -139,8 +142,8 @@ def _shapes(study: ActiveBeamStudy) -> ReportFigure:
     verdict = study.case("point", first, strong)
     alt = (
         f"Amplitude along a free-free strip under {data.force_n:g} N in its middle without and with velocity feedback at the "
-        f"marked places; rms inside over beyond is {verdict.after.ratio:.2f} with one force a side, "
-        f"{verdict.before.ratio:.2f} open."
+        f"marked places; rms inside over beyond is {figure_text(verdict.after.ratio)} with one force a side, "
+        f"{figure_text(verdict.before.ratio)} open."
     )
     return ReportFigure("active_beam", "Active pillars on a free-free strip", alt, figure, vector=True)
 
@@ -169,10 +172,12 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
         look = {"color": style.CYCLE[kind % len(style.CYCLE)], "ls": style.DASHES[tone % len(style.DASHES)]}
         place.semilogy(places_mm, ratios, lw=1.0, label=name, **look)
     place.axvline(study.left_m / MM, color=style.ORANGE, lw=0.8)
-    title = f"Place, K' = {data.gains_n_m[-1]:.0e} N/m"
+    title = f"Place, K' = {data.gains_n_m[-1]:g} N/m"
     place.set(xlabel="middle of the loops from an end (mm)", title=title)
     place.set_ylim(top=8.0 * place.get_ylim()[1])
     place.legend(fontsize=6.0, loc="upper left", ncols=2)
-    best = ", ".join(f"{name} {places_mm[values.argmax()]:.0f} mm" for name, values in study.place_sweep.items())
+    best = ", ".join(
+        f"{name} {figure_text(places_mm[values.argmax()])} mm" for name, values in study.place_sweep.items()
+    )
     alt = f"Confinement by active pillars over gain and over their place; best places: {best}."
     return ReportFigure("active_beam_sensitivity", "What gain and place do", alt, figure, vector=True)

@@ -8,6 +8,8 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency
 from pipeline.units import DEGREE, MS
 
 if TYPE_CHECKING:
@@ -33,15 +35,15 @@ def step(study: DqStudy) -> ReportFigure:
     for one, look in zip(study.windups, style.LOOKS, strict=False):
         large.plot(one.trace.time_s / MS, np.abs(one.trace.measured) / one.reference, label=one.name, **look)
     share = study.windups[0].reference / (abs(study.identified.plant.gain) * study.data.drive_limit)
-    title = f"Step to {share:.2f} of the amplitude at full drive: the drive meets its limit"
+    title = f"Step to {figure_text(share)} of the amplitude at full drive: the drive meets its limit"
     large.set(title=title, xlabel="time since the reference changed (ms)")
     for axes in (small, large):
         axes.set(ylabel="U / reference", xlim=(0, 10))
         axes.legend(fontsize=7)
     reached = study.query.trace.reached_s() / MS
     alt = (
-        f"Step response of the closed loop at the firmware's rates: 95 % after {reached:.2f} ms, overshoot "
-        f"{100 * study.query.trace.overshoot():.1f} %; a saturated step with three treatments of the integral."
+        f"Step response of the closed loop at the firmware's rates: 95 % after {figure_text(reached)} ms, overshoot "
+        f"{figure_text(100 * study.query.trace.overshoot())} %; a saturated step with three treatments of the integral."
     )
     return ReportFigure("dq_step", "Step response of the closed loop", alt, figure, vector=True)
 
@@ -63,13 +65,13 @@ def circle(study: DqStudy) -> ReportFigure:
     fitted = -2.0 * np.arctan(2.0 * np.pi * detuning * plant.tau_s) / DEGREE
     phase.plot(detuning, angles, "o", ms=2.5, color=style.BLUE, label="sweep")
     phase.plot(detuning, fitted + np.median(angles - fitted), color=style.GREY, lw=0.9, label="-2 atan(τ δω)")
-    title = f"{plant.frequency_hz:.2f} Hz, τ = {plant.tau_s / MS:.3f} ms"
+    title = f"{frequency(plant.frequency_hz)}, τ = {figure_text(plant.tau_s / MS)} ms"
     phase.set(xlabel="detuning (Hz)", ylabel="angle about the centre (degrees)", title=title)
     for axes in (plane, phase):
         axes.legend(fontsize=7)
     alt = (
-        f"Response about resonance as a circle of diameter {2 * fit.radius:.3f}, and its phase, which gives "
-        f"{plant.frequency_hz:.2f} Hz and a time constant of {plant.tau_s / MS:.3f} ms."
+        f"Response about resonance as a circle of diameter {figure_text(2 * fit.radius)}, and its phase, which gives "
+        f"{frequency(plant.frequency_hz)} and a time constant of {figure_text(plant.tau_s / MS)} ms."
     )
     return ReportFigure("dq_circle", "Identification by circle and phase", alt, figure, vector=True)
 
@@ -97,7 +99,7 @@ def bode(study: DqStudy) -> ReportFigure:
     size.legend(fontsize=7)
     phase.set(ylabel="phase (degrees)", xlabel="frequency of the amplitude (Hz)")
     alt = (
-        f"Bode diagram of the amplitude's loop: gain margin {study.margins.gain:.1f}, the carrier's phase may be off by "
-        f"{study.margins.phase_deg:.0f} degrees."
+        f"Bode diagram of the amplitude's loop: gain margin {figure_text(study.margins.gain)}, the carrier's phase may be "
+        f"off by {figure_text(study.margins.phase_deg)} degrees."
     )
     return ReportFigure("dq_bode", "Bode diagram of the amplitude's loop", alt, figure, vector=True)

@@ -6,15 +6,30 @@ import tomllib
 from collections.abc import Iterable
 from functools import cache
 from math import nan
+from string import Formatter
 from typing import Any
 
 from pipeline.paths import REFERENCE
+from pipeline.quantity import figure, signed
 
 FILE = REFERENCE / "thesis-models.toml"
 NEAR = 0.15  # relative: a figure read from the text has one or two digits
 
 Figures = dict[str, Any]
 Range = tuple[float, float]
+
+
+class FiguresInWords(Formatter):
+    """Format texts with the digits that people read: '' and '+' of a spec count, 'g' is for what was given."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Format a floating-point number as a figure without a bar, with its sign for '+'; anything else as it is."""
+        if not isinstance(value, float) or format_spec not in ("", "+"):
+            return str(super().format_field(value, format_spec))
+        return signed(figure(value)) if format_spec else figure(value)
+
+
+IN_WORDS = FiguresInWords()
 
 
 @cache
@@ -30,7 +45,7 @@ def beside(model: str, computed: Iterable[tuple[str, Figures]]) -> list[dict[str
     for key, figures in computed:
         statement = statements()[model][key]
         every = _distances(statement["verdicts"], figures) | figures
-        ours = {name: statement[name].format(**every) for name in ("quantity", "thesis", "ours")}
+        ours = {name: IN_WORDS.format(statement[name], **every) for name in ("quantity", "thesis", "ours")}
         entries.append(ours | {"agreement": agreement(statement, every)})
     return entries
 
@@ -39,7 +54,7 @@ def agreement(statement: dict[str, Any], figures: Figures) -> str:
     """The first verdict whose figures lie in their ranges, with every line of `also` that holds."""
     first = next(verdict for verdict in statement["verdicts"] if _holds(verdict, figures))
     lines = [first, *(line for line in statement.get("also", ()) if _holds(line, figures))]
-    return "".join(line["text"] for line in lines).format(**figures)
+    return IN_WORDS.format("".join(line["text"] for line in lines), **figures)
 
 
 def _holds(verdict: dict[str, Any], figures: Figures) -> bool:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.active.thesis import Figures
+from pipeline.quantity import figure, interval
 from pipeline.units import KHZ, MM, MS, UM, US
 from solvers.control.dq_study import FIRMWARE_RESPONSE_S
 
@@ -32,7 +33,7 @@ def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
     level = np.abs(study.clamped)
     answering = [m for m in clamped if level[np.argmin(np.abs(f - m))].max() > UNDRIVEN * level.max()]
     number = int(np.argmin(np.abs(clamped - target))) + 1
-    yield "confined", {"number": number, "answering": ", ".join(f"{m / KHZ:.2f}" for m in answering)}
+    yield "confined", {"number": number, "answering": ", ".join(figure(m / KHZ) for m in answering)}
     both = (study.bare_modes_hz, study.filtered_modes_hz)
     nearest, added = (float(modes[np.argmin(np.abs(modes - target))]) for modes in both)
     yield "bare", {"target_khz": target / KHZ, "nearest_khz": nearest / KHZ, "off": abs(nearest / target - 1.0)}
@@ -70,7 +71,7 @@ def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) ->
 
 
 def _band(band: tuple[float, float] | None) -> str:
-    return f"{band[0] / KHZ:.2f}-{band[1] / KHZ:.2f} kHz" if band else "none in the window"
+    return interval(*band, to="-") if band else "none in the window"
 
 
 def _cell(strip_hz: tuple[float, float] | None, cell: dict[str, Any]) -> Figures:
@@ -115,15 +116,17 @@ def _inside(case: Case) -> Figures:
 
 def _amplitudes(case: Case) -> str:
     return (
-        f"largest inside {case.before.inside_max / UM:.2f} -> {case.after.inside_max / UM:.2f} um, "
-        f"inside / beyond {case.after.inside_max / case.after.outside_max:.2f}"
+        f"largest inside {figure(case.before.inside_max / UM)} -> {figure(case.after.inside_max / UM)} um, "
+        f"inside / beyond {figure(case.after.inside_max / case.after.outside_max)}"
     )
 
 
 def _gains(study: ActiveBeamStudy) -> Figures:
     gains = sorted(set(study.data.gains_n_m))
     cases = [study.case("point", study.data.frequencies_hz[0], gain) for gain in dict.fromkeys((gains[0], gains[-1]))]
-    lines = [f"K' = {one.gain_n_m:g}: {one.strength:.1f} x 4EIb3, rms ratio {one.after.ratio:.2f}" for one in cases]
+    lines = [
+        f"K' = {one.gain_n_m:g}: {figure(one.strength)} x 4EIb3, rms ratio {figure(one.after.ratio)}" for one in cases
+    ]
     return {
         "cases": ", ".join(lines),
         "count": len(cases),
@@ -137,7 +140,7 @@ def _higher(study: ActiveBeamStudy) -> Figures:
     failing = [name for name, case in cases.items() if case.after.ratio < CONFINED]
     return {
         "where": _where(cases["point"]),
-        "ratios": ", ".join(f"{name} {case.after.ratio:.2f}" for name, case in cases.items()),
+        "ratios": ", ".join(f"{name} {figure(case.after.ratio)}" for name, case in cases.items()),
         "count": len(tones),
         "failing": len(failing),
         "names": " and ".join(failing),
@@ -145,7 +148,7 @@ def _higher(study: ActiveBeamStudy) -> Figures:
 
 
 def _limit(gain: float) -> str:
-    return f"K' < {gain:.2g} N/m" if gain > 0.0 else "no gain"
+    return f"K' < {figure(gain)} N/m" if gain > 0.0 else "no gain"
 
 
 def dq(study: DqStudy) -> Iterator[tuple[str, Figures]]:

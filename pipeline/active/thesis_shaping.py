@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.active.thesis import Figures, statements
+from pipeline.quantity import figure
 from pipeline.units import CM, KHZ
 from solvers.shaping.acoustic_contrast import REGIONS, region_target
 from solvers.shaping.inversion import drive_voltages
@@ -45,7 +46,7 @@ def shaping(study: ShapingStudy) -> Iterator[tuple[str, Figures]]:
         pair, levels = study.pairs[model.name], study.resonators[model.name].to_dict()
         modes = {"first": pair.modes[0] + 1, "second": pair.modes[1] + 1, "hz": pair.frequency_hz}
         yield "pair", {"beam": model.name, "twr": pair.twr} | modes
-        listed = ", ".join(f"{key.removesuffix('_db')} {value:.1f} dB" for key, value in levels.items())
+        listed = ", ".join(f"{key.removesuffix('_db')} {figure(value)} dB" for key, value in levels.items())
         yield "resonators", {"beam": model.name, "levels": listed}
 
 
@@ -58,7 +59,7 @@ def _confined(study: ShapingStudy, model: ShapedBeam, signal: Signal, region: st
         "beam": model.name,
         "signal": signal,
         "khz": last / KHZ,
-        "ratios": ", ".join(f"{one.peak_ratio:.2f} {name}" for name, one in contrast.items()),
+        "ratios": ", ".join(f"{figure(one.peak_ratio)} {name}" for name, one in contrast.items()),
         "ratio": best.peak_ratio,
         "best_db": best.best_contrast_db,
     }
@@ -68,8 +69,8 @@ def _coupling(model: ShapedBeam, frequency_hz: float, signal: Signal) -> tuple[s
     """At the two frequencies of the text also on the mode beside them."""
     coupling = conditioning(model.matrix(frequency_hz, signal))
     words = (
-        f"coupling {coupling.coupling:.3f}, independence {coupling.independence:.3f}, "
-        f"condition number {coupling.condition:.1f}"
+        f"coupling {figure(coupling.coupling)}, independence {figure(coupling.independence)}, "
+        f"condition number {figure(coupling.condition)}"
     )
     figures = {"khz": frequency_hz / KHZ, "beam": model.name, "signal": signal, "coupling": words}
     printed = f"coupling at {frequency_hz:g} Hz"
@@ -112,7 +113,7 @@ def _forces(study: ShapingStudy, model: ShapedBeam) -> Figures:
     }
     return {
         "beam": model.name,
-        "ratios": ", ".join(f"{ratio:.2f} {region}" for region, ratio in ratios.items()),
+        "ratios": ", ".join(f"{figure(ratio)} {region}" for region, ratio in ratios.items()),
         "harder": ", ".join(region for region, ratio in ratios.items() if ratio > 1.0) or "no region",
     }
 

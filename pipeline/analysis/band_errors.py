@@ -9,6 +9,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.planning.error_bar import WidestBar
+from pipeline.quantity import figure
 from solvers.waves.brillouin import Path
 from solvers.waves.gaps import DirectionalGap, Gap
 
@@ -76,7 +77,7 @@ def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray) -> WidestBar:
     if not total.size or np.isnan(total).any():
         return WidestBar(None)
     point, band = (int(index) for index in np.unravel_index(np.argmax(total), total.shape))
-    where = path.labels[point] or "k = ({:.1f}, {:.1f}) rad/m".format(*path.wavevectors[point])
+    where = path.labels[point] or "k = ({}, {}) rad/m".format(*map(figure, path.wavevectors[point]))
     parts = {"mesh": float(by_mesh[point, band]), "truncation": float(truncated[point, band])}
     return WidestBar(float(total[point, band]), f"band {band + 1} at {where}", parts)
 

@@ -24,6 +24,7 @@ from pipeline.planning.mesh_rules import FINEST
 from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
 from pipeline.planning.refinement import MARGIN, on_finer_meshes
 from pipeline.planning.resources import Demand
+from pipeline.quantity import figure, frequency
 from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
@@ -52,7 +53,6 @@ from solvers.waves.symmetry import Mirrors
 AnyCell = TypeVar("AnyCell", WholeCell, Supercell)
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
-DIGITS = 7
 MAX_POINTS = 500
 MAX_BANDS = 12
 
@@ -164,7 +164,7 @@ class Bands:
 
 
 def _pair(pair: FloatArray) -> list[float] | None:
-    return None if np.isnan(pair).any() else [float(f"{value:.{DIGITS}g}") for value in pair]
+    return None if np.isnan(pair).any() else pair.tolist()
 
 
 @one_thread()
@@ -362,9 +362,11 @@ def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:
             ("upper", gap.upper_hz, whole.upper_hz, whole.upper_at),
         ):
             if abs(hz / path_hz - 1.0) > MOVED:
-                where = f"k = ({at[0]:.1f}, {at[1]:.1f}) rad/m, off the path"
+                where = f"k = ({figure(at[0])}, {figure(at[1])}) rad/m, off the path"
                 log.warning(
-                    "ZONE", f"{name} has its {edge} edge at {hz:.1f} Hz, {where}; along the path {path_hz:.1f} Hz"
+                    "ZONE",
+                    f"{name} has its {edge} edge at {frequency(hz, MOVED)}, {where}; "
+                    f"along the path {frequency(path_hz, MOVED)}",
                 )
     if along and not _moved(along, zone):
         log.info("every gap along the path is one of the whole zone, with the same edges")

@@ -12,6 +12,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import calibration
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
+from pipeline.quantity import frequency, level, percent, percentage, signed
 from pipeline.records.record import MeshRecord, TetModesRecord
 from solvers.errors import TooLarge
 
@@ -58,8 +59,9 @@ def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar:
     mixing = modes.confinement_bar_db(case, own, bar + own_bar)
     if mixing is not None and row.confinement_db is not None:
         log.info(
-            f"its confinement by tetrahedra {row.confinement_db:.1f} dB, structured {structured.confinement_db:.1f} dB: "
-            f"neighbours that such an error of the frequency mixes into the mode may move it by {mixing:.1f} dB"
+            f"its confinement by tetrahedra {level(row.confinement_db, mixing)}, structured "
+            f"{level(structured.confinement_db, structured.confinement_error_db)}: "
+            f"neighbours that such an error of the frequency mixes into the mode may move it by {level(mixing, mixing)}"
         )
     record = TetModesRecord.of(
         row,
@@ -108,12 +110,13 @@ def _own_bar(part_modes: modes.PartModes) -> float:
 def _agrees(tet_hz: float, hex_hz: float, bar: float, own: float, log: Log) -> bool:
     """Whether the two frequencies lie within both bars."""
     both, difference = bar + own, tet_hz / hex_hz - 1.0
-    log.info(f"wanted mode by tetrahedra {tet_hz:.1f} Hz, structured {hex_hz:.1f} Hz")
+    log.info(f"wanted mode by tetrahedra {frequency(tet_hz, own)}, structured {frequency(hex_hz, bar)}")
     if abs(difference) <= both:
         return True
     log.warning(
         "CROSS_CHECK",
-        f"the wanted mode by tetrahedra, {tet_hz:.1f} Hz, lies {difference:+.2%} from the structured mesh's, {hex_hz:.1f} Hz: "
-        f"their bars allow {both:.2%}",
+        f"the wanted mode by tetrahedra, {frequency(tet_hz, own)}, lies {signed(percentage(difference, both))} from the "
+        f"structured mesh's, {frequency(hex_hz, bar)}: "
+        f"their bars allow {percent(both)}",
     )
     return False

@@ -17,7 +17,6 @@ from solvers.measures.wanted_search import weights
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
-DIGITS = 5
 
 
 def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
@@ -71,5 +70,5 @@ def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
         wanted=rows.index(wanted),
         frequency_hz=[row.frequency_hz for row in rows],
         share=[1.0 if row.zone_share is None else row.zone_share for row in rows],
-        coefficients=[[float(f"{value:.{DIGITS}g}") for value in row] for row in shapes],
+        coefficients=shapes.tolist(),
     )

@@ -44,6 +44,7 @@ from pipeline.planning.request import (
     with_search,
 )
 from pipeline.planning.simplifications import khz
+from pipeline.quantity import frequency, percent
 from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
 from solvers.fem.coarser import largest
 from solvers.fem.constraints import Pencil
@@ -51,6 +52,7 @@ from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_ba
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
+from solvers.measures.levels import share_error
 from solvers.measures.mode_mixing import Overlaps, mixing_db
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
@@ -182,8 +184,8 @@ def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
     estimate = _error_estimate(part_modes, errors)
     if estimate:
         log.info(
-            f"overestimated by truncation, as what it leaves out tells: the wanted mode {estimate.total:.2%}, "
-            f"any mode {estimate.worst:.2%} at most"
+            f"overestimated by truncation, as what it leaves out tells: the wanted mode {percent(estimate.total)}, "
+            f"any mode {percent(estimate.worst)} at most"
         )
         warn(estimate.total, case, log)
     by_mesh = [_mesh_error(row, errors) for row in part_modes.all_rows(query.search)]
@@ -263,25 +265,41 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
     if share is None or all(row.confinement_db is None for row in known.values()):
         return part_modes
-    bars: dict[tuple[str | None, int], float | None] = {}
+    bars: dict[tuple[str | None, int], dict[str, float | None]] = {}
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, [row.column for row in rows]])
-        tones, overlaps = np.array([row.frequency_hz for row in rows]), Overlaps.of(touch, case.design)
-        for index, row in enumerate(rows):
-            most = None
-            if overlaps and row.error and len(rows) > 1:
-                most = overlaps.mixing_db(tones, index, row.error, _ends(part_modes))
-            bars[symmetry, row.column] = None if most is None else share * most
+        if (overlaps := Overlaps.of(touch, case.design, symmetry)) and len(rows) > 1:
+            ends = _ends(part_modes)
+            bars |= {
+                (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
+            }
     own = part_modes.wanted.row if part_modes.wanted else None
     if own and part_modes.bar:
-        bars[own.symmetry, own.column] = part_modes.bar.confinement_db
+        level = {"confinement_error_db": part_modes.bar.confinement_db}
+        bars[own.symmetry, own.column] = bars.get((own.symmetry, own.column), {}) | level
 
     def with_bar(row: ModeRow) -> ModeRow:
-        return row.model_copy(update={"confinement_error_db": bars.get((row.symmetry, row.column))})
+        own = bars.get((row.symmetry, row.column), {})
+        share_bar = share_error(row.zone_share, own.get("confinement_error_db"))
+        return row.model_copy(update=own | {"zone_share_error": share_bar})
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
     return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)
+
+
+def _measure_bars(
+    rows: list[ModeRow], index: int, overlaps: Overlaps, ends_hz: tuple[float, ...], share: float
+) -> dict[str, float | None]:
+    """Half-widths of the bars of a mode's level, MAC and strength by the `share` of its neighbours that mixes into it."""
+    tones, error = np.array([row.frequency_hz for row in rows]), rows[index].error
+    if not error:
+        return {}
+    level = share * overlaps.mixing_db(tones, index, error, ends_hz)
+    mac, strength = (
+        None if np.isnan(bar) else bar for bar in overlaps.mixing_shape(tones, index, error, ends_hz, share)
+    )
+    return {"confinement_error_db": level, "mac_error": mac, "strength_error": strength}
 
 
 def _ends(part_modes: PartModes) -> tuple[float, ...]:
@@ -296,8 +314,8 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
         return
     low, high = query.band_hz
     of_class = f" of class {query.symmetry}" if query.symmetry else ""
-    nearest = "" if part_modes.nearest_hz is None else f"; the nearest lies at about {part_modes.nearest_hz:.4g} Hz"
-    log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:.6g} and {high:.6g} Hz{nearest}")
+    nearest = "" if part_modes.nearest_hz is None else f"; the nearest lies at about {frequency(part_modes.nearest_hz)}"
+    log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:g} and {high:g} Hz{nearest}")
 
 
 def _within_reach(

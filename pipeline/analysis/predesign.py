@@ -7,7 +7,7 @@ from typing import Any
 from geometry.layout import SHORT, Design
 from pipeline.case.model import Case
 from pipeline.planning import calibration
-from pipeline.quantity import figure, frequency, percent
+from pipeline.quantity import figure, frequency, percent, percentage
 from pipeline.records.reading import named, reading_table
 from solvers.analytic.predesign import predesign
 
@@ -46,7 +46,7 @@ def _read(document: dict[str, Any], design: Design) -> list[str]:
     if target and given:
         known = expected_errors("pillar", design).get("given_timoshenko_hz")
         off, height = given / target - 1.0, pillar.get("timoshenko_height_mm")
-        beside = f"{abs(off):.0%} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
+        beside = f"{percentage(abs(off), known)} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
         better = f"; {figure(height)} mm of height would meet it" if height else ""
         lines.append(
             f"the pillar as given resonates at {frequency(given, known)}, "
@@ -61,8 +61,8 @@ def short_wave(design: Design) -> str | None:
         return None
     half = design.half_wavelength_m or design.width_m
     return (
-        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {1e3 * half:.3g} mm long, less than "
-        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:.3g} mm each): plate theory, the pre-design and windows chosen by "
+        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
+        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:g} mm each): plate theory, the pre-design and windows chosen by "
         "them mean little; lower zone.nodal_lines or plate.thickness_mm"
     )
 

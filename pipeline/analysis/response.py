@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,14 @@ from pipeline.analysis.peak_bars import level_error_db, quality_error
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.planning.error_bar import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from pipeline.units import KHZ
 from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
-from solvers.piezo.height import frequency_error, height_error, largest_frequency_error
+from solvers.piezo.frequency_bar import frequency_errors
+from solvers.piezo.height import frequency_error, height_error
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
 from solvers.threads import one_thread
 
@@ -31,8 +33,7 @@ class Response:
     """The response curve, the wanted mode's peak (None where the band has none), the highest peak, and the plate
     behind them.
 
-    The operating shape is that at `peak`. expected_error is the largest half-width of a frequency's bar in the band, relative:
-    mesh, reduction and bonding together.
+    The operating shape is that at `peak`. widest_bar is that of the frequencies in the band.
     """
 
     model: str
@@ -49,7 +50,12 @@ class Response:
     forced: ForcedPlate
     circuit: CircuitShift | None
     meshes: list[MeshRecord] = field(default_factory=list)
-    expected_error: float | None = None
+    widest_bar: WidestBar = field(default_factory=partial(WidestBar, None))
+
+    @property
+    def expected_error(self) -> float | None:
+        """The largest half-width of a frequency's bar in the band, relative: mesh, reduction and bonding together."""
+        return self.widest_bar.error
 
     @property
     def peak(self) -> Peak:
@@ -80,6 +86,7 @@ class Response:
             wanted_status=self.forced.verdict.status,
             wanted_peak=wanted,
             highest_peak=_peak(self.highest, self.forced, wanted if self.same else None),
+            widest_bar=self.widest_bar.to_dict(),
         )
 
 
@@ -130,20 +137,28 @@ def solve(case: Case, log: Log, band_hz: tuple[float, float] | None = None, poin
         forced,
         circuit_shift(forced),
         meshes,
-        _logged_error(largest_frequency_error(forced, low, high), case, log),
+        _widest_bar(forced, low, high),
     )
+    log.info(forced_response.widest_bar.text())
+    forced_response.widest_bar.warn(case, log)
     _log_summary(forced_response, log)
     return forced_response
 
 
-def _logged_error(error: float | None, case: Case, log: Log) -> float | None:
-    """Log the largest half-width of the band's frequencies, and where the case asks for less; returns it."""
-    if error is None:
-        log.info("the error of a frequency is unknown: compare with a finer solve.accuracy")
-        return None
-    short = f"; solve.accuracy asks for {case.solve.accuracy:.2%}" if error > case.solve.accuracy else ""
-    log.info(f"error of a frequency by mesh, reduction and bonding {error:.2%} or less{short}")
-    return error
+def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar:
+    """Find the widest bar of the resonances in a band, and what it is made of; unknown where one of them has none."""
+    known = []
+    for basis in forced.modes:
+        errors, tones = frequency_errors(basis), basis.frequency_hz
+        inside = (tones >= low_hz) & (tones <= high_hz)
+        known.append(np.array([tones, errors.mesh, errors.reduction, errors.bonding])[:, inside])
+    every = np.hstack(known) if known else np.zeros((4, 0))
+    total = every[1:].sum(axis=0)
+    if not total.size or np.isnan(total).any():
+        return WidestBar(None)
+    tone, *parts = every[:, int(np.argmax(total))].tolist()
+    of = f"the resonance at {frequency(tone, sum(parts))}"
+    return WidestBar(sum(parts), of, dict(zip(("mesh", "reduction", "bonding"), parts, strict=True)))
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:

@@ -8,8 +8,7 @@ from pipeline.analysis.modes import PartModes
 from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.quantity import frequency_with_bar, with_bar
-from pipeline.units import KHZ
+from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
 from solvers.measures.wanted_mode import CLEAR
 
 
@@ -27,7 +26,7 @@ def lines(part_modes: PartModes, design: Design) -> list[str]:
 def verdict(wanted: Wanted, design: Design) -> list[str]:
     """Say which mode is the wanted one, or why none is."""
     name, row = f"(0, {design.nodal_lines})", wanted.row
-    window = f"{wanted.low_hz / KHZ:.4g} and {wanted.high_hz / KHZ:.4g} kHz"
+    window = interval(wanted.low_hz, wanted.high_hz, to=" and ")
     if row is None and wanted.count is None:
         return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
     if row is None:
@@ -35,14 +34,12 @@ def verdict(wanted: Wanted, design: Design) -> list[str]:
     level_text = _level(row)
     tone = frequency_with_bar(row.frequency_hz, row.error)
     if wanted.status == "single":
-        return [f"wanted {name} mode: {tone}, MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"]
+        return [f"wanted {name} mode: {tone}, {_alike(row)}{level_text}"]
     others = "; ".join(_named(rival) for rival in wanted.rivals)
     how = "is split among several modes" if others or not wanted.is_open else "may be split among several modes"
     return [
         f"The wanted {name} shape {how}: strongest at {tone}, "
-        f"MAC {row.mac:.3f}, strength {row.strength:.3f}{level_text}"
-        + (f"; others: {others}" if others else _alone(row))
-        + _outside(wanted)
+        f"{_alike(row)}{level_text}" + (f"; others: {others}" if others else _alone(row)) + _outside(wanted)
     ]
 
 
@@ -50,13 +47,18 @@ def _outside(wanted: Wanted) -> str:
     """Say what modes that were not computed may carry, where that could rival the strongest."""
     if not wanted.is_open or wanted.reach_hz is None:
         return ""
-    reach = f"{wanted.reach_hz[0] / 1e3:.4g} to {wanted.reach_hz[1] / 1e3:.4g} kHz"
-    return f"; modes outside the searched range of {reach} may have a strength of up to {wanted.missing:.2g}"
+    reach = interval(*wanted.reach_hz)
+    most = figure(wanted.missing, wanted.missing)
+    return f"; modes outside the searched range of {reach} may have a strength of up to {most}"
 
 
 def _named(row: ModeRow) -> str:
     tone = frequency_with_bar(row.frequency_hz, row.error)
-    return f"{tone} (MAC {row.mac:.3f}, strength {row.strength:.3f}{_level(row)})"
+    return f"{tone} ({_alike(row)}{_level(row)})"
+
+
+def _alike(row: ModeRow) -> str:
+    return f"MAC {figure(row.mac, row.mac_error)}, strength {figure(row.strength, row.strength_error)}"
 
 
 def _level(row: ModeRow) -> str:
@@ -76,10 +78,8 @@ def count(part_modes: PartModes) -> str:
     if part_modes.more_in_mesh is None:
         return f"{text}; how many the meshes behind it have is not bounded"
     if part_modes.more_in_mesh == 0:
-        return f"{text}; the meshes behind it have no more of them up to {check.high_hz / KHZ:.4g} kHz"
-    return (
-        f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {check.high_hz / KHZ:.4g} kHz"
-    )
+        return f"{text}; the meshes behind it have no more of them up to {frequency(check.high_hz)}"
+    return f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {frequency(check.high_hz)}"
 
 
 def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:

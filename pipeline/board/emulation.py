@@ -6,6 +6,7 @@ from pathlib import Path
 
 from geometry.elements import FloatArray
 from pipeline.logs import Log
+from pipeline.quantity import figure, frequency
 from pipeline.records.record import BoardFault, BoardRecord
 from pipeline.units import MS
 
@@ -40,10 +41,10 @@ def solve(folder: Path, log: Log) -> tuple[BoardRecord | BoardFault | None, dict
 
 def _log_summary(record: BoardRecord, log: Log) -> None:
     origin = "identified" if record.swept else "taken from the table"
-    reached = "not reached" if record.t95_s is None else f"after {record.t95_s / MS:.2f} ms"
+    reached = "not reached" if record.t95_s is None else f"after {figure(record.t95_s / MS)} ms"
     log.info(
-        f"emulated board: mode at {record.frequency_hz:.2f} Hz {origin}, tau {record.tau_s / MS:.3f} ms, gain "
-        f"{abs(complex(*record.gain)):.4g}; 95 % of a step to {record.reference:.4g} {reached}"
+        f"emulated board: mode at {frequency(record.frequency_hz)} {origin}, tau {figure(record.tau_s / MS)} ms, gain "
+        f"{figure(abs(complex(*record.gain)))}; 95 % of a step to {figure(record.reference)} {reached}"
     )
 
 

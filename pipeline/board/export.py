@@ -15,6 +15,7 @@ from pipeline.board.table_file import Mode, ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.quantity import figure, frequency
 from pipeline.records.fingerprint import canonical_json, code_hash
 from pipeline.records.store import write_atomic
 
@@ -169,9 +170,10 @@ def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> N
     if mode.gain is None:
         log.info("mode table: gain unidentified, the sensor does not hear the wanted mode")
     else:
+        angle = figure(float(np.degrees(np.angle(mode.gain))))
         log.info(
-            f"mode table: gain {abs(mode.gain):.4g} V/V at {np.degrees(np.angle(mode.gain)):.1f} degrees, computed at "
-            f"{mode.frequency_hz:.1f} Hz with the patches on; multiply by amplifier and conditioner. The board measures it anew"
+            f"mode table: gain {figure(abs(mode.gain))} V/V at {angle} degrees, computed at {frequency(mode.frequency_hz)} "
+            "with the patches on; multiply by amplifier and conditioner. The board measures it anew"
         )
     for sign, pin in ((1.0, "PA4"), (-1.0, "PA5")):
         group = [str(patch) for patch, has in zip(case.patches.drivers, gains.signs, strict=True) if has == sign]

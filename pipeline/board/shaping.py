@@ -86,7 +86,7 @@ def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives:
     """
     highest = FREQUENCY_HIGH * SAMPLE_RATE_HZ
     if not MIN_SHAPE_HZ <= frequency_hz <= highest:
-        raise InputError(f"{frequency_hz:.0f} Hz: the six-channel board plays {MIN_SHAPE_HZ:g} to {highest:g} Hz")
+        raise InputError(f"{frequency_hz:g} Hz: the six-channel board plays {MIN_SHAPE_HZ:g} to {highest:g} Hz")
     targets = {name: matrix @ volts for name, volts in drives.items()}
     named = tuple(Pattern(name, tuple((w / w[np.argmax(np.abs(w))]).tolist())) for name, w in targets.items())
     shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())))

@@ -7,6 +7,7 @@ from math import sqrt
 from geometry.layout import Design
 from geometry.materials import Material
 from pipeline.logs import Log
+from pipeline.quantity import figure
 
 FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
 """Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
@@ -31,9 +32,9 @@ def _doubt(material: Material) -> list[str]:
     speed = sqrt(material.young_pa / material.density_kg_m3)
     given = f"{material.name}: young_GPa = {material.young_pa / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"
     if speed > FASTEST_M_S:
-        why = f"sound in a rod would travel at {speed / 1e3:.3g} km/s, in diamond it does at 18 km/s"
+        why = f"sound in a rod would travel at {figure(speed / 1e3)} km/s, in diamond it does at 18 km/s"
     elif speed < SLOWEST_M_S:
-        why = f"sound in a rod would travel at {speed:.2g} m/s, slower than in a soft gel"
+        why = f"sound in a rod would travel at {figure(speed)} m/s, slower than in a soft gel"
     elif material.density_kg_m3 > HEAVIEST_KG_M3:
         why = "heavier than osmium (22 590 kg/m3)"
     else:

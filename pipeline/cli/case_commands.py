@@ -10,7 +10,7 @@ from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.quantity import frequency_with_bar, interval, with_bar
+from pipeline.quantity import figure, frequency_with_bar, interval, percent, with_bar
 from pipeline.records import outputs
 from pipeline.records.reading import filled, reading_table
 from pipeline.views.answer import Answer, emit, of_case
@@ -67,7 +67,8 @@ def modes(arguments: Namespace) -> int:
     else:
         solved = solve_modes(case, query, log)
     measures = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength", "residual")
-    head = ("frequency_hz", "error", "symmetry", *measures)
+    bars = ("zone_share_error", "mac_error", "strength_error")
+    head = ("frequency_hz", "error", "symmetry", *measures, *bars)
     rows = [[getattr(row, key) for key in head] for row in solved.rows]
     plural = "s" * (solved.rigid_count != 1)
     about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{plural}"
@@ -186,7 +187,7 @@ def attenuation(arguments: Namespace) -> int:
         for point in solved.points
     ]
     about = (
-        f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m; decay of the least attenuated flexural wave, and shares of an "
+        f"{solved.model}, kx = {figure(solved.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
         f"incoming flexural wave's power after {solved.rows} row{'s' * (solved.rows != 1)}"
     )
     lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)]), *at_the_zone(case, solved)]
@@ -204,7 +205,7 @@ def broadband(arguments: Namespace) -> int:
     document = solved.to_dict()
     rows = [list(row.values()) for row in ROWS["broadband"](document)]
     head = tuple(ROWS["broadband"](document)[0])
-    lines = [f"{solved.model}, kx = {solved.kx_per_m:.1f} rad/m, {solved.rows} rows", *_summary(solved)]
+    lines = [f"{solved.model}, kx = {figure(solved.kx_per_m)} rad/m, {solved.rows} rows", *_summary(solved)]
     lines.insert(1, reading_table(head, rows[:: max(1, len(rows) // 20)]))
     answer = Answer(document, lines, head, rows, lambda: [rows_over_frequency(solved)])
     return emit(arguments, "broadband", answer, log)
@@ -310,8 +311,8 @@ def _alike(arguments: Namespace, case: Case, log: TerminalLog, band: Band | None
     rows = [[getattr(one, name) for name in head] for one in record.samples]
     said = [
         f"{record.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
-        f"{record.frequency_error or 0.0:.1%} of its frequency"
-        + (f" and {level:.1f} dB of its confinement" if level else ""),
+        f"{percent(record.frequency_error)} of its frequency"
+        + (f" and {figure(level, level)} dB of its confinement" if level else ""),
         reading_table(head, rows),
         *lines(record),
     ]

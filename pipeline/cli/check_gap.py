@@ -14,9 +14,9 @@ from pipeline.errors import CheckFailed
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import frequency, percent, percentage, signed
 from pipeline.records.reading import reading_table
 from pipeline.records.record import BandsRecord
-from pipeline.units import KHZ
 from pipeline.views import figures
 from pipeline.views.answer import Answer, emit, of_case
 
@@ -45,7 +45,7 @@ class Edge:
     @property
     def change_text(self) -> str | None:
         """The change in per cent."""
-        return None if self.relative_change is None else f"{100 * self.relative_change:+.3f} %"
+        return None if self.relative_change is None else signed(percentage(self.relative_change, self.allowed))
 
     def to_dict(self) -> dict[str, Any]:
         """The contract's fields; an edge that is gone is null."""
@@ -56,8 +56,10 @@ class Edge:
     def words(self) -> str:
         """What became of it."""
         if self.relative_change is None:
-            return f"{self.name} is gone: none was found beside the committed {self.reference_hz / KHZ:.2f} kHz"
-        return f"{self.name} moved by {100 * self.relative_change:+.2f} %, allowed is {100 * self.allowed:.1f} %"
+            return (
+                f"{self.name} is gone: none was found beside the committed {frequency(self.reference_hz, self.allowed)}"
+            )
+        return f"{self.name} moved by {self.change_text}, allowed is {percent(self.allowed)}"
 
 
 def edges_of(bands: BandsRecord) -> dict[str, float | None]:
@@ -95,7 +97,7 @@ def check_gap(arguments: Namespace) -> int:
     computed = edges_of(record)
     edges = [Edge(name, hz, computed.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")
-    rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, f"{100 * e.allowed:.1f} %", e.holds] for e in edges]
+    rows = [[e.name, e.reference_hz, e.found_hz, e.change_text, e.allowed, e.holds] for e in edges]
     document = {"holds": all(e.holds for e in edges), "edges": [e.to_dict() for e in edges]}
     answer = Answer(document, [reading_table(head, rows)], head, rows, lambda: [_figure(record)])
     emit(arguments, "check-gap", answer)

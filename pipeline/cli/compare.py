@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from pipeline.plots.style import ReportFigure
 
 Flat = dict[str, Any]
-SHOWN_DIGITS = 6
 ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
 # what a part of a list is called by: states under a finger, methods of confining, complete gaps
 NAMED = (("state",), ("method",), ("lower_band", "upper_band"))
@@ -42,12 +41,33 @@ def run(arguments: Namespace) -> int:
     head = ("quantity", "a", "b", "difference")
     cells = [[row[key] for key in head] for row in rows]
     document = {"a": arguments.a, "b": arguments.b, "rows": rows}
-    words = [outputs.table(head, cells) if cells else "nothing differs"]
+    lines = [_in_words(row, one.quantities, two.quantities) for row in rows]
+    words = [outputs.table(head, lines) if lines else "nothing differs"]
     left = 0 if arguments.all else len(known) - len(alike)
     if left:
         words.append(f"{left} quantities are known of one of the two alone: --all lists them")
     pictures = lambda: [_figure(arguments, one, two, rows)]  # noqa: E731
     return emit(arguments, "compare", Answer(document, words, head, cells, pictures))
+
+
+def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
+    """A row for reading: figures with the digits of their bars, what was given as it is, the difference in percent."""
+    from pipeline.quantity import percentage, signed
+
+    name, difference = row["quantity"], row["difference"]
+    apart = None if difference is None else signed(percentage(difference))
+    return [name, _shown(name, one), _shown(name, two), apart]
+
+
+def _shown(name: str, known: Flat) -> Any:
+    from pipeline.quantity import figure
+    from pipeline.records.reading import bar_of, is_relative
+
+    value, bar = known.get(name), bar_of(name, known)
+    if not isinstance(value, float) or name.startswith("case."):
+        return value
+    half = known[bar] if bar else value if "error" in name else None
+    return figure(value, abs(value) * half if bar and half is not None and is_relative(name, bar) else half)
 
 
 def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
@@ -153,4 +173,4 @@ def _differs(row: dict[str, Any]) -> bool:
 
 def _difference(a: Any, b: Any) -> float | None:
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
-    return float(f"{b / a - 1.0:.{SHOWN_DIGITS}g}") if numbers and a else None
+    return b / a - 1.0 if numbers and a else None

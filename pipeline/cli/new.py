@@ -81,7 +81,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     lines = min_nodal_lines(strip, MM * wishes["half_wavelength"])
     if lines > MAX_NODAL_LINES:
         least = wishes["length"] / (MAX_NODAL_LINES - 0.5)
-        raise InputError(f"--half-wavelength = {wishes['half_wavelength']:g}: must be at least {least:.4g} mm")
+        raise InputError(f"--half-wavelength = {wishes['half_wavelength']:g}: must be at least {least:g} mm")
     try:
         _check_frequency(wishes, frequency_hz, strip, lines)
         width = zone_width_m(strip, lines, frequency_hz)
@@ -116,7 +116,7 @@ def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, li
     low, high = (levy_hz(replace(strip, width_m=MM * width), lines) / KHZ for width in (widest, narrowest))
     if not low < frequency_hz / KHZ <= high:
         raise InputError(
-            f"--frequency = {wishes['frequency']}: must be from {low:.4g}kHz to {high:.4g}kHz for a zone of "
+            f"--frequency = {wishes['frequency']}: must be from {low:g}kHz to {high:g}kHz for a zone of "
             f"{wishes['length']:g} mm with {lines} nodal lines, no narrower than {narrowest:g} mm (two pillar sides, and the "
             "plate's thickness)"
         )

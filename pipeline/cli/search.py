@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from pipeline.search.designs import Evaluation, Outcome
 
 SHOWN = 8
-MEASURES = ("frequency_hz", "confinement_db", "extension_db", "mac", "worst_db", "band_khz", "isolation_db", "gap_mm")
-ERRORS = ("frequency_error", "confinement_error_db")
+MEASURES = (
+    *("frequency_hz", "frequency_error", "confinement_db", "confinement_error_db", "extension_db", "mac"),
+    *("worst_db", "band_khz", "isolation_db", "gap_mm"),
+)
 
 
 def search(arguments: Namespace) -> int:
@@ -94,7 +96,7 @@ def to_dict(outcome: Outcome) -> dict[str, Any]:
         return {
             "fidelity": result.fidelity,
             "set": {v.name: v.written(value) for v, value in zip(outcome.space.variables, each.values, strict=False)},
-            **{name: getattr(result, name) for name in (*MEASURES, *ERRORS)},
+            **{name: getattr(result, name) for name in MEASURES},
             "mass_kg": each.mass_kg,
             "violations": list(each.violations),
             "why_not": result.why_not or None,

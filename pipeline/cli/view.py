@@ -23,10 +23,11 @@ from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
+from pipeline.quantity import frequency
 from pipeline.records import outputs, store
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
-from pipeline.units import KHZ, MM
+from pipeline.units import MM
 
 MAX_SHAPES = 7  # of a plate: the wanted mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
@@ -158,7 +159,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
     kept, triangles = closed_surface(points, facets, design.thickness_m if design else None)
     tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
     shapes = [
-        (f"{tone / KHZ:.2f} kHz{', wanted' if number == 0 else ''}", np.asarray(shape[kept], dtype=float))
+        (f"{frequency(float(tone))}{', wanted' if number == 0 else ''}", np.asarray(shape[kept], dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
     tall = MM if design is None else design.pillar.top_m if design.pillar else design.thickness_m

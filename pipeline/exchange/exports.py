@@ -10,6 +10,7 @@ from pipeline.analysis import wanted_text
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.quantity import figure, percentage, signed
 from pipeline.records import outputs
 from pipeline.records.record import GeometryRecord
 from pipeline.units import GRAM, MM
@@ -138,9 +139,10 @@ def print_files(case: Case, folder: Path, log: Log) -> GeometryRecord:
 def _log_summary(report: Any, log: Log) -> None:
     name, size = report.smallest_feature
     log.info(
-        f"print file: closed {report.watertight}, {report.bodies} body, volume {report.volume_error:+.1e} of the solid's, "
-        f"mass {report.mass_kg / GRAM:.2f} g, smallest feature {name} {size / MM:.3g} mm, "
-        f"overhang {report.overhang_deg:.0f} degrees"
+        f"print file: closed {report.watertight}, {report.bodies} body, "
+        f"volume {signed(percentage(report.volume_error))} of the solid's, mass {figure(report.mass_kg / GRAM)} g, "
+        f"smallest feature {name} {size / MM:g} mm, "
+        f"overhang {figure(report.overhang_deg)} degrees"
     )
     for fault in report.faults:
         log.warning("PRINT", fault)

@@ -94,7 +94,7 @@ class Exchange:
         if self.error is None:
             return "the error of its frequencies is not estimated: refine it and compare"
         modes = quantity.interval(*self.estimated_hz)
-        return f"its modes at {modes} may lie up to {self.error:.2g} too high, relative (estimated from recovered stresses)"
+        return f"its modes at {modes} may lie up to {quantity.percent(self.error)} too high (estimated from recovered stresses)"
 
     @property
     def clamped(self) -> bool:

@@ -48,7 +48,7 @@ def touch_frame(mesh: AnyMesh, design: Design, file: str, is_held: bool = False)
     _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
     off = float(np.abs((points - middle) @ axes[2]).max())
     if off > FLAT * design.length_m:
-        raise _unfit(file, f"is not flat: its nodes lie up to {off / MM:.3g} mm off a plane")
+        raise _unfit(file, f"is not flat: its nodes lie up to {off / MM:g} mm off a plane")
     along_z = axes[2] * np.sign((_inside(mesh) - middle) @ axes[2])
     sides, ends = _rectangle((points - middle) @ axes[:2].T)
     spans = ends[1] - ends[0]
@@ -100,7 +100,7 @@ def _of_the_length(spans: FloatArray, directions: FloatArray, design: Design, fi
     fitting = np.flatnonzero(np.abs(spans / design.length_m - 1.0) <= FITS)
     whole = [side for side in fitting if spans[1 - side] >= (1.0 - FITS) * design.width_m]
     if not whole:
-        size = " x ".join(f"{span / MM:.4g}" for span in sorted(spans, reverse=True))
+        size = " x ".join(f"{span / MM:g}" for span in sorted(spans, reverse=True))
         raise _unfit(file, f"is {size} mm", design)
     return int(max(whole, key=lambda side: abs(directions[side, 0])))
 
@@ -113,7 +113,7 @@ def _unless_in_place(frame: Frame, design: Design) -> Frame | None:
 
 
 def _unfit(file: str, what: str, design: Design | None = None) -> InputError:
-    zone = "" if design is None else f" of {design.length_m / MM:.4g} mm (zone.length_mm) within 1 %"
-    wide = "" if design is None else f" and at least {design.width_m / MM:.4g} mm wide (zone.width_mm)"
+    zone = "" if design is None else f" of {design.length_m / MM:g} mm (zone.length_mm) within 1 %"
+    wide = "" if design is None else f" and at least {design.width_m / MM:g} mm wide (zone.width_mm)"
     allowed = f"must be a plane face{zone}{wide}, or have another name: then nothing is measured on it"
     return InputError(f"{file}: group TOUCH {what}: {allowed}")

@@ -143,7 +143,7 @@ def _log_summary(mesh: AnyMesh, materials: dict[str, Material], file: str, log: 
     cells = " and ".join(f"{len(block.cells)} {VOLUME[block.kind, block.order]}" for block in mesh.blocks)
     log.info(
         f"{file}: {cells}, {mesh.dof} degrees of freedom, "
-        f"{size[0]:.4g} x {size[1]:.4g} x {size[2]:.4g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
+        f"{size[0]:g} x {size[1]:g} x {size[2]:g} mm; faces {', '.join(sorted(mesh.faces)) or 'none'}; "
         + ", ".join(f"{name}: {material.name}" for name, material in materials.items())
     )
 
@@ -157,13 +157,11 @@ def _warn_of_unit(case: Case, mesh: AnyMesh, file: str, unit: str, log: Log) -> 
     low, high = (min(known) / FAR, FAR * max(known)) if known else USUAL_M
     if not low <= long <= high:
         other, factor = ("mm", MM) if unit == "m" else ("m", 1.0 / MM)
-        beside = (
-            f"the case's lengths run from {min(known) / MM:.4g} to {max(known) / MM:.4g} mm" if known else "few are"
-        )
+        beside = f"the case's lengths run from {min(known) / MM:g} to {max(known) / MM:g} mm" if known else "few are"
         log.warning(
             "UNIT",
-            f"{file}: the body is {long / MM:.4g} mm long as read in {unit}, {beside}: with --unit {other} it would be "
-            f"{factor * long / MM:.4g} mm",
+            f"{file}: the body is {long / MM:g} mm long as read in {unit}, {beside}: with --unit {other} it would be "
+            f"{factor * long / MM:g} mm",
         )
 
 

@@ -28,7 +28,7 @@ from pipeline.models.live_column import (
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import sizes_of
 from pipeline.planning import mesh_rules
-from pipeline.quantity import frequency, level, percent
+from pipeline.quantity import figure, frequency, level, percent
 from pipeline.search.limits import mass_kg
 from pipeline.units import GRAM, MM
 from solvers.errors import SolverError
@@ -235,7 +235,7 @@ class Explorer:
         edge = np.pi / design.pitch_x_m
         if case.kx_wanted_per_m > edge:
             said.append(
-                f"the wanted wavenumber {case.kx_wanted_per_m:.0f} rad/m lies beyond the zone's edge {edge:.0f} rad/m"
+                f"the wanted wavenumber {figure(case.kx_wanted_per_m)} rad/m lies beyond the zone's edge {figure(edge)} rad/m"
             )
         if design.is_short_wave:
             said.append("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess")

@@ -21,6 +21,7 @@ from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
+from pipeline.quantity import figure
 from pipeline.units import MM
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
@@ -95,7 +96,7 @@ def page(explorer: Explorer) -> str:
     html = html.replace('<link rel="stylesheet" href="explore.css">', style)
     if len(html.encode()) > MAX_BYTES:
         size, most = len(html.encode()) / 1e6, MAX_BYTES / 1e6
-        raise InputError(f"the explorer's page would have {size:.1f} MB, at most {most:g} MB are meant to travel")
+        raise InputError(f"the explorer's page would have {figure(size)} MB, at most {most:g} MB are meant to travel")
     return html
 
 

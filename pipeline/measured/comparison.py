@@ -15,8 +15,8 @@ from pipeline.logs import Log
 from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
 from pipeline.planning.request import driven_band_hz
-from pipeline.quantity import figure, frequency, level, percent, signed, with_bar
-from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
+from pipeline.quantity import figure, frequency, level, percent, percentage
+from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord, shift_in_words
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
@@ -143,15 +143,20 @@ def _sweep(
         log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
     shift = theirs.frequency_hz - ours.frequency_hz
     about = {"points": len(given.frequencies_hz), "band_hz": [float(low), float(high)]}
-    shifts = {"frequency_shift_hz": shift, "frequency_shift": shift / ours.frequency_hz}
+    error = response.expected_error
+    shifts = {
+        "frequency_shift_hz": shift,
+        "frequency_shift": shift / ours.frequency_hz,
+        "frequency_shift_error_hz": None if error is None else error * ours.frequency_hz,
+    }
     point_mm = None if place is None else (place[0] / MM, place[1] / MM)
-    computed = _identified(ours) | {"point_mm": point_mm}
+    computed = _identified(ours) | {"point_mm": point_mm, "frequency_error": error}
     record = MeasuredSweepRecord.model_validate(
         _source(measured) | about | _identified(theirs) | shifts | {"computed": computed}
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
     arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
-    return record, arrays, _sweep_summary(measured, theirs, ours, response.expected_error)
+    return record, arrays, _sweep_summary(measured, theirs, ours, error)
 
 
 def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
@@ -183,14 +188,12 @@ def _identified(identified: Resonance) -> dict[str, Any]:
 
 
 def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
-    shift = theirs.frequency_hz - ours.frequency_hz
-    part = signed(figure(100.0 * shift / ours.frequency_hz, None if error is None else 100.0 * error))
-    moved = signed(with_bar(shift, None if error is None else error * ours.frequency_hz, "Hz"))
+    shift = shift_in_words(theirs.frequency_hz - ours.frequency_hz, ours.frequency_hz, error)
     losses = " against ".join("none" if q is None else figure(q) for q in (theirs.quality_factor, ours.quality_factor))
     bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
     return (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {frequency(theirs.frequency_hz, error)}, "
-        f"computed {frequency(ours.frequency_hz, error)}: shift {moved} ({part} %), {bar}; "
+        f"computed {frequency(ours.frequency_hz, error)}: shift {shift}, {bar}; "
         f"quality factor {losses} computed"
     )
 
@@ -221,8 +224,8 @@ def _map(
     beside = "" if seen.confinement_db is None else f" (computed {level(seen.confinement_db)} at the same points)"
     line = (
         f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
-        f"MAC {alike:.3f} to the operating deflection shape at {frequency(tone, response.expected_error)}, "
-        f"{given.mac:.3f} to the wanted one"
+        f"MAC {figure(alike)} to the operating deflection shape at {frequency(tone, response.expected_error)}, "
+        f"{figure(given.mac)} to the wanted one"
     )
     return record, arrays, line
 
@@ -230,7 +233,7 @@ def _map(
 def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
     for name, share in (("active", weights.active), ("passive", weights.passive)):
         if share is not None and share < COVERED:
-            part = f"covers {100.0 * share:.0f} % of the {name} touch face: its rms is that of the part covered"
+            part = f"covers {percentage(share)} of the {name} touch face: its rms is that of the part covered"
             log.warning("MAP_PARTIAL", f"{measured.file}: {part}")
 
 

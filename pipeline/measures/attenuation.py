@@ -27,11 +27,12 @@ def _compute(work: Work) -> None:
 
 
 _rows = figures_of(lambda r: r.prediction)
+_error = _rows(lambda p: p.db_error)
 COLUMNS = (
-    Column("db_per_row", "decay per row", _rows(lambda p: p.db_per_row), ".2f", "dB", _rows(lambda p: p.db_error)),
-    Column("db_error", "expected error of the decay", _rows(lambda p: p.db_error), ".2g", "dB"),
-    Column("rows_db", "predicted by the rows", _rows(lambda p: p.rows_db), ".2f", "dB"),
-    Column("rows_needed", "rows needed, endless ones", _rows(lambda p: p.rows_needed), "d"),
+    Column("db_per_row", "decay per row", _rows(lambda p: p.db_per_row), "dB", _error),
+    Column("db_error", "expected error of the decay", _error, "dB", _error),
+    Column("rows_db", "predicted by the rows", _rows(lambda p: p.rows_db), "dB", _rows(lambda p: p.rows_error_db)),
+    Column("rows_needed", "rows needed, endless ones", _rows(lambda p: p.rows_needed), ""),
 )
 
 
@@ -49,16 +50,28 @@ def _broadband(work: Work) -> None:
 
 _wide = figures_of(lambda r: r.broadband)
 BROAD_COLUMNS = (
-    Column("stopped_width_hz", "stopped about the wanted mode", _wide(lambda b: b.stopped_width_hz), ".1f", "Hz"),
+    Column(
+        "stopped_width_hz",
+        "stopped about the wanted mode",
+        _wide(lambda b: b.stopped_width_hz),
+        "Hz",
+        _wide(lambda b: b.stopped_width_error_hz),
+        is_difference=True,
+    ),
     Column(
         "column_wanted_hz",
         "wanted mode of the column",
         _wide(lambda b: b.wanted_hz),
-        ".1f",
         "Hz",
         _wide(lambda b: b.wanted_error),
     ),
-    Column("column_wanted_db", "confinement in the column", _wide(lambda b: b.wanted_db), ".2f", "dB"),
+    Column(
+        "column_wanted_db",
+        "confinement in the column",
+        _wide(lambda b: b.wanted_db),
+        "dB",
+        _wide(lambda b: b.wanted_error_db),
+    ),
 )
 BROADBAND = Measure(
     "broadband", plan=_broadband_plan, compute=_broadband, columns=BROAD_COLUMNS, pictures=("attenuation.broadband",)

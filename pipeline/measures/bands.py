@@ -19,15 +19,14 @@ _gap = figures_of(lambda r: r.bands.widest_gap if r.bands else None)
 _bending = figures_of(lambda r: (r.bands.bending_at_m_hz or None) if r.bands else None)
 _bars = figures_of(lambda r: (r.bands.bending_errors or None) if r.bands else None)
 COLUMNS = (
-    Column("gap_lower_hz", "gap from", _gap(lambda gap: gap.lower_hz), ".2f", "Hz", _gap(lambda gap: gap.lower_error)),
-    Column("gap_upper_hz", "gap to", _gap(lambda gap: gap.upper_hz), ".2f", "Hz", _gap(lambda gap: gap.upper_error)),
-    Column("gap_lower_error", "expected error of gap from", _gap(lambda gap: gap.lower_error), ".2%"),
-    Column("gap_upper_error", "expected error of gap to", _gap(lambda gap: gap.upper_error), ".2%"),
+    Column("gap_lower_hz", "gap from", _gap(lambda gap: gap.lower_hz), "Hz", _gap(lambda gap: gap.lower_error)),
+    Column("gap_upper_hz", "gap to", _gap(lambda gap: gap.upper_hz), "Hz", _gap(lambda gap: gap.upper_error)),
+    Column("gap_lower_error", "expected error of gap from", _gap(lambda gap: gap.lower_error), "%"),
+    Column("gap_upper_error", "expected error of gap to", _gap(lambda gap: gap.upper_error), "%"),
     Column(
         "bending_m_1_hz",
         "bending at M, first",
         _bending(lambda pair: pair[0]),
-        ".2f",
         "Hz",
         _bars(lambda bars: bars[0]),
     ),
@@ -35,7 +34,6 @@ COLUMNS = (
         "bending_m_2_hz",
         "bending at M, second",
         _bending(lambda pair: pair[1] if len(pair) > 1 else None),
-        ".2f",
         "Hz",
         _bars(lambda bars: bars[1] if len(bars) > 1 else None),
     ),

@@ -17,5 +17,5 @@ GEOMETRY = Measure(
     "geometry",
     plan=lambda case: plan.plain_step("geometry", "print and CAD files", "CAD solids, STL read back"),
     compute=_compute,
-    columns=(Column("mass_kg", "mass", lambda r: r.geometry and r.geometry.mass_kg, ".6f", "kg"),),
+    columns=(Column("mass_kg", "mass", lambda r: r.geometry and r.geometry.mass_kg, "kg"),),
 )

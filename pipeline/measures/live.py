@@ -45,18 +45,13 @@ def _compute(work: Work) -> None:
 
 
 _live = figures_of(lambda r: r.live)
+_error, _level_error = _live(lambda one: one.frequency_error), _live(lambda one: one.confinement_error_db)
 COLUMNS = (
-    Column("live_wanted_hz", "wanted mode, live", _live(lambda one: one.frequency_hz), ".2f", "Hz"),
-    Column("live_error", "its expected error, live", _live(lambda one: one.frequency_error), ".2%"),
-    Column("live_confinement_db", "confinement, live", _live(lambda one: one.confinement_db), ".2f", "dB"),
-    Column(
-        "live_confinement_error_db",
-        "its expected error, live",
-        _live(lambda one: one.confinement_error_db),
-        ".2f",
-        "dB",
-    ),
-    Column("live_db_per_row", "decay per row, live", _live(lambda one: one.db_per_row), ".2f", "dB"),
+    Column("live_wanted_hz", "wanted mode, live", _live(lambda one: one.frequency_hz), "Hz", _error),
+    Column("live_error", "its expected error, live", _error, "%"),
+    Column("live_confinement_db", "confinement, live", _live(lambda one: one.confinement_db), "dB", _level_error),
+    Column("live_confinement_error_db", "its expected error, live", _level_error, "dB", _level_error),
+    Column("live_db_per_row", "decay per row, live", _live(lambda one: one.db_per_row), "dB"),
 )
 
 LIVE = Measure("live", plan=_plan, compute=_compute, columns=COLUMNS)

@@ -8,6 +8,7 @@ from pipeline.errors import InputError
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
+from pipeline.quantity import HZ, frequency_figure
 from pipeline.records.record import Record, RivalRecord
 from pipeline.records.tables import Column, figures_of
 from solvers.measures.levels import CONFINED_DB
@@ -63,41 +64,45 @@ def _confined(record: Record) -> str | None:
 
 
 def _named(rivals: list[RivalRecord]) -> str | None:
-    return "; ".join(f"{rival.frequency_hz:.0f} Hz" for rival in rivals) or None
+    return "; ".join(f"{frequency_figure(rival.frequency_hz, rival.error, HZ)} Hz" for rival in rivals) or None
 
 
 _wanted = figures_of(lambda r: r.wanted)
+_level_error = _wanted(lambda w: w.confinement_error_db)
 COLUMNS = (
     Column("wanted_status", "wanted mode: single, split or none", lambda r: r.wanted_status),
-    Column(
-        "wanted_hz", "wanted mode", _wanted(lambda w: w.frequency_hz), ".2f", "Hz", _wanted(lambda w: w.frequency_error)
-    ),
-    Column("wanted_error", "expected error of the wanted mode", _wanted(lambda w: w.frequency_error), ".2%"),
+    Column("wanted_hz", "wanted mode", _wanted(lambda w: w.frequency_hz), "Hz", _wanted(lambda w: w.frequency_error)),
+    Column("wanted_error", "expected error of the wanted mode", _wanted(lambda w: w.frequency_error), "%"),
     Column(
         "confinement_db",
         "confinement",
         lambda r: r.confinement_db,
-        ".1f",
         "dB",
-        _wanted(lambda w: w.confinement_error_db),
+        _level_error,
     ),
     Column(
         "confinement_error_db",
         "expected error of the confinement",
-        _wanted(lambda w: w.confinement_error_db),
-        ".2f",
+        _level_error,
         "dB",
+        _level_error,
     ),
-    Column("confined", f"confined (at least {CONFINED_DB:.0f} dB)", _confined),
-    Column("zone_to_extension_db", "zone to extension", _wanted(lambda w: w.extension_db), ".2f", "dB"),
-    Column("mac", "MAC", _wanted(lambda w: w.mac), ".4f"),
-    Column("zone_share", "zone share", _wanted(lambda w: w.zone_share), ".4f"),
-    Column("pillar_share", "pillars' share of energy", _wanted(lambda w: w.pillar_energy_share), ".4f"),
-    Column("strength", "strength in the wanted shape", _wanted(lambda w: w.strength), ".4f"),
-    Column("shape_share", "share of the wanted shape", _wanted(lambda w: w.share), ".4f"),
+    Column("confined", f"confined (at least {CONFINED_DB:g} dB)", _confined),
+    Column("zone_to_extension_db", "zone to extension", _wanted(lambda w: w.extension_db), "dB"),
+    Column("mac", "MAC", _wanted(lambda w: w.mac), "", _wanted(lambda w: w.mac_error)),
+    Column("zone_share", "zone share", _wanted(lambda w: w.zone_share), "", _wanted(lambda w: w.zone_share_error)),
+    Column("pillar_share", "pillars' share of energy", _wanted(lambda w: w.pillar_energy_share), ""),
+    Column(
+        "strength",
+        "strength in the wanted shape",
+        _wanted(lambda w: w.strength),
+        "",
+        _wanted(lambda w: w.strength_error),
+    ),
+    Column("shape_share", "share of the wanted shape", _wanted(lambda w: w.share), ""),
     Column("rivals", "other modes that carry it", _wanted(lambda w: _named(w.rivals))),
     Column("count_check", "count check", _count_check),
-    Column("dof", "degrees of freedom", lambda r: (r.modes or r.bands) and (r.modes or r.bands).dof, "d"),  # type: ignore[union-attr]
+    Column("dof", "degrees of freedom", lambda r: (r.modes or r.bands) and (r.modes or r.bands).dof, ""),  # type: ignore[union-attr]
 )
 
 MODES = Measure(

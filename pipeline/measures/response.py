@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
@@ -51,18 +52,61 @@ _wanted = figures_of(lambda r: r.response.wanted_peak if r.response else None)
 _highest = figures_of(lambda r: r.response.highest_peak if r.response else None)
 _sweep = figures_of(lambda r: r.measured.sweep if r.measured else None)
 _map = figures_of(lambda r: r.measured.map if r.measured else None)
+_tone_error, _zone_error = attrgetter("frequency_error"), attrgetter("zone_error_nm_per_V")
 COLUMNS = (
-    Column("wanted_peak_hz", "wanted mode's peak, driven", _wanted(lambda p: p.frequency_hz), ".2f", "Hz"),
-    Column("wanted_peak_nm_per_v", "zone at that peak", _wanted(lambda p: p.zone_nm_per_V), ".4g", "nm/V"),
-    Column("wanted_peak_db", "confinement at that peak", _wanted(lambda p: p.confinement_db), ".2f", "dB"),
-    Column("highest_peak_hz", "highest peak of the response", _highest(lambda p: p.frequency_hz), ".2f", "Hz"),
-    Column("highest_peak_nm_per_v", "zone at the highest", _highest(lambda p: p.zone_nm_per_V), ".4g", "nm/V"),
-    Column("highest_peak_db", "confinement at the highest", _highest(lambda p: p.confinement_db), ".2f", "dB"),
-    Column("measured_hz", "measured resonance", _sweep(lambda s: s.frequency_hz), ".2f", "Hz"),
-    Column("measured_shift_hz", "measured less computed", _sweep(lambda s: s.frequency_shift_hz), "+.2f", "Hz"),
-    Column("measured_quality_factor", "measured quality factor", _sweep(lambda s: s.quality_factor), ".1f"),
-    Column("measured_db", "measured confinement", _map(lambda m: m.confinement_db), ".2f", "dB"),
-    Column("measured_mac", "MAC, measured to computed", _map(lambda m: m.mac_operating), ".4f"),
+    Column(
+        "wanted_peak_hz", "wanted mode's peak, driven", _wanted(lambda p: p.frequency_hz), "Hz", _wanted(_tone_error)
+    ),
+    Column(
+        "wanted_peak_nm_per_v", "zone at that peak", _wanted(lambda p: p.zone_nm_per_V), "nm/V", _wanted(_zone_error)
+    ),
+    Column(
+        "wanted_peak_db",
+        "confinement at that peak",
+        _wanted(lambda p: p.confinement_db),
+        "dB",
+        _wanted(lambda p: p.confinement_error_db),
+    ),
+    Column(
+        "highest_peak_hz",
+        "highest peak of the response",
+        _highest(lambda p: p.frequency_hz),
+        "Hz",
+        _highest(_tone_error),
+    ),
+    Column(
+        "highest_peak_nm_per_v",
+        "zone at the highest",
+        _highest(lambda p: p.zone_nm_per_V),
+        "nm/V",
+        _highest(_zone_error),
+    ),
+    Column(
+        "highest_peak_db",
+        "confinement at the highest",
+        _highest(lambda p: p.confinement_db),
+        "dB",
+        _highest(lambda p: p.confinement_error_db),
+    ),
+    Column(
+        "measured_hz",
+        "measured resonance",
+        _sweep(lambda s: s.frequency_hz),
+        "Hz",
+        _sweep(lambda s: s.computed.frequency_error),
+    ),
+    Column(
+        "measured_shift_hz",
+        "measured less computed",
+        _sweep(lambda s: s.frequency_shift_hz),
+        "Hz",
+        _sweep(lambda s: s.frequency_shift_error_hz),
+        is_difference=True,
+        is_signed=True,
+    ),
+    Column("measured_quality_factor", "measured quality factor", _sweep(lambda s: s.quality_factor), ""),
+    Column("measured_db", "measured confinement", _map(lambda m: m.confinement_db), "dB"),
+    Column("measured_mac", "MAC, measured to computed", _map(lambda m: m.mac_operating), ""),
 )
 
 RESPONSE = Measure(
@@ -86,17 +130,20 @@ def _compute_hybrid(work: Work) -> None:
 def _of_method(name: str) -> list[Column]:
     """Columns of a way of confining, at the wanted mode's peak."""
 
-    figure = figures_of(lambda record: record.hybrid)
+    of_hybrid = figures_of(lambda record: record.hybrid)
 
     def at(values: str) -> Callable[[Record], float | None]:
-        return figure(lambda hybrid: hybrid.at_wanted(name, values))
+        return of_hybrid(lambda hybrid: hybrid.at_wanted(name, values))
 
     words = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}[name]
     return [
-        Column(f"hybrid_{name}_db", f"confinement by {words}", at("confinement_db"), ".2f", "dB"),
-        Column(f"hybrid_{name}_off_db", f"{words}, all off by 2 %", at("off_db"), ".2f", "dB"),
-        Column(f"hybrid_{name}_rows_off_db", f"{words}, pillars off by 2 %", at("rows_off_db"), ".2f", "dB"),
-        Column(f"hybrid_{name}_v_per_um", f"drive for 1 um, {words}", at("volts_per_um"), ".4g", "V"),
+        Column(f"hybrid_{name}_{end}", heading, at(figure), unit, at(error))
+        for end, heading, figure, unit, error in (
+            ("db", f"confinement by {words}", "confinement_db", "dB", "confinement_error_db"),
+            ("off_db", f"{words}, all off by 2 %", "off_db", "dB", "off_error_db"),
+            ("rows_off_db", f"{words}, pillars off by 2 %", "rows_off_db", "dB", "rows_off_error_db"),
+            ("v_per_um", f"drive for 1 um, {words}", "volts_per_um", "V", "volts_error_per_um"),
+        )
     ]
 
 
@@ -126,23 +173,40 @@ TRAVEL = Measure(
     needs=("patches",),
     drives=True,
     columns=(
-        Column("travel_hz", "travelling wave", _travel(lambda t: t.frequency_hz), ".2f", "Hz"),
-        Column("travel_twr", "travelling-wave ratio", _travel(lambda t: t.twr), ".3f"),
-        Column("travel_best_twr", "the same with any voltages", _travel(lambda t: t.best_twr), ".3f"),
-        Column("travel_db", "confinement, travelling", _travel(lambda t: t.confinement_db), ".2f", "dB"),
-        Column("travel_v_per_um", "drive for 1 um, travelling", _travel(lambda t: t.drive_V_at_1um), ".4g", "V"),
+        Column("travel_hz", "travelling wave", _travel(lambda t: t.frequency_hz), "Hz", _travel(_tone_error)),
+        Column("travel_twr", "travelling-wave ratio", _travel(lambda t: t.twr), "", _travel(lambda t: t.twr_error)),
+        Column(
+            "travel_best_twr",
+            "the same with any voltages",
+            _travel(lambda t: t.best_twr),
+            "",
+            _travel(lambda t: t.best_twr_error),
+        ),
+        Column(
+            "travel_db",
+            "confinement, travelling",
+            _travel(lambda t: t.confinement_db),
+            "dB",
+            _travel(lambda t: t.confinement_error_db),
+        ),
+        Column(
+            "travel_v_per_um",
+            "drive for 1 um, travelling",
+            _travel(lambda t: t.drive_V_at_1um),
+            "V",
+            _travel(lambda t: t.drive_error_V_at_1um),
+        ),
         Column(
             "travel_mw",
             "power along the zone for 1 um",
-            _travel(lambda t: 1e3 * max(t.flow_W, key=abs) if t.inner_sections != 0 else None),
-            ".4g",
+            _travel(lambda t: 1e3 * t.largest_flow_W[0] if t.inner_sections != 0 else None),
             "mW",
+            _travel(lambda t: None if (error := t.largest_flow_W[1]) is None else 1e3 * error),
         ),
         Column(
             "travel_crest_mm_s",
             "crests under the finger",
             _travel(lambda t: t.shear and 1e3 * t.shear.fastest_m_s),
-            ".4g",
             "mm/s",
         ),
     ),
@@ -164,15 +228,29 @@ CROSSTALK = Measure(
     needs=("patches",),
     drives=True,
     columns=(
-        Column("crosstalk_gap_mm", "gap between zones", _crosstalk(lambda c: c.gap_m / MM), ".2f", "mm"),
-        Column("crosstalk_db", "largest cross-talk", _crosstalk(lambda c: c.worst_db), ".2f", "dB"),
-        Column("crosstalk_hz", "peak of the first zone, driven", _crosstalk(lambda c: c.zones[0].peak_hz), ".2f", "Hz"),
+        Column(
+            "crosstalk_gap_mm", "gap between zones", _crosstalk(lambda c: c.gap_m / MM), "mm", _crosstalk(lambda _: 0.0)
+        ),
+        Column(
+            "crosstalk_db",
+            "largest cross-talk",
+            _crosstalk(lambda c: c.worst_db),
+            "dB",
+            _crosstalk(lambda c: c.worst_error_db),
+        ),
+        Column(
+            "crosstalk_hz",
+            "peak of the first zone, driven",
+            _crosstalk(lambda c: c.zones[0].peak_hz),
+            "Hz",
+            _crosstalk(lambda c: c.zones[0].peak_error),
+        ),
         Column(
             "crosstalk_passive_db",
             "passive face, first zone driven",
             _crosstalk(lambda c: c.zones[0].passive_db),
-            ".2f",
             "dB",
+            _crosstalk(lambda c: c.zones[0].passive_error_db),
         ),
     ),
     pictures=("response.crosstalk",),

@@ -20,6 +20,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import ArrayCache
 from pipeline.models.parametric_mesh import MeshTable, mesh_table, sizes_of
 from pipeline.paths import RESULTS
+from pipeline.quantity import percent
 from pipeline.workers import LocalWorkers
 from solvers.fem.assembly import Scale
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
@@ -174,7 +175,9 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         cell = compressed(cell, rich_sectors(cell, fractions, labels), BANDS, designs)
         floor = own_error(cell, alone, unseen, BANDS)
         bases = band_bases(cell, fractions, labels, BANDS, designs, floor)
-    log.info(f"bases miss at most {floor:.3%} of a frequency on {len(unseen)} designs that they were not made from")
+    log.info(
+        f"bases miss at most {percent(floor)} of a frequency on {len(unseen)} designs that they were not made from"
+    )
     if not offline.measures_mesh:
         return CellModel(cell, bases)
     with log.step("compare the box's corners with meshes of their own"), _mapped(offline) as apply:
@@ -183,8 +186,8 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         worst, middle = mesh.margin * mesh.corners.max(), mesh.at(box.middle).max()
         high = mesh.high.max(), mesh.overestimate(box.middle).max()
         log.info(
-            f"the mesh overestimates a band by {high[0]:.2%} in the worst corner and {high[1]:.2%} in the middle, at most; "
-            f"that is taken away, and {worst:.2%} and {middle:.2%} may be left"
+            f"the mesh overestimates a band by {percent(high[0])} in the worst corner and {percent(high[1])} in the "
+            f"middle, at most; that is taken away, and {percent(worst)} and {percent(middle)} may be left"
         )
     return CellModel(cell, bases, mesh)
 

@@ -11,8 +11,9 @@ from pipeline.planning import driven_demand, foresight, mesh_rules
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.resources import Demand
+from pipeline.quantity import frequency
 from pipeline.records.record import MeshRecord
-from pipeline.units import KHZ, MM
+from pipeline.units import MM
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import BondedPatch, bonded_patch
@@ -109,8 +110,8 @@ def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
         assert case.patches is not None
         size = " x ".join(f"{each / MM:g}" for each in case.patches.size_m)
         raise InputError(
-            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {own_hz / KHZ:.4g} kHz: the "
-            f"band must end below a fifth of that, {FOLLOWS * own_hz / KHZ:.4g} kHz, or the patch be flatter"
+            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {frequency(own_hz)}: the "
+            f"band must end below a fifth of that, {frequency(FOLLOWS * own_hz)}, or the patch be flatter"
         )
 
 

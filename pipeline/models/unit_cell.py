@@ -21,6 +21,7 @@ from pipeline.planning.coarse_cell import ORDER, coarse_settings
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
 from pipeline.planning.resources import Demand
+from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
 from solvers.superelement.build import Reductions
@@ -248,7 +249,7 @@ def _thick_enough(
                 break
     if through == face.through:
         return reduction, error
-    log.info(f"degree {through} through the thickness instead of {face.through}: {error:.2%} left beyond it")
+    log.info(f"degree {through} through the thickness instead of {face.through}: {percent(error)} left beyond it")
     finer = replace(reduction, interface=Interface(face.along, through))
     return replace(finer, hexahedra=mesh_rules.with_nodes_for(finer.interface, finer.hexahedra)), error
 
@@ -263,7 +264,7 @@ def _good_enough(
     pilot = _Pilot(case.design, count)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
-        log.info(f"for {count} bands within {accuracy:.2%}: {describe_change(reduction, advised)}")
+        log.info(f"for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
     lattice = Lattice(reduce(advised))
     waves = _solved(lattice, corners, case)
@@ -271,18 +272,20 @@ def _good_enough(
     left = _left_by_the_mesh(bar, accuracy)
     finer = advised if error.total <= left else _raised(advised, lattice, error, AIM * left)
     if finer != advised:
-        log.info(f"bands within {error.total:.2%} by truncation, {left:.2%} wanted: {describe_change(advised, finer)}")
+        log.info(
+            f"bands within {percent(error.total)} by truncation, {percent(left)} wanted: {describe_change(advised, finer)}"
+        )
         with suppress(SolverError):  # more than the mesh can hold
             trial = Lattice(reduce(finer))
             waves = _solved(trial, corners, case)
             error, bar = error_of_waves(trial, waves), widest_bar(trial, waves, count, beyond)
             advised, lattice = finer, trial
     total = error.total + beyond
-    log.info(f"bands within {total:.2%} by truncation, as residual flexibility and last degree tell")
+    log.info(f"bands within {percent(total)} by truncation, as residual flexibility and last degree tell")
     if total > accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put a band {total:.2%} off, solve.accuracy asks for {accuracy:.2%}: "
+            f"the reduction may put a band {percent(total)} off, solve.accuracy asks for {percent(accuracy)}: "
             f"lower bands.count ({count}), raise solve.accuracy, or take solve.model = 'solid'",
         )
     return advised, lattice, bar, total, beyond

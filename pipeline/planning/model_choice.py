@@ -13,6 +13,7 @@ from pipeline.planning import mesh_rules, simplifications
 from pipeline.planning.calibration import HEX, TET, TET_ORDER
 from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
+from pipeline.quantity import figure, percent
 from solvers.errors import SolverError
 from solvers.superelement.interface import ReductionSettings
 
@@ -211,7 +212,7 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
     accuracy = f"accuracy {case.solve.accuracy:g}"
     if hexahedra:
         error = None if reduced else mesh_rules.expected_error(part, level)
-        known = "" if error is None else f"{error:.2%} were measured on the calibrated design, "
+        known = "" if error is None else f"{percent(error)} were measured on the calibrated design, "
         reason = f"{known}two coarser meshes tell its own error, and a finer one is taken where it misses"
         return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
     shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
@@ -219,4 +220,4 @@ def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLe
 
 
 def _mm(length_m: float) -> str:
-    return f"{1e3 * length_m:.3g} mm"
+    return f"{figure(1e3 * length_m)} mm"

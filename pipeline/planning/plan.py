@@ -24,6 +24,7 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
+from pipeline.quantity import figure
 
 ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
 HYBRID_POINTS = 61
@@ -221,7 +222,7 @@ def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: 
     low, high = driven_band_hz(case, band_hz)
     choice = cell_model_choice(case, high)
     kx = case.kx_wanted_per_m if kx_per_m is None else kx_per_m
-    looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {kx:.1f} rad/m"
+    looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {figure(kx)} rad/m"
     numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
     left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
     step = _step("attenuation", "attenuation across the rows", choice, (), looks, left_out, numbers)

@@ -18,6 +18,7 @@ from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
+from pipeline.quantity import frequency, percent
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate_error import MARGIN
@@ -60,7 +61,7 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
     """Describe in words what finer reduction settings change."""
     words = []
     if finer.top_hz != reduction.top_hz:
-        top, before = (khz(float(f"{each:.3g}")) for each in (finer.top_hz, reduction.top_hz))
+        top, before = (frequency(each) for each in (finer.top_hz, reduction.top_hz))
         words.append(f"fixed-interface modes up to {top} instead of {before}")
     own, face = reduction.interface, finer.interface
     if face.along != own.along:
@@ -98,7 +99,7 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
         finer = higher_through(finer) if is_thick else higher_degree(finer)
     finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
-        f"the reduction may put the wanted mode {total:.2%} too high, {accuracy:.2%} wanted: "
+        f"the reduction may put the wanted mode {percent(total)} too high, {percent(accuracy)} wanted: "
         f"{describe_change(choice.reduction, finer)}"
     )
     return replace(choice, reduction=finer, hexahedra=choice.hexahedra and finer.hexahedra)
@@ -141,7 +142,7 @@ def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case:
     finer = _shorter_edges(choice, error, left) if edges else _finer_boxes(choice, case, error, left)
     if finer:
         by = "its stresses" if edges else "coarser meshes"
-        log.info(f"within {error:.2%} by the mesh, as {by} tell, {accuracy:.2%} wanted: {finer.mesh}")
+        log.info(f"within {percent(error)} by the mesh, as {by} tell, {percent(accuracy)} wanted: {finer.mesh}")
     return finer
 
 
@@ -218,7 +219,7 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
     if error is None or error <= case.solve.accuracy:
         return None
     log.info(
-        f"modes up to {khz(highest_hz)}: expected error {error:.2%} on elements for {khz(choice.good_to_hz)}: finer ones"
+        f"modes up to {khz(highest_hz)}: expected error {percent(error)} on elements for {khz(choice.good_to_hz)}: finer ones"
     )
     return model_choice_of(case, choice.part, highest_hz)
 
@@ -247,6 +248,6 @@ def warn(error: float, case: Case, log: Log) -> None:
     if MARGIN * error > case.solve.accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put the wanted mode {MARGIN * error:.2%} too high, solve.accuracy asks for "
-            f"{case.solve.accuracy:.2%}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
+            f"the reduction may put the wanted mode {percent(MARGIN * error)} too high, solve.accuracy asks for "
+            f"{percent(case.solve.accuracy)}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
         )

@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import interval
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, interval, level
 from pipeline.records.record import AttenuationRecord, BroadbandRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
@@ -30,7 +31,7 @@ def complex_bands(record: AttenuationRecord, predicted_hz: float | None = None) 
     _waves(decay, phase, record)
     draw_least(decay, record)
     _power(power, record)
-    title = f"Waves across the rows at kx = {record.kx_per_m:.0f} rad/m"
+    title = f"Waves across the rows at kx = {figure_text(record.kx_per_m)} rad/m"
     decay.set(ylim=(DEEPEST_DB, -0.5), ylabel="decay (dB per row)", title=title)
     phase.set(ylabel="|Re ky| p / π")
     power.set(ylabel="share of power", xlabel="frequency (kHz)")
@@ -110,8 +111,9 @@ def _power(axes: Any, record: AttenuationRecord) -> None:
 
 
 def _alt(record: AttenuationRecord) -> str:
-    deepest = max(((least, tone) for tone, least in record.decay), default=(0.0, 0.0))
+    deepest = max(((point.db_per_row or 0.0, point) for point in record.points), key=lambda pair: pair[0])
+    most = level(deepest[0], deepest[1].db_error)
     return (
         f"Decay per row of flexural, shear and longitudinal waves over frequency; the least attenuated flexural wave decays "
-        f"most, {deepest[0]:.1f} dB per row, at {deepest[1] / KHZ:.2f} kHz; below, the power that passes {record.rows} rows"
+        f"most, {most} per row, at {frequency(deepest[1].frequency_hz)}; below, the power that passes {record.rows} rows"
     )

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import FloatArray
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import percentage
 from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
@@ -116,7 +117,7 @@ def _gap_title(bands: BandsRecord) -> str:
     gap = bands.widest_gap
     if not gap:
         return f"No complete gap {bands.where_gaps_are_known}"
-    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {gap.relative_width:.1%} wide"
+    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {percentage(gap.relative_width, gap.width_error)} wide"
 
 
 def _normalised_axis(axes: Axes, case: StoredCase) -> None:

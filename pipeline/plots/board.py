@@ -6,9 +6,11 @@ from typing import Any
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency
 from pipeline.records.record import BoardRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import KHZ, MS
+from pipeline.units import MS
 
 
 def board(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
@@ -26,8 +28,8 @@ def step(record: BoardRecord, arrays: dict[str, Any]) -> ReportFigure:
     upper.plot(time, arrays["board_u_q"], color=style.VERMILION, marker=".", label="in quadrature, q")
     if record.t95_s is not None:
         upper.axvline(record.t95_s / MS, color=style.GREEN, lw=0.8, ls=":", label="95 %")
-    reached = "95 % not reached" if record.t95_s is None else f"95 % after {record.t95_s / MS:.2f} ms"
-    mode = f"at {record.frequency_hz / KHZ:.3f} kHz"
+    reached = "95 % not reached" if record.t95_s is None else f"95 % after {figure_text(record.t95_s / MS)} ms"
+    mode = f"at {frequency(record.frequency_hz)}"
     upper.set(ylabel="sensor (full scale)", title=f"{reached}, {mode}")
     upper.legend(fontsize=8, loc="center right")
     lower.step(time, arrays["board_drive"], where="post", color=style.ORANGE)
@@ -36,8 +38,8 @@ def step(record: BoardRecord, arrays: dict[str, Any]) -> ReportFigure:
         axes.grid(True)
     origin = "identified by the image's own sweep" if record.swept else "taken from the table"
     alt = (
-        f"Step of the reference to {record.reference:.4g} of full scale, run by the unmodified firmware image on an "
-        f"emulated board with noise: {reached}, largest overshoot {100.0 * record.overshoot:.1f} % with the noise in it; "
-        f"the mode {mode} with a time constant of {record.tau_s / MS:.2f} ms was {origin}"
+        f"Step of the reference to {figure_text(record.reference)} of full scale, run by the unmodified firmware image on an "
+        f"emulated board with noise: {reached}, largest overshoot {figure_text(100.0 * record.overshoot)} % with the noise in "
+        f"it; the mode {mode} with a time constant of {figure_text(record.tau_s / MS)} ms was {origin}"
     )
     return ReportFigure("board", "Closed loop of the emulated board", alt, figure, vector=True)

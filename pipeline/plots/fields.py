@@ -24,10 +24,11 @@ from pipeline.plots.plate import (
     zone_peak,
 )
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import frequency, level
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, level, percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import KHZ, MM, UM
+from pipeline.units import MM, UM
 from solvers.measures.levels import CONFINED_DB
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def level_text(case: StoredCase) -> str:
         return "confinement has no meaning here (no passive face)"
     driven = "" if record.driven_db is None else f", {level(record.driven_db)} as driven"
     own = level(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None)
-    return f"{record.verdict}: {own}{driven} (at least {CONFINED_DB:.0f} dB counts as confined)"
+    return f"{record.verdict}: {own}{driven} (at least {CONFINED_DB:g} dB counts as confined)"
 
 
 def _paint(axes: Axes, arrays: dict[str, Any], values: FloatArray, design: DesignRecord) -> TriMesh:
@@ -154,7 +155,7 @@ def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure |
     title = f"In-plane motion of the pillars{_at(case, arrays)}"
     alt = (
         f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
-        f" largest is {limit:.2g} times the zone's largest normal displacement."
+        f" largest is {figure_text(limit)} times the zone's largest normal displacement."
     )
     return ReportFigure("pillars_in_plane", title, alt, figure)
 
@@ -184,7 +185,7 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     tall = design.thickness_m + 1.3 * tallest * (design.pillar.faces if pillars and design.pillar else 1)
     heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
     figure, panels = style.panels(sum(heights) + 2.0, 2, 1, height_ratios=heights)
-    cuts = ((1, x0, f"Across the zone, at x = {x0 / MM:.1f} mm"), (0, y0, f"Along the zone, at y = {y0 / MM:.1f} mm"))
+    cuts = ((1, x0, f"Across the zone, at x = {x0 / MM:g} mm"), (0, y0, f"Along the zone, at y = {y0 / MM:g} mm"))
     for axes, (axis, where, heading) in zip(panels, cuts, strict=True):
         _plate_cut(axes, arrays, design, (axis, where), factor)
         if pillars is not None:
@@ -271,11 +272,11 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
         field = _field(axes, flat, cells, values)
         axes.triplot(*(flat / MM).T, cells, color="black", lw=0.1, alpha=0.3, rasterized=True)
         axes.axhline(design.width_m / 2 / MM, **ZONE_EDGE)
-        axes.set(xlim=box[:, 0], ylim=box[:, 1], title=kind + (f"\n{tone / KHZ:.3f} kHz" if tone else ""))
+        axes.set(xlim=box[:, 0], ylim=box[:, 1], title=kind + (f"\n{frequency(tone)}" if tone else ""))
         style.mm_axes(axes)
         axes.label_outer()
     figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01, label="u$_z$ / largest in the zone")
-    text = f"; frequencies differ by {compared.relative_difference:.2%}" if compared else ""
+    text = f"; frequencies differ by {percentage(compared.relative_difference)}" if compared else ""
     alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{text}."
     return ReportFigure("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
 

@@ -9,6 +9,8 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.plate import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import frequency, level
 from pipeline.records.record import DesignRecord, MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ, MM
@@ -49,7 +51,7 @@ def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> 
         dots = {"ls": "none", "marker": ".", "ms": 3} if name != "computed" else {"lw": 1.2}
         curve.semilogy(arrays[tone] / KHZ, np.abs(values), color=colour, label=name, **dots)
         curve.axvline(about.frequency_hz / KHZ, color=colour, ls=":", lw=0.8)
-    title = f"Shift {record.frequency_shift_hz:+.0f} Hz ({100 * record.frequency_shift:+.2f} %)"
+    title = f"Shift {record.shift_text}"
     window = [edge / KHZ for edge in _shown_hz(record)]
     curve.set(xlim=window, xlabel="frequency (kHz)", ylabel="amplitude over its own peak", title=title)
     curve.set_ylim(bottom=5e-3)
@@ -79,7 +81,7 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> N
         axes.plot(around.real, around.imag, color="black", lw=0.9)
     axes.set_aspect("equal", adjustable="datalim")
     axes.grid(True)
-    quality_factor = "none" if record.quality_factor is None else f"{record.quality_factor:.0f}"
+    quality_factor = "none" if record.quality_factor is None else figure_text(record.quality_factor)
     axes.set(xlabel="real, over the peak", ylabel="imaginary", title=f"Quality factor {quality_factor}")
 
 
@@ -112,23 +114,23 @@ def _marked(record: MeasuredSweepRecord | MeasuredMapRecord) -> str:
     return " (synthetic)" if record.synthetic else ""
 
 
-def _decibels(level: float | None) -> str:
-    return "" if level is None else f": {level:.1f} dB"
+def _decibels(level_db: float | None) -> str:
+    return "" if level_db is None else f": {level(level_db)}"
 
 
 def _alt(record: MeasuredRecord) -> str:
     said = []
     if sweep := record.sweep:
         quality_factor = (
-            "" if sweep.quality_factor is None else f", with a quality factor of {sweep.quality_factor:.0f}"
+            "" if sweep.quality_factor is None else f", with a quality factor of {figure_text(sweep.quality_factor)}"
         )
         said.append(
-            f"The measured resonance{_marked(sweep)} lies at {sweep.frequency_hz / KHZ:.2f} kHz, "
-            f"{sweep.frequency_shift_hz:+.0f} Hz from the computed one{quality_factor}"
+            f"The measured resonance{_marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.computed.frequency_error)}, "
+            f"{sweep.shift_text} from the computed one{quality_factor}"
         )
     if field := record.map:
         said.append(
             f"The field measured at {field.points} points{_marked(field)}{_decibels(field.confinement_db)}; its "
-            f"correlation with the computed operating deflection shape is {field.mac_operating:.3f}"
+            f"correlation with the computed operating deflection shape is {figure_text(field.mac_operating)}"
         )
     return ". ".join(said) + "."

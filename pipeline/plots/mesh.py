@@ -12,6 +12,7 @@ from pipeline.plots import rendering, style
 from pipeline.plots.plate import KINDS, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import figure as figure_text
 from pipeline.records.record import DesignRecord, GeometryRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import GRAM, MM
@@ -87,7 +88,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
 
 
 def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
-    plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:.5g} × {design.thickness_m / MM:g} mm"
+    plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:g} × {design.thickness_m / MM:g} mm"
     zones = len(design.zone_centres_m)
     words = [plate, f"{f'{zones} zones' if zones else 'zone'} {design.width_m / MM:g} mm wide"]
     pillar, pitch_m = design.pillar, design.pitch_x_m
@@ -105,7 +106,7 @@ def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
         if tip := pillar.heavy_tip:
             words.append(f"on each a tip {tip.side_m / MM:g} mm wide and {tip.height_m / MM:g} mm high")
     if geometry:
-        words.append(f"{geometry.mass_kg / GRAM:.1f} g")
+        words.append(f"{figure_text(geometry.mass_kg / GRAM)} g")
     return "; ".join(words)
 
 
@@ -150,7 +151,7 @@ def _meshes(
         quality = visible[f"{what} {kind}"].values
         worst = ""
         if quality is not None and quality.size:
-            worst = f", face quality {quality.min():.2f} to {quality.max():.2f}"
+            worst = f", face quality {figure_text(quality.min())} to {figure_text(quality.max())}"
         words.append(label.replace("\n", ", ") + worst)
     _quality_bar(figure, panels[0])
     title = TITLES[what]

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from pipeline.paths import ROOT
 from pipeline.plots import style
+from pipeline.quantity import percentage
 from pipeline.units import MM
 from pipeline.workers import LocalWorkers, WorkerLost
 
@@ -138,7 +139,7 @@ def run_child(module: str, folder: Path) -> str:
     try:
         done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)
     except subprocess.TimeoutExpired:
-        return f"rendering took longer than {TIMEOUT_S:.0f} s"
+        return f"rendering took longer than {TIMEOUT_S:g} s"
     except OSError as error:
         return f"rendering could not start ({error})"
     if done.returncode:
@@ -164,7 +165,7 @@ def image_fault(image: NDArray[np.uint8] | None) -> str:
         return "the image cannot be read"
     ink = float(np.mean(_inked(image)))
     if not MIN_INK < ink < MAX_INK:
-        return f"the image is empty ({ink:.1%} of it is not background)"
+        return f"the image is empty ({percentage(ink)} of it is not background)"
     return ""
 
 

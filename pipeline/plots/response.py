@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, level_figure, with_bar
+from pipeline.quantity import frequency, level, level_figure, percentage, with_bar
 from pipeline.records.record import (
     CrosstalkRecord,
     HybridMethod,
@@ -146,7 +146,7 @@ def draw_peaks(axes: Any, record: ToleranceRecord) -> None:
     tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
     axes.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
     axes.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
-    axes.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:.0f} dB")
+    axes.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:g} dB")
     axes.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
     if spread := record.confinement_db:
         own = spread.deviation or 0.0
@@ -198,7 +198,7 @@ def hybrid_levels(record: HybridRecord) -> ReportFigure:
     off = {
         method.method: method.off_db if method.rows_off_db is None else method.rows_off_db for method in record.methods
     }
-    title = f"Resonances of the pillars (of the plate without rows) off by {record.detuning:.0%}, the worse sign"
+    title = f"Resonances of the pillars (of the plate without rows) off by {percentage(record.detuning, 0.0)}, the worse sign"
     _methods(panels[1], record, off, "confinement (dB)", title)
     _methods(
         panels[2],

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import level as level_text
 from pipeline.records import tracking
 from pipeline.records.record import LiveRecord
 from pipeline.records.study import StoredCase, StoredStudy
@@ -96,7 +97,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
     level.axhspan(CONFINED_DB, high, color=style.GREEN, alpha=0.10, lw=0)
     level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
-    title = f"At least {CONFINED_DB:.0f} dB as a mode (shaded); filled where confined, as driven too"
+    title = f"At least {CONFINED_DB:g} dB as a mode (shaded); filled where confined, as driven too"
     level.set(ylim=(low, high), ylabel="confinement (dB)", title=title)
     title = "Wanted mode (connected by a line where it is the same one, tracked by its shape)"
     tone.set(xlabel=axis_label(key), ylabel="frequency (kHz)", title=title)
@@ -134,8 +135,15 @@ def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
     worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
     return (
         f"Confinement in dB and frequency in kHz of the wanted mode against {axis_label(key)} over {len(cases)} cases of "
-        f"{study.name}: from {worst[0]:.1f} dB ({worst[1].case_id}) to {best[0]:.1f} dB ({best[1].case_id}); "
-        f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:.0f} dB."
+        f"{study.name}: from {_level(worst[1])} ({worst[1].case_id}) to {_level(best[1])} ({best[1].case_id}); "
+        f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:g} dB."
+    )
+
+
+def _level(case: StoredCase) -> str:
+    """The level of a case's wanted mode with the digits of its bar."""
+    return level_text(
+        case.record.confinement_db, case.record.wanted.confinement_error_db if case.record.wanted else None
     )
 
 
@@ -155,7 +163,8 @@ def how_many_rows(study: StoredStudy) -> ReportFigure | None:
         {name: [(case.sweep["array.rows"], levels[case.case_id]) for case in each] for name, each in lines.items()}
     )
     title = "How many rows: prediction and finite plates"
-    parts = "; ".join(f"{name}: {one[0]:.1f} dB, predicted {one[1]:.1f} dB" for name, one in levels.items())
+    predicted = {case.case_id: each and level_text(each.rows_db, each.rows_error_db) for case, each in known}
+    parts = "; ".join(f"{name}: {level_text(one[0])}, predicted {predicted[name]}" for name, one in levels.items())
     return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
 
 

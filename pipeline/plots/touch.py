@@ -107,7 +107,7 @@ def _tone(record: TouchRecord, places: TouchMapRecord) -> str:
 def _alt(record: TouchRecord, places: TouchMapRecord) -> str:
     touched = np.array(places.touched_m) / UM
     best = np.unravel_index(int(np.argmax(touched)), touched.shape)
-    there = f"({places.x_m[best[0]] / MM:.0f}, {places.y_m[best[1]] / MM:.0f}) mm"
+    there = f"({figure_text(places.x_m[best[0]] / MM)}, {figure_text(places.y_m[best[1]] / MM)}) mm"
     state = record.state("touched")
     here = ""
     if state is not None:

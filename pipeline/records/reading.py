@@ -1,8 +1,8 @@
 """Tables for people: as many digits as a figure's bar allows, units in the head line, the row that answers marked.
 
-A figure's bar stands in the same row: `error` of `frequency_hz`, `band_1_error` of `band_1_hz` (relative), `db_error` of
-`db_per_row`, `confinement_error_db` of `confinement_db` (dB). A column without a column of bars holds what was given, with six
-digits at most. CSV and JSON keep full figures in SI units under the same names.
+A figure's bar stands in the same row: `error` of `frequency_hz`, `band_1_error` of `band_1_hz` (relative), `mac_error` of
+`mac`, `confinement_error_db` of `confinement_db` (in its own unit). A figure without a bar has few digits, and what was given
+has six at most. CSV and JSON keep full figures in SI units under the same names.
 """
 
 from __future__ import annotations
@@ -15,35 +15,38 @@ from pipeline import quantity
 from pipeline.quantity import Unit
 from pipeline.records.outputs import markdown, table
 
-DIGITS = ".4g"
-GIVEN = ".6g"  # of a frequency that was asked for
 RIGID = 1e-4  # of the largest frequency of a table: with a bar of 0 below it, a rigid-body wave at rest
 
 
 class Form(NamedTuple):
-    """How figures of a name are shown where no bar says more: unit, factor and format."""
+    """How figures of a name are shown where no bar says more: unit, factor, and whether they were given, not computed."""
 
     unit: str
     factor: float = 1.0
-    digits: str = DIGITS
+    is_given: bool = False
 
 
-PERCENT = Form("%", 100.0, ".2g")
+PERCENT = Form("%", 100.0)
+GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
 ENDINGS = {
-    "_error_db": Form("dB", 1.0, ".2g"),
+    "_error_db": Form("dB"),
     "_error": PERCENT,
-    "_hz": Form("kHz", 1e-3, GIVEN),
+    "_hz": Form("kHz", 1e-3),
     "_rms_m_per_V": Form("nm/V", 1e9),
     "_rms_m_per_N": Form("nm/N", 1e9),
-    "_per_m": Form("rad/m", 1.0, ".1f"),
-    "_db": Form("dB", 1.0, "z.1f"),
-    "_mm": Form("mm", 1.0, ".3f"),
+    "_per_m": Form("rad/m"),
+    "_db": Form("dB"),
+    "_mm": Form("mm", is_given=True),
 }
-KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3, ".3f")
+KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3)
 NAMES = {
-    "db_per_row": ("decay per row", Form("dB", 1.0, ".2f")),
-    "quality_error": ("± quality factor", Form("", 1.0, ".2g")),
-    "db_error": ("± decay per row", Form("dB", 1.0, ".2g")),
+    "frequency_hz": ("frequency", GIVEN_HZ),
+    "detuning_hz": ("detuning", GIVEN_HZ),
+    "kx_per_m": ("kx", Form("rad/m", is_given=True)),
+    "ky_per_m": ("ky", Form("rad/m", is_given=True)),
+    "db_per_row": ("decay per row", Form("dB")),
+    "quality_error": ("± quality factor", Form("")),
+    "db_error": ("± decay per row", Form("dB")),
     "formula_hz": ("beam formula", KHZ),
     "pinned_hz": ("pinned sides (Mindlin)", KHZ),
     "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),
@@ -51,7 +54,7 @@ NAMES = {
     "timoshenko_height_mm": ("height (Timoshenko)", ENDINGS["_mm"]),
     "given_euler_hz": ("given (Euler)", KHZ),
     "given_timoshenko_hz": ("given (Timoshenko)", KHZ),
-    "gain_n_m": ("gain K'", Form("N/m")),
+    "gain_n_m": ("gain K'", Form("N/m", is_given=True)),
     "largest_force_n": ("largest force", Form("N")),
     "reached_95_s": ("95 % reached", MS),
     "settled_5_s": ("settled within 5 %", MS),
@@ -59,10 +62,22 @@ NAMES = {
     "mass_g": ("mass", Form("g")),
     "band_khz": ("stop band", Form("kHz")),
     "given_second_hz": ("given, second bending", KHZ),
+    "allowed": ("allowed", PERCENT),
+    "young_GPa": ("young GPa", Form("", is_given=True)),
+    "density_kg_m3": ("density kg m3", Form("", is_given=True)),
+    "poisson": ("poisson", Form("", is_given=True)),
 }
 UNREAD = ("residual",)  # for whoever checks a solver: in files alone
-OF_A_BAND = re.compile(r"band_\d+_error")  # a bar a band: it decides digits, and stands in files alone
+# bars that decide digits, and stand in files alone
+UNREAD_BARS = re.compile(r"band_\d+_error|(zone_share|mac|strength)_error")
 OF_ITS_OWN = ("quantity", "value")  # a row's name of a figure, and the figure
+BARS = {  # named after more than their figure
+    "frequency_hz": "error",
+    "db_per_row": "db_error",
+    "quality_factor": "quality_error",
+    "reference_hz": "allowed",
+    "found_hz": "allowed",
+}
 
 
 def named(name: str) -> tuple[str, Form]:
@@ -82,21 +97,28 @@ def bar_of(name: str, head: Collection[str]) -> str | None:
     """The column that holds a figure's bar; None where there is none."""
     if "error" in name:
         return None
-    stem, _, unit = name.rpartition("_")
-    wanted = {
-        "hz": (f"{stem}_error", f"{name}_error", *(("error",) if name == "frequency_hz" else ())),
-        "db": (f"{stem}_error_db",),
-        "row": ("db_error",) if name == "db_per_row" else (),
-        "factor": ("quality_error",) if name == "quality_factor" else (),
-    }
-    return next((bar for bar in wanted.get(unit, ()) if bar in head), None)
+    parts = name.split("_")
+    within = ("_".join([*parts[:i], "error", *parts[i:]]) for i in range(1, len(parts) + 1))
+    tried = (*([f"{name.removesuffix('_hz')}_error"] if name.endswith("_hz") else ()), *within, BARS.get(name, ""))
+    return next((bar for bar in tried if bar in head), None)
 
 
-def shown(value: Any, form: Form) -> str | None:
-    """A figure in its form; what is no floating-point number as it is."""
-    if form.unit == "%" and isinstance(value, float):
+def is_relative(name: str, bar: str) -> bool:
+    """Whether a figure's bar is relative: that of a frequency, where it has no unit of its own."""
+    return name.endswith("_hz") and not bar.endswith("_hz")
+
+
+def shown(name: str, value: Any, form: Form) -> Any:
+    """A figure without a bar in its form, a bar with its own digits; what is no floating-point number as it is."""
+    if not isinstance(value, float):
+        return value
+    if form.unit == "%":
         return quantity.percent(value).removesuffix(" %")
-    return f"{form.factor * value:{form.digits}}" if isinstance(value, float) else value
+    if form.is_given:
+        return f"{form.factor * value:g}"
+    if "error" in name:
+        return quantity.figure(form.factor * value, form.factor * value)
+    return quantity.level_figure(value) if form.unit == "dB" else quantity.figure(form.factor * value)
 
 
 def frequency_unit(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Unit:
@@ -110,7 +132,7 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
     """Words with units for a head, and rows of figures with the digits that their bars allow; None stays None."""
     unit = frequency_unit(head, rows)
     known = {name: _in_unit(form, unit) if name.endswith("_hz") else form for name in head for form in [named(name)[1]]}
-    read = [name for at, name in enumerate(head) if not (OF_A_BAND.fullmatch(name) or _is_empty_bar(name, at, rows))]
+    read = [name for at, name in enumerate(head) if not (UNREAD_BARS.fullmatch(name) or _is_empty_bar(name, at, rows))]
     words = [f"{named(name)[0]} ({known[name].unit})" if known[name].unit else named(name)[0] for name in read]
     bars = {name: bar_of(name, head) for name in head}
     largest = max(
@@ -120,15 +142,15 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
     def cell(name: str, row: Mapping[str, Any]) -> Any:
         value, form, bar = row[name], known[name], bars[name]
         if bar is None or not isinstance(value, float):
-            return shown(value, form)
+            return shown(name, value, form)
         own = row[bar]
         if own == 0.0 == value:
             return "0"
-        if name.endswith("_hz"):
+        if name.endswith("_hz") and is_relative(name, bar):
             at_rest = not value or (own == 0.0 and abs(value) < RIGID * largest)
             return "0" if at_rest else quantity.frequency_figure(value, own, unit)
-        absolute = abs(value) * own if own is not None and named(bar)[1] is PERCENT else own
-        return quantity.level_figure(value, absolute) if form.unit == "dB" else quantity.figure(value, absolute)
+        scaled = [None if each is None else form.factor * each for each in (value, own)]
+        return quantity.level_figure(*scaled) if form.unit == "dB" else quantity.figure(*scaled)
 
     named_rows = (dict(zip(head, row, strict=True)) for row in rows)
     return words, [[cell(name, row) for name in read] for row in named_rows]
@@ -180,7 +202,7 @@ def _one_quantity(row: dict[str, Any], bar: float | None) -> list[Any]:
     """A row in its own figure's unit; of a part by theory, which has no bar, a figure has few digits."""
     name, value = (row[key] for key in OF_ITS_OWN)
     words, form = named(name)
-    text: Any = shown(value, form)
+    text: Any = shown(name, value, form)
     if "part" in row and isinstance(value, float) and "error" not in name:
         unit = quantity.frequency_unit([value]) if name.endswith("_hz") else Unit(form.unit, 1.0 / form.factor)
         form, scaled = _in_unit(form, unit), value / unit.size

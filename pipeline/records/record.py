@@ -176,7 +176,7 @@ class MeshRecord(Part):
 
 class ModeRecord(Part):
     """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative, and
-    confinement_error_db that of its level's.
+    confinement_error_db that of its level's; the other errors have the unit of their figure.
 
     frequency_hz is the best value, computed_hz that of the finest mesh alone.
     """
@@ -192,6 +192,9 @@ class ModeRecord(Part):
     computed_hz: float | None = None
     error: float | None = None
     confinement_error_db: float | None = None
+    zone_share_error: float | None = None
+    mac_error: float | None = None
+    strength_error: float | None = None
 
 
 class CountRecord(Part):
@@ -219,6 +222,8 @@ class RivalRecord(Part):
     confinement_db: float | None
     error: float | None = None
     confinement_error_db: float | None = None
+    mac_error: float | None = None
+    strength_error: float | None = None
 
 
 class WantedRecord(Part):
@@ -242,6 +247,9 @@ class WantedRecord(Part):
     extension_db: float | None = None
     frequency_error: float | None = None
     confinement_error_db: float | None = None
+    zone_share_error: float | None = None
+    mac_error: float | None = None
+    strength_error: float | None = None
     pillar_energy_share: float | None = None
 
 
@@ -544,6 +552,15 @@ class BroadbandRecord(Part):
         """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
 
+    @property
+    def stopped_width_error_hz(self) -> float | None:
+        """Half-width of the bar of stopped_width_hz by those of both ends; None without an estimate."""
+        if self.stopped_hz is None:
+            return None
+        errors = self.end_errors(self.stopped_hz)
+        known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
+        return sum(known) if len(known) == len(errors) else None
+
 
 class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
@@ -628,6 +645,11 @@ class PeakRecord(Part):
         """The zone's rms in nm/V."""
         return self.zone_rms_m_per_V / NM
 
+    @property
+    def zone_error_nm_per_V(self) -> float | None:
+        """Half-width of its bar."""
+        return None if self.height_error is None else self.height_error * self.zone_nm_per_V
+
 
 class ResponseRecord(Part):
     """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all."""
@@ -647,6 +669,7 @@ class ResponseRecord(Part):
     wanted_status: str
     wanted_peak: PeakRecord | None
     highest_peak: PeakRecord
+    widest_bar: dict[str, Any] | None = None
 
     @property
     def peak(self) -> PeakRecord:
@@ -795,6 +818,12 @@ class TravelRecord(Part):
     board: list[PlayedPattern] | BoardFault | None = None
     tables: list[str] = []
 
+    @property
+    def largest_flow_W(self) -> tuple[float, float | None]:
+        """The largest of the flows, signed, and the half-width of its bar."""
+        errors = self.flow_error_W or [None] * len(self.flow_W)
+        return max(zip(self.flow_W, errors, strict=True), key=lambda pair: abs(pair[0]))
+
 
 class DrivenZone(Part):
     """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
@@ -833,8 +862,22 @@ class CrosstalkRecord(Part):
     @property
     def worst_db(self) -> float | None:
         """The largest level of a zone while another is driven; None with one zone."""
-        others = [level for i, zone in enumerate(self.zones) for j, level in enumerate(zone.level_db) if i != j]
-        return max(others, default=None)
+        return self._worst[0]
+
+    @property
+    def worst_error_db(self) -> float | None:
+        """Half-width of its bar, dB; None without an estimate."""
+        return self._worst[1]
+
+    @property
+    def _worst(self) -> tuple[float | None, float | None]:
+        others = [
+            (level, zone.level_error_db[j] if zone.level_error_db else None)
+            for i, zone in enumerate(self.zones)
+            for j, level in enumerate(zone.level_db)
+            if i != j
+        ]
+        return max(others, default=(None, None), key=lambda pair: pair[0] or 0.0)
 
 
 class LoadedModeRecord(Part):
@@ -968,21 +1011,38 @@ class FittedMode(Open):
 
 
 class ResonanceRecord(Open):
-    """A resonance as identified from a sweep; circle: None where it is the peak's."""
+    """A resonance as identified from a sweep; circle: None where it is the peak's. frequency_error: relative."""
 
     frequency_hz: float
     quality_factor: float | None
     circle: FittedMode | None
+    frequency_error: float | None = None
+
+
+def shift_in_words(shift_hz: float, computed_hz: float, error: float | None) -> str:
+    """Write a shift from a computed frequency in Hz and in percent; error: relative half-width of the computed one's bar."""
+    half = None if error is None else error * computed_hz
+    moved, part = quantity.with_bar(shift_hz, half, "Hz"), quantity.percentage(shift_hz / computed_hz, error)
+    return f"{quantity.signed(moved)} ({quantity.signed(part)})"
 
 
 class MeasuredSweepRecord(ResonanceRecord):
-    """A measured sweep beside the computed response, where the measuring instrument points."""
+    """A measured sweep beside the computed response, where the measuring instrument points.
+
+    frequency_shift is the shift over the computed frequency; what is measured counts as given in both errors.
+    """
 
     file: str
     synthetic: bool
     frequency_shift_hz: float
     frequency_shift: float
     computed: ResonanceRecord
+    frequency_shift_error_hz: float | None = None
+
+    @property
+    def shift_text(self) -> str:
+        """The shift in Hz and in percent with the digits that the model's bar allows."""
+        return shift_in_words(self.frequency_shift_hz, self.computed.frequency_hz, self.computed.frequency_error)
 
 
 class ComputedMap(Open):
@@ -1026,7 +1086,11 @@ class SpreadRecord(Part):
         """The standard deviation of count samples with the digits that its own, deviation / sqrt(2 (count - 1)), allows."""
         if self.deviation is None:
             return "unknown"
-        return f"{quantity.figure(self.deviation, self.deviation / sqrt(2.0 * (count - 1)))} {unit}"
+        return f"{quantity.figure(self.deviation, self.spread_error(count))} {unit}"
+
+    def spread_error(self, count: int) -> float | None:
+        """The standard deviation's own, of count samples of a normal distribution; None of one sample."""
+        return None if self.deviation is None or count < 2 else self.deviation / sqrt(2.0 * (count - 1))
 
 
 class SampleRecord(Part):
@@ -1066,6 +1130,11 @@ class ToleranceRecord(Part):
     space_check: dict[str, float | None]
     interpolation_check: dict[str, float | None] = Field(default_factory=dict)
     frequency_error: float | None = None
+
+    @property
+    def counted(self) -> int:
+        """How many samples the statistics are of."""
+        return len(self.samples) - self.lost
 
 
 class BoardRecord(Part):

@@ -19,38 +19,46 @@ from pipeline.records.study import StoredStudy
 
 TABLE = "table.csv"
 FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
-TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, format, unit
-    ("tracked_hz", "tracked mode", "frequency_hz", ".2f", "Hz"),
-    ("tracked_mac", "MAC with the case before", "mac", ".4f", ""),
-    ("tracking", "tracking along the sweep", "tracking", "", ""),
+TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, unit
+    ("tracked_hz", "tracked mode", "frequency_hz", "Hz"),
+    ("tracked_mac", "MAC with the case before", "mac", ""),
+    ("tracking", "tracking along the sweep", "tracking", None),
 )
 P = TypeVar("P")
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its name in the file, its heading and unit for readers, its value (None: no cell), its format.
+    """A column: its name in the file, its heading and unit for readers, its value (None: no cell), the value's bar.
 
-    bar: half-width of the value's bar, relative for Hz, else in its unit; the format counts where there is none.
+    unit: None for words, '' for numbers without one. bar: half-width of the value's bar, relative for a frequency, else in the
+    unit. is_difference: of frequencies, whose bar is in Hz; is_signed: written with its sign.
     """
 
     name: str
     heading: str
     value: Callable[[Record], Any]
-    format: str = ""
-    unit: str = ""
+    unit: str | None = None
     bar: Callable[[Record], float | None] | None = None
+    is_difference: bool = False
+    is_signed: bool = False
 
-    def text(self, record: Record) -> str:
-        """A cell's text for readers: '' for what has no value."""
-        value = self.value(record)
-        if value is None:
-            return ""
-        if self.bar and self.unit == "Hz":
-            return quantity.frequency_figure(value, self.bar(record), quantity.HZ)
-        if self.bar and (bar := self.bar(record)) is not None:
-            return quantity.figure(value, bar)
-        return format(value, self.format) if self.format else str(value)
+    def text(self, record: Record, unit: quantity.Unit = quantity.HZ) -> str:
+        """A cell's text for readers: '' for what has no value; a frequency in a unit of theirs."""
+        value, bar = self.value(record), self.bar(record) if self.bar else None
+        if not isinstance(value, float) or self.unit is None:
+            return "" if value is None else str(value)
+        if self.is_frequency:
+            return quantity.frequency_figure(value, bar, unit)
+        if self.unit == "%":
+            return quantity.percent(value).removesuffix(" %")
+        text = quantity.level_figure(value, bar) if self.unit == "dB" else quantity.figure(value, bar)
+        return quantity.signed(text) if self.is_signed else text
+
+    @property
+    def is_frequency(self) -> bool:
+        """Whether it holds frequencies, not differences of them."""
+        return self.unit == "Hz" and not self.is_difference
 
     def cell(self, record: Record) -> Any:
         """A cell of the file: its value, floating-point numbers with as many digits as no round-off reaches."""
@@ -88,7 +96,7 @@ def _tracked(study: StoredStudy) -> tuple[Column, ...]:
     def figure(key: str) -> Callable[[Record], Any]:
         return lambda record: getattr(peak.get(record.case_id), key, None)
 
-    return tuple(Column(name, heading, figure(key), form, unit) for name, heading, key, form, unit in TRACKED)
+    return tuple(Column(name, heading, figure(key), unit) for name, heading, key, unit in TRACKED)
 
 
 def without_effect(study: StoredStudy, columns: Sequence[Column]) -> list[str]:

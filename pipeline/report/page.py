@@ -11,6 +11,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from pipeline import quantity
 from pipeline.measures import registry
 from pipeline.plots import style
 from pipeline.records import store
@@ -34,9 +35,21 @@ OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 # What the template of a case's results writes them with.
 SHOWN = {
     name: getattr(text, name)
-    for name in ("si", "khz", "db", "bar", "mode_cells", "verdict", "band_difference", "CONFINED_DB")
+    for name in (
+        "si",
+        "khz",
+        "db",
+        "bar",
+        "mode_cells",
+        "verdict",
+        "band_difference",
+        "share_of_zone",
+        "shift",
+        "CONFINED_DB",
+    )
 }
-SHOWN |= {"f": format, "GRAM": GRAM, "MM": MM, "UM": UM}
+SHOWN |= {name: getattr(quantity, name) for name in ("figure", "percentage", "percent", "signed")}
+SHOWN |= {"GRAM": GRAM, "MM": MM, "UM": UM}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from pipeline import quantity
 from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
-from pipeline.records.record import ModeRecord, Record
+from pipeline.records.record import ModeRecord, Record, WantedMode
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare
@@ -38,15 +38,15 @@ class Card:
     severity: str = "plain"
 
 
-def si(value: Any, digits: int = 4) -> str:
-    """A number for reading: thin spaces between thousands, '-' for nothing."""
+def si(value: Any) -> str:
+    """A number for reading: a count with thin spaces between thousands, a figure without a bar, '-' for nothing."""
     if value is None:
         return "–"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
         return f"{value:,}".replace(",", WIDE)
-    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)
+    return quantity.figure(value) if isinstance(value, float) else str(value)
 
 
 def khz(frequency_hz: float | None, error: float | None = None) -> str:
@@ -66,11 +66,21 @@ def bar(value: float | None, error: float | None, unit: str) -> str:
     return quantity.with_bar(value, error, unit, WIDE) if error is not None else db(value)
 
 
+def share_of_zone(wanted: WantedMode) -> str:
+    """The zone's share of the squared normal displacement with the digits of its bar."""
+    return quantity.percentage(wanted.zone_share, wanted.zone_share_error, WIDE)
+
+
+def shift(value_hz: float, error_hz: float | None) -> str:
+    """A difference of frequencies with its sign and its bar."""
+    return quantity.signed(quantity.with_bar(value_hz, error_hz, "Hz", WIDE))
+
+
 def verdict(record: Record) -> str:
     """Whether the wanted mode is confined, as a mode and driven, and whether the expected error leaves that open."""
     level, error = record.confinement_db, record.wanted.confinement_error_db if record.wanted else None
     close = error is not None and level is not None and abs(level - CONFINED_DB) <= error
-    return f"{record.verdict}, but nearer to {CONFINED_DB:.0f} dB than its expected error" if close else record.verdict
+    return f"{record.verdict}, but nearer to {CONFINED_DB:g} dB than its expected error" if close else record.verdict
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:
@@ -97,7 +107,7 @@ def _wanted_card(study: StoredStudy, best: StoredCase) -> Card | None:
     wanted = best.record.wanted
     if wanted is None:
         return None
-    note = "" if wanted.mac is None else f"MAC {wanted.mac:.2f} to the analytic shape"
+    note = "" if wanted.mac is None else f"MAC {quantity.figure(wanted.mac, wanted.mac_error)} to the analytic shape"
     split = ", shape split among several modes" if wanted.status == "split" else ""
     return Card(
         "Wanted mode", bar(wanted.frequency_hz, wanted.frequency_error, "Hz"), note + split + _source(study, best)
@@ -126,7 +136,7 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
         if prediction and prediction.db_per_row
         else ""
     )
-    name = f"Rows for {CONFINED_DB:.0f}{WIDE}dB"
+    name = f"Rows for {CONFINED_DB:g}{WIDE}dB"
     enough = [case.sweep["array.rows"] for case in _like(study, best) if case.record.confined]
     if enough:
         endless = f"; {per_row}endless rows would take {estimate}" if estimate else ""
@@ -202,7 +212,7 @@ def headline(study: StoredStudy) -> str:
     first = "Best of this study: " if len(plates(study)) > 1 else ""
     as_mode = db(record.confinement_db, wanted.confinement_error_db)
     both = f"{db(ranked)} as driven, {as_mode} as a mode" if peak else as_mode
-    level = f"{both}; {CONFINED_DB:.0f}{WIDE}dB counts as confined"
+    level = f"{both}; {CONFINED_DB:g}{WIDE}dB counts as confined"
     times = f"{quantity.figure(ratio, error)} times as much as the rest of the plate"
     return f"{first}{what}. At {tone} the active zone moves {times} ({level})."
 
@@ -281,16 +291,12 @@ class PageColumn:
     @property
     def number(self) -> bool:
         """Whether it holds numbers."""
-        return bool(self.column.format)
-
-    @property
-    def _in_khz(self) -> bool:
-        return (self.column.unit, self.column.format) == ("Hz", ".2f")
+        return self.column.unit is not None
 
     @property
     def unit(self) -> str:
         """Unit in the page."""
-        return "kHz" if self._in_khz else self.column.unit
+        return "kHz" if self.column.is_frequency else self.column.unit or ""
 
     @property
     def main(self) -> bool:
@@ -299,11 +305,7 @@ class PageColumn:
 
     def text(self, record: Record) -> str:
         """A cell's text."""
-        value = self.column.value(record) if self._in_khz else None
-        if value is None:
-            return self.column.text(record)
-        bar = self.column.bar(record) if self.column.bar else None
-        return quantity.frequency_figure(value, bar, quantity.Unit("kHz", KHZ))
+        return self.column.text(record, quantity.Unit("kHz", KHZ))
 
     def style(self, text: str) -> str:
         """A cell's classes."""
@@ -319,7 +321,7 @@ def sentences(study: StoredStudy) -> list[str]:
         confined = [case.case_id for case in result if case.record.confined]
         names = f": {', '.join(confined)}" if 0 < len(confined) <= 6 else ""
         said.append(
-            f"{len(confined)} of {len(result)} plates confine the wanted mode by at least {CONFINED_DB:.0f} dB{names}."
+            f"{len(confined)} of {len(result)} plates confine the wanted mode by at least {CONFINED_DB:g} dB{names}."
         )
     elif result:
         said.append(_confinement_sentence(result[0].record))
@@ -338,9 +340,8 @@ def sentences(study: StoredStudy) -> list[str]:
 def _confinement_sentence(record: Record) -> str:
     verb, wanted = "confines" if record.confined else "does not confine", record.wanted
     known = wanted is not None and wanted.zone_share is not None
-    inside = (
-        f"; {wanted.zone_share:.0%} of its squared normal displacement lies in the zone" if wanted and known else ""
-    )
+    share = share_of_zone(wanted) if wanted and known else ""
+    inside = f"; {share} of its squared normal displacement lies in the zone" if share else ""
     level = quantity.level(record.confinement_db, wanted.confinement_error_db if wanted else None)
     return f"The plate {verb} the wanted mode: {level}{inside}."
 
@@ -354,7 +355,7 @@ def comparison(study: StoredStudy) -> list[dict[str, Any]]:
 def _difference(thesis: float | str, ours: float | str) -> str:
     if isinstance(thesis, str) or isinstance(ours, str) or not thesis:
         return ""
-    return f"{(ours - thesis) / thesis:+.1%}"
+    return quantity.signed(quantity.percentage((ours - thesis) / thesis))
 
 
 def band_difference(record: Record) -> float | None:
@@ -381,7 +382,8 @@ def modes(record: Record) -> list[dict[str, Any]]:
 def mode_cells(mode: ModeRecord) -> list[str]:
     """A mode's row: frequency in kHz and its bar in percent, symmetry, MAC, zone share, level in dB."""
     tone = quantity.frequency_figure(mode.frequency_hz, mode.error, quantity.Unit("kHz", KHZ))
-    shares = ["–" if value is None else f"{value:.3f}" for value in (mode.mac, mode.zone_share)]
+    both = (mode.mac, mode.mac_error), (mode.zone_share, mode.zone_share_error)
+    shares = [quantity.figure(value, error) for value, error in both]
     level = quantity.level_figure(mode.confinement_db, mode.confinement_error_db)
     return [tone, quantity.percent(mode.error).removesuffix(" %"), mode.symmetry or "–", *shares, level]
 

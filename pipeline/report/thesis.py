@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.paths import REFERENCE
-from pipeline.quantity import level
+from pipeline.quantity import Unit, frequency_figure, level
 from pipeline.records.record import DesignRecord, Record
 from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
@@ -19,14 +19,15 @@ TITLE = "Design of controlled localized mechanical waves: application to haptics
 
 
 def compare(records: list[Record], path: Path = FILE) -> list[dict[str, Any]]:
-    """Rows {quantity, thesis, ours, unit, note} for every figure of the thesis that some record answers."""
+    """Rows {quantity, thesis, ours, shown (in words), unit, note} for every figure of the thesis that some record answers."""
     rows = []
     with path.open(newline="", encoding="utf-8") as file:
         for entry in csv.DictReader(file):
-            ours = next((value for record in records if (value := _ours(entry, record)) is not None), None)
-            if ours is not None:
+            found = next((pair for record in records if (pair := _ours(entry, record)) is not None), None)
+            if found is not None:
                 keys = ("quantity", "unit", "note")
-                rows.append({key: entry[key] for key in keys} | {"thesis": _plain(entry["thesis"]), "ours": ours})
+                ours = {"ours": found[0], "shown": found[1]}
+                rows.append({key: entry[key] for key in keys} | {"thesis": _plain(entry["thesis"])} | ours)
     return rows
 
 
@@ -37,11 +38,14 @@ def _plain(text: str) -> float | str:
         return text
 
 
-def _ours(entry: dict[str, str], record: Record) -> float | str | None:
+def _ours(entry: dict[str, str], record: Record) -> tuple[float | str, str] | None:
+    """A figure of a record in kHz or a verdict, and the same in words; None where the record has none."""
     if record.design is None or not _same_design(entry, record.design):
         return None
-    value = _figure(entry["key"], record)
-    return round(value / KHZ, 3) if isinstance(value, float) else value
+    value, error = _figure(entry["key"], record)
+    if not isinstance(value, float):
+        return (value, value) if value else None
+    return value / KHZ, frequency_figure(value, error, Unit("kHz", KHZ))
 
 
 def _same_design(entry: dict[str, str], design: DesignRecord) -> bool:
@@ -69,23 +73,24 @@ def confinement_words(mode_db: float | None, driven_db: float | None, error_db: 
     return f"{said}, {level(driven_db)} driven by its patches{', which is not confined' if apart else ''})"
 
 
-def _figure(key: str, record: Record) -> float | str | None:
-    """A figure in Hz, or the verdict."""
+def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]:
+    """A figure in Hz, or the verdict, and the half-width of its bar, relative."""
     wanted, bands, zone, pillar = record.wanted, record.bands, record.zone_modes, record.pillar_modes
     gap = bands.gaps[0] if bands and bands.gaps else None
     peak = record.response.wanted_peak if record.response else None
     sizes = record.predesign.zone if record.predesign else None
-    figures: dict[str, Callable[[], float | str | None]] = {
-        "verdict": lambda: confinement_words(
-            record.confinement_db, record.driven_db, wanted.confinement_error_db if wanted else None
+    level_error, none = wanted.confinement_error_db if wanted else None, (None, None)
+    figures: dict[str, Callable[[], tuple[float | str | None, float | None]]] = {
+        "verdict": lambda: (confinement_words(record.confinement_db, record.driven_db, level_error), None),
+        "zone": lambda: (zone.wanted.frequency_hz, zone.wanted.frequency_error) if zone and zone.wanted else none,
+        "pillar": lambda: (pillar.modes[0].frequency_hz, pillar.modes[0].error) if pillar else none,
+        "bending": lambda: (
+            (bands.bending_at_m_hz[0], bands.bending_errors[0]) if bands and bands.bending_at_m_hz else none
         ),
-        "zone": lambda: zone.wanted.frequency_hz if zone and zone.wanted else None,
-        "pillar": lambda: pillar.modes[0].frequency_hz if pillar else None,
-        "bending": lambda: bands.bending_at_m_hz[0] if bands and bands.bending_at_m_hz else None,
-        "formula": lambda: sizes.formula_hz if sizes else None,
-        "wanted": lambda: wanted.frequency_hz if wanted else None,
-        "peak": lambda: peak.frequency_hz if peak else None,
-        "gap_lower": lambda: gap.lower_hz if gap else None,
-        "gap_upper": lambda: gap.upper_hz if gap else None,
+        "formula": lambda: (sizes.formula_hz, None) if sizes else none,
+        "wanted": lambda: (wanted.frequency_hz, wanted.frequency_error) if wanted else none,
+        "peak": lambda: (peak.frequency_hz, peak.frequency_error) if peak else none,
+        "gap_lower": lambda: (gap.lower_hz, gap.lower_error) if gap else none,
+        "gap_upper": lambda: (gap.upper_hz, gap.upper_error) if gap else none,
     }
     return figures[key]()

@@ -9,7 +9,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
-from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
+from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
 from pipeline.search.fidelity import PLATE, FidelityResult, frequency_slack
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
@@ -151,4 +151,4 @@ def summary(each: Evaluation) -> str:
     goal = -each.goal_db if each.unit in LESS else each.goal_db
     best = level_with_bar(goal, each.goal_error_db) if each.unit == "dB" else with_bar(goal, None, each.unit)
     tone = frequency_with_bar(each.result.frequency_hz, each.result.frequency_error)
-    return f"{best} at {tone}, MAC {each.result.mac:.2f}{breaks}"
+    return f"{best} at {tone}, MAC {figure(each.result.mac)}{breaks}"

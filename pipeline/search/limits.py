@@ -7,6 +7,7 @@ from math import atan2, degrees
 
 from geometry.cad.printability import SUPPORT_DEG, features
 from geometry.layout import Design, Pillar
+from pipeline.quantity import figure, frequency, level
 from pipeline.units import KHZ, MM
 
 
@@ -27,12 +28,12 @@ class Limits:
         violations = []
         half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
         if not half <= self.half_wavelength_m:
-            text = f"half-wavelength {half / MM:.1f} mm, at most {self.half_wavelength_m / MM:g}"
+            text = f"half-wavelength {figure(half / MM)} mm, at most {self.half_wavelength_m / MM:g}"
             violations.append((text, half / self.half_wavelength_m - 1.0))
         name, size = min(features(design).items(), key=lambda item: item[1])
         if size < self.feature_m * (1.0 - 1e-9):
             violations.append(
-                (f"{name} {size / MM:.2f} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
+                (f"{name} {size / MM:g} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
             )
         lean = max((overhang_deg(pillar) for pillar in design.kinds), default=0.0)
         first = design.pillar
@@ -42,7 +43,7 @@ class Limits:
             )
         if lean > SUPPORT_DEG:
             violations.append(
-                (f"pillars lean out by {lean:.0f} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
+                (f"pillars lean out by {figure(lean)} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
             )
         return violations
 
@@ -50,10 +51,10 @@ class Limits:
         """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
-            text = f"{frequency_hz / KHZ:.2f} kHz, at least {self.lowest_hz / KHZ:g}"
+            text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
-            violations.append((f"MAC {mac:.2f} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+            violations.append((f"MAC {figure(mac)} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
@@ -61,7 +62,7 @@ class Limits:
         least = self.isolation_db
         if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
             return []
-        return [(f"zones {isolation_db:.2f} dB apart, at least {least:g}", 1.0 - isolation_db / least)]
+        return [(f"zones {level(isolation_db)} apart, at least {least:g}", 1.0 - isolation_db / least)]
 
 
 def overhang_deg(pillar: Pillar) -> float:

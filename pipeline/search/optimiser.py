@@ -21,7 +21,7 @@ from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
 from pipeline.planning import simplifications
-from pipeline.quantity import frequency
+from pipeline.quantity import figure, frequency
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
     COLUMN,
@@ -164,7 +164,7 @@ class _Search:
         _, softness, tone = min(known)
         self.softness = float(softness)
         comparison_text = f"column {frequency(column.frequency_hz)}, strip {frequency(tone)}"
-        self.log.info(f"{comparison_text} with feet {softness:.2f} times as soft as a half-space's")
+        self.log.info(f"{comparison_text} with feet {figure(softness)} times as soft as a half-space's")
 
     def _screen(self) -> None:
         """Evaluate the whole box by strips."""

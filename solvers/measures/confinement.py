@@ -82,21 +82,21 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
 
     `symmetry` is the symmetry class of a halved model (a shape of another class has no share in it), None for a whole plate.
     """
-    shape = _shape(touch, design, symmetry)
+    shape = shape_at(touch, design, symmetry)
     profile = Profile(np.abs(touch.points[:, 1]), touch.weights, touch.values, shape, touch.modal_mass_kg)
     return measure_profile(profile, design)
 
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
     """Forces (q,) at the points whose work on a mode, squared, is its strength."""
-    heavy = touch.weights * _shape(touch, design, symmetry)
-    own = float(heavy @ _shape(touch, design, symmetry))
+    heavy = touch.weights * shape_at(touch, design, symmetry)
+    own = float(heavy @ shape_at(touch, design, symmetry))
     surface = design.material.density_kg_m3 * design.thickness_m
-    return np.asarray(heavy * np.sqrt(surface / (max(own, 1e-300) * touch.modal_mass_kg)))
+    return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
-def _shape(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """The wanted shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
+def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
+    """Return the wanted shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
     if symmetry in (None, wanted_symmetry(design.nodal_lines)):
         active = np.abs(touch.points[:, 1]) < design.width_m / 2.0

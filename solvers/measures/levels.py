@@ -15,3 +15,22 @@ def ratio_db(inside: Any, outside: Any) -> FloatArray:
     """20 log10 of rms values, inside over outside; infinite where nothing moves outside."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
+
+
+def share_error(share: float | None, level_error_db: float | None) -> float | None:
+    """Half-width of the bar of a part's share of the squares from that of its level; None where one is unknown.
+
+    Of areas given, share / (1 - share) goes with 10^(level/10), so that a level off by e puts the share
+    at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
+
+    >>> from solvers.measures.levels import share_error
+    >>> round(share_error(0.9, 0.1), 4), share_error(1.0, 0.1), share_error(0.9, None)
+    (0.0021, 0.0, None)
+    """
+    if share is None or level_error_db is None:
+        return None
+    moved = (
+        share * g / (1.0 - share + share * g)
+        for g in (10.0 ** (level_error_db / 10.0), 10.0 ** (-level_error_db / 10.0))
+    )
+    return max(abs(each - share) for each in moved)

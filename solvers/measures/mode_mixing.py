@@ -3,37 +3,55 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import log
 from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
-from solvers.measures.confinement import TouchField
+from solvers.measures.confinement import TouchField, shape_at
 
 DECIBELS = 20.0 / log(10.0)
 
 
 @dataclass(frozen=True)
 class Overlaps:
-    """Products of the u_z of every two modes of a class over the active and the passive touch face, (k, k) each, m2."""
+    """Products of the u_z of every two modes of a class over the active and the passive touch face, (k, k) each, m2.
+
+    projection: of each mode on the wanted shape of unit square, (k,) in m; strength: over its square, 1/m2.
+    """
 
     active: FloatArray
     passive: FloatArray
+    projection: FloatArray = field(default_factory=lambda: np.zeros(0))
+    strength: float = np.nan
 
     @classmethod
-    def of(cls, touch: TouchField, design: Design) -> Overlaps | None:
+    def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
         """Integrate over both parts; None without a passive face."""
         active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
+        if active.all():
+            return None
         faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
-        return None if active.all() else cls.between(faces)
+        heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
+        projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
+        surface = design.material.density_kg_m3 * design.thickness_m
+        return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
 
     @classmethod
     def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
         """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
-        return cls(*(np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces))
+        active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
+        return cls(active, passive)
+
+    def _mixed(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...]) -> FloatArray:
+        """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode, one at most."""
+        own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
+        apart = np.abs(tones**2 - own**2)
+        apart[index] = np.inf
+        return np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
         """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
@@ -58,15 +76,38 @@ class Overlaps:
         float
             Decibels.
         """
-        own = frequency_hz[index]
-        apart = np.abs(frequency_hz**2 - own**2)
-        apart[index] = np.inf
         inside, outside = (part[index] / part[index, index] for part in (self.active, self.passive))
         unlike = np.abs(inside - outside)
-        tones, apart = np.append(frequency_hz, ends_hz), np.append(apart, np.abs(np.square(ends_hz) - own**2))
         unlike = np.append(unlike, [np.delete(unlike, index).max(initial=0.0)] * len(ends_hz))
-        mixed = np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
-        return float(DECIBELS * np.linalg.norm(mixed * unlike))
+        return float(DECIBELS * np.linalg.norm(self._mixed(frequency_hz, index, error, ends_hz) * unlike))
+
+    def mixing_shape(
+        self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = (), share: float = 1.0
+    ) -> tuple[float, float]:
+        """Bound what the same neighbours move a mode's MAC and strength by, `share` of each counted.
+
+        With c of mode j mixed in, of either sign, the MAC is (q_i + c q_j)^2 / (A_ii + 2 c A_ij + c^2 A_jj) and the strength
+        s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the wanted shape. Parameters as of `mixing_db`.
+        """
+        mixed = share * self._mixed(frequency_hz, index, error, ends_hz)
+        others = np.delete(np.arange(len(frequency_hz)), index)
+        if not len(others):
+            return np.nan, np.nan
+        known = self._moved(index, others, mixed[others])
+        beyond = [self._moved(index, others, own).max(axis=-1) for own in mixed[len(frequency_hz) :]]
+        mac, strength = np.linalg.norm(np.column_stack([known, *beyond]), axis=-1)
+        return float(mac), float(strength)
+
+    def _moved(self, index: int, others: IntArray, mixed: FloatArray | float) -> FloatArray:
+        """Changes (2, k) of a mode's MAC and strength by a share of each of the others, of the sign that moves them most."""
+        own, signed = (
+            self.active[index, index],
+            np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others))),
+        )
+        projected = (self.projection[index] + signed * self.projection[others]) ** 2
+        inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
+        both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
+        return np.asarray(np.abs(both[:, :2] - both[:, 2:]).max(axis=1))
 
 
 def mixing_db(

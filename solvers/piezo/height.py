@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.elements import FloatArray
-from solvers.fem.coarser import largest
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.frequency_bar import frequency_errors
 
@@ -17,15 +16,6 @@ def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     """
     basis, index = _nearest(forced, frequency_hz)
     return None if basis is None else _known(float(frequency_errors(basis).total[index]))
-
-
-def largest_frequency_error(forced: ForcedPlate, low_hz: float, high_hz: float) -> float | None:
-    """The largest of any resonance between two frequencies, relative; None where there is none, or one is not known."""
-    bars: list[FloatArray] = []
-    for basis in forced.modes:
-        inside = (basis.frequency_hz >= low_hz) & (basis.frequency_hz <= high_hz)
-        bars.append(frequency_errors(basis).total[inside])
-    return largest(np.concatenate(bars)) if bars else None
 
 
 def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:

@@ -9,7 +9,17 @@ from random import Random
 import pytest
 
 from pipeline import quantity
-from pipeline.quantity import decimals, figure, frequency, frequency_with_bar, interval, level, percent, with_bar
+from pipeline.quantity import (
+    decimals,
+    figure,
+    frequency,
+    frequency_with_bar,
+    interval,
+    level,
+    percent,
+    percentage,
+    with_bar,
+)
 
 LEADING = (1.0, 1.04, 2.0, 3.54, 3.55, 4.9, 5.0, 7.0, 9.49, 9.5, 9.99)
 BARS = [lead * 10.0**power for power in range(-3, 3) for lead in LEADING]
@@ -46,6 +56,12 @@ def test_no_figure_has_a_digit_beyond_the_second_of_its_bar(bar: float) -> None:
         (56873.8, None, "56900"),
         (1.0 / 3.0, 1e-12, "0.3333333"),
         (1.0 / 3.0, 0.0, "0.3333333"),
+        (54.0, 0.0, "54"),
+        (50.0, None, "50.0"),
+        (1.2345e-9, None, "1.23e-09"),
+        (1.2345e-9, 2e-12, "1.2345e-09"),
+        (3.3e-5, 0.08, "0.00"),
+        (7.0e12, 0.0, "7.000000e+12"),
         (None, 0.1, "–"),
         (math.nan, 0.1, "–"),
         (2.3456, math.inf, "2.35"),
@@ -100,6 +116,16 @@ def test_levels_and_percentages() -> None:
     assert [percent(error) for error in (0.012, 0.00113, 1.2e-6, 0.5, None, math.inf)] == [
         "1.2 %", "0.11 %", "0.00012 %", "50 %", "–", "–",
     ]  # fmt: skip
+
+
+def test_a_share_in_percent_has_the_digits_of_its_bar() -> None:
+    assert [percentage(0.87349, bar) for bar in (None, 0.0021, 0.04, 3e-6)] == [
+        "87.3 %",
+        "87.35 %",
+        "87 %",
+        "87.34900 %",
+    ]
+    assert percentage(None) == percentage(math.inf) == "–" and percentage(-0.0123, 0.004) == "-1.2 %"
 
 
 def test_a_column_of_frequencies_has_one_unit() -> None:

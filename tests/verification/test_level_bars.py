@@ -85,3 +85,6 @@ def test_levels_of_all_modes_of_a_finer_plate_lie_within_the_bars(
         assert abs(one.frequency_hz / two.frequency_hz - 1.0) <= one.error + two.error
         assert one.confinement_db is not None and two.confinement_db is not None
         assert abs(one.confinement_db - two.confinement_db) <= one.confinement_error_db + two.confinement_error_db
+        for name in ("zone_share", "mac", "strength"):
+            bars = getattr(one, f"{name}_error"), getattr(two, f"{name}_error")
+            assert abs(getattr(one, name) - getattr(two, name)) <= sum(bars), name

@@ -42,12 +42,14 @@ pitch_mm = 4.0
 rows = 1
 extension_mm = 5.0
 [solve]
-accuracy = 0.03
+accuracy = 0.1
 [bands]
-points = 3
+points = 2
+count = 4
 [damping]
 quality = 100.0
 """
+BARE = COARSE.replace("rows = 1", "rows = 0").replace("extension_mm = 5.0", "extension_mm = 10.0")  # panels of one kind
 PATCHED = """
 [patches]
 material = "pz26"
@@ -121,6 +123,9 @@ class Scaling:
 
     def _of_metres(self, key: str) -> float:
         return self.length if key.endswith("_m") else 1.0
+
+
+OTHER = Scaling(0.037, 3.1, 0.7)
 
 
 def scaled(case: dict[str, Any], scaling: Scaling) -> dict[str, Any]:
@@ -262,11 +267,12 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
 
 @pytest.mark.parametrize("command", PASSIVE)
 def test_a_scaled_scene_gives_scaled_figures(command: str, tmp_path: Path) -> None:
-    compared(tmp_path, command, PASSIVE[command], COARSE, Scaling(0.037, 3.1, 0.7))
+    """Modes of a bare plate: those with pillars take half a minute."""
+    compared(tmp_path, command, PASSIVE[command], BARE if command == "modes" else COARSE, OTHER)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scaling", [Scaling(17.0), Scaling(modulus=0.004), Scaling(density=9.3)], ids=str)
+@pytest.mark.parametrize("scaling", [Scaling(17.0), Scaling(modulus=0.004), Scaling(density=9.3), OTHER], ids=str)
 @pytest.mark.parametrize("command", PASSIVE)
 def test_further_scales_of_a_passive_plate(command: str, scaling: Scaling, tmp_path: Path) -> None:
     compared(tmp_path, command, PASSIVE[command], COARSE, scaling)
@@ -279,7 +285,7 @@ def test_a_scaled_driven_plate_moves_as_much_per_volt(command: str, length: floa
     compared(tmp_path, command, DRIVEN[command], COARSE + PATCHED, Scaling(length))
 
 
-@pytest.mark.parametrize("command", ["predesign", "modes"])
+@pytest.mark.parametrize("command", ["predesign", "bands"])
 def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
     """Frequencies of options in kHz, too."""
     case = tomllib.loads(COARSE)
@@ -287,7 +293,7 @@ def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: P
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", [*(each for each in PASSIVE if each not in ("predesign", "modes")), *DRIVEN])
+@pytest.mark.parametrize("command", [*(each for each in PASSIVE if each not in ("predesign", "bands")), *DRIVEN])
 def test_other_words_for_a_driven_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
     case = tomllib.loads(COARSE + PATCHED)
     same(tmp_path, command, (PASSIVE | DRIVEN)[command], case, respelled(case))

@@ -222,7 +222,7 @@ function drawBands(found, before) {
   if (before) lines("before", before.bands.frequency_hz);
   lines("line", bands.frequency_hz);
   if (!found.plate.why_not) put(svg, "line", { class: "wanted", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
-  svg.setAttribute("aria-label", `Dispersion diagram, ten bands up to ${high.toFixed(0)} kHz, ${bands.gaps.length} complete gaps`);
+  svg.setAttribute("aria-label", `Dispersion diagram, ten bands up to ${figure(high)} kHz, ${bands.gaps.length} complete gaps`);
 }
 function drawDecay(found, before) {
   const rows = found.rows, svg = $("decay");
@@ -283,7 +283,7 @@ function drawCloud() {
     const svg = $(id), far = Math.max(...cloud.points.map(value)) * 1.03, at = frame(svg, far, Math.max(high, 1) * 1.05, text, "confinement (dB)", steps(far).map((v) => [v, String(Number(v.toPrecision(6)))]));
     for (const p of [...cloud.points].sort((a, b) => best.has(a) - best.has(b))) {
       if (p.confinement_db < 0) continue;
-      const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${p.mass_g.toFixed(1)} g`;
+      const label = `${level(p.confinement_db, p.confinement_error_db)}, ${frequency(p.frequency_hz, p.frequency_error)}, ${figure(p.mass_g)} g`;
       const dot = put(svg, "circle", { class: best.has(p) ? "dot front" : "dot", cx: at.x(value(p)).toFixed(1), cy: at.y(p.confinement_db).toFixed(1), r: best.has(p) ? 4.5 : 3 });
       if (best.has(p)) { dot.setAttribute("tabindex", "0"); dot.setAttribute("role", "button"); dot.setAttribute("aria-label", `Take the design with ${label}`); }
       put(dot, "title", {}, label);

@@ -9,7 +9,14 @@ function decimals(value, bar) {
   return Math.min((bar / 10 ** last < 3.55 ? 1 : 0) - last, 6 - exponent(value));
 }
 const fixed = (value, places) => (places < 0 ? Math.round(value * 10 ** places) / 10 ** places : value).toFixed(Math.max(places, 0)).replace(/^-(?=0\.?0*$)/, "");
-const figure = (value, bar) => isKnown(value) ? fixed(value, decimals(value, bar)) : "–";
+const SMALLEST = -4, LARGEST = 9;
+function figure(value, bar) {
+  if (!isKnown(value)) return "–";
+  const places = decimals(value, bar), highest = exponent(value);
+  if ((highest < SMALLEST || highest > LARGEST) && places + highest >= 0) return value.toExponential(places + highest).replace(/e([+-])(\d)$/, "e$10$2");
+  const text = fixed(value, places);
+  return isKnown(bar) && bar <= 0 && text.includes(".") ? text.replace(/\.?0+$/, "") : text;
+}
 const frequencyUnit = (...all) => [["GHz", 1e9], ["MHz", 1e6], ["kHz", 1e3], ["Hz", 0]].find(([, size]) => Math.max(...all) >= size);
 function frequency(hz, error) {
   const [unit, size] = frequencyUnit(hz), value = hz / (size || 1);

@@ -849,7 +849,7 @@ function faultsOf(data, given) {
 }
 function warningsOf(data, design) {
   const out = [], edge = Math.PI / design.pitch;
-  if (data.kx > edge) out.push(`the wanted wavenumber ${data.kx.toFixed(0)} rad/m lies beyond the zone's edge ${edge.toFixed(0)} rad/m`);
+  if (data.kx > edge) out.push(`the wanted wavenumber ${figure(data.kx)} rad/m lies beyond the zone's edge ${figure(edge)} rad/m`);
   if (data.half_wave < 2 * design.thickness) out.push("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess");
   if (design.rows * design.pitch + design.extension > 0.06) out.push("a wide passive part carries many modes near the wanted one: the column may pick another than the plate");
   return out;

@@ -153,7 +153,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     document = json.loads((tmp_path / "active_pillar.json").read_text())
     assert query == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
     assert site_fields.differing("active pillar", document) == []
-    assert document["comparison"][-1]["ours"] == "30.50-35.50 kHz"
+    assert document["comparison"][-1]["ours"] == "30.5-35.5 kHz"
     assert "edge lies" in document["comparison"][-1]["agreement"]
     capsys.readouterr()
 
@@ -222,7 +222,7 @@ def test_the_circuits_verdicts_are_those_of_its_modes_whatever_band_is_shown(ban
 def test_a_band_without_modes_says_where_they_are(capsys) -> None:
     assert run("mason", "--band", "30Hz:34Hz") == 2
     text = capsys.readouterr()
-    assert text.out == "" and "holds no mode of the three bars" in text.err and "from 7.101 to 39.57 kHz" in text.err
+    assert text.out == "" and "holds no mode of the three bars" in text.err and "from 7.10 to 39.6 kHz" in text.err
 
 
 class OneBeam:

@@ -139,7 +139,7 @@ def test_a_grid_checks_the_gaps_over_the_zone() -> None:
 def test_an_edge_off_the_path_and_a_gap_that_closes_are_alarms() -> None:
     log, along = RecordingLog(), [Gap(6, 7, 160e3, 170e3)]
     bands._log_zone(along, [BrillouinZoneGap(6, 7, 161e3, 170e3, (300.0, 200.0), (0.0, 0.0))], log)
-    assert "lower edge at 161000.0 Hz, k = (300.0, 200.0) rad/m, off the path" in log.warnings["ZONE"]
+    assert "lower edge at 161.0000 kHz, k = (300, 200) rad/m, off the path" in log.warnings["ZONE"]
     assert "upper" not in log.warnings["ZONE"] and not log.facts
     bands._log_zone(along, [], log)
     assert "waves off the path fill it" in log.warnings["ZONE"]

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from pipeline.analysis import response
+from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
+from pipeline.planning.error_bar import WidestBar
 from solvers.control.resonance import half_power_quality_factor
+from solvers.piezo.frequency_bar import FrequencyErrors
+from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"
@@ -67,6 +75,33 @@ def test_the_highest_peak_is_the_curves_highest_point(document: dict) -> None:
     assert document["highest_peak"]["frequency_hz"] == document["frequency_hz"][top]
     ratio = document["zone_rms_m_per_V"][top] / document["passive_rms_m_per_V"][top]
     assert document["highest_peak"]["confinement_db"] == pytest.approx(20.0 * np.log10(ratio))
+
+
+def test_the_widest_bar_of_the_band_and_its_largest_part_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of resonances in the band alone, whichever group they are of; unknown where one of them is."""
+    bars = np.array([[1e-3, 2e-3, 0.5], [3e-3, 1e-3, 0.5], [1e-3, 4e-3, 0.5]])
+    tones = SimpleNamespace(frequency_hz=np.array([61e3, 70e3, 90e3])), SimpleNamespace(frequency_hz=np.array([65e3]))
+    known = [FrequencyErrors(*bars), FrequencyErrors(*bars[:, :1])]
+    monkeypatch.setattr(response, "frequency_errors", lambda basis: known[basis is tones[1]])
+    forced: Any = SimpleNamespace(modes=tones)
+    widest = response._widest_bar(forced, 60e3, 80e3)
+    assert widest.error == pytest.approx(7e-3) and widest.of == "the resonance at 70.0 kHz"
+    assert widest.parts == {"mesh": 2e-3, "reduction": 1e-3, "bonding": 4e-3} and widest.largest_part == "bonding"
+    bars[0, 0] = np.nan
+    assert response._widest_bar(forced, 60e3, 80e3).error is response._widest_bar(forced, 1e3, 2e3).error is None
+    assert response._widest_bar(forced, 69e3, 80e3).error == widest.error
+
+
+def test_a_band_without_estimates_says_so(document: dict) -> None:
+    assert document["expected_error"] is document["widest_bar"]["error"] is None
+
+
+def test_a_bar_beyond_the_accuracy_is_a_warning() -> None:
+    log, case = RecordingLog(), case_from_dict(tomllib.loads(CASE))
+    for error in (0.029, 0.031):
+        assert "ACCURACY" not in log.warnings
+        WidestBar(error, "the resonance at 70.1 kHz", {"mesh": 0.01, "bonding": 0.02}).warn(case, log)
+    assert "70.1 kHz is 3.1 %, most of it bonding; solve.accuracy asks for 3.0 %" in log.warnings["ACCURACY"]
 
 
 def test_opening_the_patches_stiffens_the_wanted_mode(document: dict) -> None:

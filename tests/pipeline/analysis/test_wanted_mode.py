@@ -124,8 +124,8 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
     said = capsys.readouterr().err
     lowest = plate_modes(None, 0.0, 3).rows[0].frequency_hz
     assert "warning NO_MODES" in said
-    text = float(said.split("nearest lies at about ")[1].split(" Hz")[0])
-    assert text == pytest.approx(lowest, rel=0.05)
+    text = float(said.split("nearest lies at about ")[1].split(" kHz")[0])
+    assert 1e3 * text == pytest.approx(lowest, rel=0.05)
 
 
 @pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])

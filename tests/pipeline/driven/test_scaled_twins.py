@@ -30,9 +30,23 @@ FOUR = {
     **STEEL_PILLARS,
     "array": {**STEEL_PILLARS["array"], "extension_mm": 8.0},
     "patches": {"size_mm": [3.0, 2.0, 0.3], "face": "touch", "centres_mm": [[-5.0, 0.0], [5.0, 0.0], [0.0, 11.0]]},
-    "solve": {"accuracy": 0.1, "band_kHz": [30.0, 60.0]},
+    "solve": {"accuracy": 0.1, "band_kHz": [105.0, 125.0]},
 }
-PATCHED = {**tomllib.loads(three_patches((25.0, 45.0), 0.1)), "damping": {"quality": 100.0}}
+PATCHED = {**tomllib.loads(three_patches((75.0, 95.0), 0.1)), "damping": {"quality": 100.0}}
+
+STRIP = {
+    "name": "strip",
+    "material": "aluminium",
+    "plate": {"thickness_mm": 1.0},
+    "zone": {"length_mm": 120.0, "width_mm": 8.0, "nodal_lines": 6},
+    "array": {"rows": 0},
+    "solve": {"accuracy": 0.1, "band_kHz": [3.0, 9.0]},
+    "patches": {
+        "size_mm": [8.0, 4.0, 0.3],
+        "centres_mm": [[x, 0.0] for x in (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -37.0, 37.0)],
+        "sensors": [6, 7],
+    },
+}
 
 
 def scaled(value: Any, s: float, key: str = "") -> Any:
@@ -50,7 +64,7 @@ def solved(command: str, s: float) -> Any:
     if command == "touch":
         return touch.solve(case_from_dict(scaled({**PATCHED, "touch": FINGER}, s)), QUIET, mapped=False)
     if command == "travel":
-        return travelling.solve(case_from_dict(scaled(PATCHED, s)), QUIET)[0]
+        return travelling.solve(case_from_dict(scaled(STRIP, s)), QUIET)[0]
     if command == "hybrid":
         return hybrid.solve(case_from_dict(scaled(FOUR, s)), QUIET, points=3)
     return crosstalk.solve(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)

@@ -20,6 +20,7 @@ def test_the_page_writes_figures_as_python_does() -> None:
     assert NODE
     rule = PAGE.read_text(encoding="utf-8")
     pairs = [(219.3012, 6.6e-4), (33494.12, 3.3e-3), (1.0566e6, 4e-2), (33494.12, None), (999.6, 1.2), (56873.8, 4e-1)]
+    pairs += [(50.0, 0.0), (1.2345e-9, None), (2.0e12, 1e-3)]
     levels = [(12.2519, 0.03), (12.2519, 4.2), (-0.61, 0.96), (12.2519, None), (-0.04, None), (-3.4, 12.0)]
     shares, ends = [1.13e-3, 1.2e-6, 0.0496, 0.31], (519.21, 548.77, 4e-3)
     script = f"{rule}; const [f, l, s, e] = {json.dumps([pairs, levels, shares, ends])};"

@@ -36,9 +36,7 @@ TOY = Measure(
     "density",
     plan=lambda case: plan.plain_step("density", "pillars counted", "none"),
     compute=_count,
-    columns=(
-        Column("pillars_per_cm2", "pillars", lambda r: r.other.get("density", {}).get("per_cm2"), ".3f", "1/cm²"),
-    ),
+    columns=(Column("pillars_per_cm2", "pillars", lambda r: r.other.get("density", {}).get("per_cm2"), "1/cm²"),),
 )
 
 

@@ -9,9 +9,9 @@ def test_frequencies_have_the_digits_of_their_bars_and_the_answer_is_starred() -
     head = ("frequency_hz", "error", "symmetry", "confinement_db", "confinement_error_db", "mac")
     rows = [[30056.0123, 2e-3, "SS", -0.0170816, 1.2, 5.26595e-06], [34492.64, None, "SS", 11.6123, 0.04, 0.987795]]
     assert reading_table(head, rows, [1]).splitlines() == [
-        "  frequency (kHz)  ± error (%)  symmetry  confinement (dB)  ± confinement (dB)        mac",
-        "            30.06         0.20        SS               0.0                 1.2  5.266e-06",
-        "*            34.5            -        SS             11.61                0.04     0.9878",
+        "  frequency (kHz)  ± error (%)  symmetry  confinement (dB)  ± confinement (dB)       mac",
+        "            30.06         0.20        SS               0.0                 1.2  5.27e-06",
+        "*            34.5            -        SS             11.61                0.04     0.988",
     ]
 
 
@@ -44,8 +44,8 @@ def test_no_estimate_of_any_row_leaves_three_digits_and_no_column() -> None:
     assert reading_markdown(head, rows).splitlines() == [
         "| frequency (kHz) | mac |",
         "| --- | --- |",
-        "| 33.5 | 0.9 |",
-        "| 0.841 | 0.8 |",
+        "| 33.5 | 0.900 |",
+        "| 0.841 | 0.800 |",
     ]
     assert reading_table(*filled(head, rows)) == reading_table(head, rows)
 
@@ -77,7 +77,7 @@ def test_words_of_other_fields_have_their_units() -> None:
     head = ("gain_n_m", "reached_95_s", "mass_g", "zone_rms_m_per_N", "band_khz")
     assert reading_table(head, [[1e7, 1.98e-3, 12.1, 2.2e-8, 1.5]]).splitlines() == [
         "gain K' (N/m)  95 % reached (ms)  mass (g)  zone (nm/N)  stop band (kHz)",
-        "        1e+07              1.980      12.1           22              1.5",
+        "        1e+07               1.98      12.1         22.0             1.50",
     ]
 
 
@@ -86,5 +86,5 @@ def test_a_quality_factor_s_bar_is_in_its_own_unit() -> None:
     assert reading_table(head, [[300.4, 0.08], [58.31, 2.0]]).splitlines() == [
         "quality factor  ± quality factor",
         "        300.40              0.08",
-        "          58.3                 2",
+        "          58.3               2.0",
     ]

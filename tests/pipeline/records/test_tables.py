@@ -127,9 +127,30 @@ def test_nothing_stored_is_one_clear_line(tmp_path: Path):
 
 
 def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> None:
-    column = Column("hz", "mode", lambda _: 31234.56789012345, ".2f", "Hz", lambda _: 3e-3)
-    error, level = Column("e", "error", lambda _: 3.3e-3, ".2%"), Column("db", "level", lambda _: 11.62, ".1f", "dB")
+    column = Column("hz", "mode", lambda _: 31234.56789012345, "Hz", lambda _: 3e-3)
+    error, level = Column("e", "error", lambda _: 3.3e-3, "%"), Column("db", "level", lambda _: 11.62, "dB")
     record = Record(case_id="a", status="OK")
     assert [each.cell(record) for each in (column, error, level)] == [31234.56789, 0.0033, 11.62]
-    assert [each.text(record) for each in (column, error, level)] == ["31230", "0.33%", "11.6"]
-    assert Column("db", "level", lambda _: 11.6243, ".1f", "dB", lambda _: 0.06).text(record) == "11.62"
+    assert [each.text(record) for each in (column, error, level)] == ["31230", "0.33", "11.6"]
+    assert Column("db", "level", lambda _: 11.6243, "dB", lambda _: 0.06).text(record) == "11.62"
+    shift = Column("s", "shift", lambda _: 21.4, "Hz", lambda _: 30.0, is_difference=True, is_signed=True)
+    assert shift.text(record) == "+21" and shift.cell(record) == 21.4
+    assert Column("mac", "MAC", lambda _: 0.91234, "").text(record) == "0.912"
+    assert Column("swept", "swept", lambda _: 2.12345678).text(record) == "2.12345678"
+
+
+def test_no_column_of_a_figure_with_an_estimate_lacks_its_bar() -> None:
+    """Every column of a measure in whose record an error of the same name stands."""
+    columns = {column.name: column for measure in registry.MEASURES for column in measure.columns}
+    named = ("wanted_hz", "confinement_db", "mac", "zone_share", "strength", "gap_lower_hz", "db_per_row", "rows_db")
+    named += ("wanted_peak_hz", "wanted_peak_nm_per_v", "highest_peak_hz", "touched_um", "touched_db", "touch_share")
+    named += (
+        "touch_quality_factor",
+        "touch_shift_hz",
+        "hybrid_both_db",
+        "hybrid_both_v_per_um",
+        "travel_hz",
+        "travel_twr",
+    )
+    named += ("travel_db", "travel_mw", "crosstalk_db", "crosstalk_hz", "stopped_width_hz", "live_confinement_db")
+    assert [name for name in named if columns[name].bar is None] == []

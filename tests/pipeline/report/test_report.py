@@ -433,7 +433,7 @@ def test_other_studies_of_the_same_folder_are_told_beside(folder: Path, tmp_path
 
 def test_numbers_for_reading():
     assert text.si(1234567) == "1\u202f234\u202f567" and text.si(None) == "–"
-    assert text.si(39.8123) == "39.81" and text.khz(31499.9) == "31.5\u202fkHz"
+    assert text.si(39.8123) == "39.8" and text.khz(31499.9) == "31.5\u202fkHz"
     assert text.khz(31499.9, 0.003) == "31.50\u202fkHz" and text.khz(31499.9, 3e-5) == "31.4999\u202fkHz"
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure
+from solvers.measures.confinement import TouchField, measure, strength_force
+from solvers.measures.levels import share_error
 from solvers.measures.mode_mixing import Overlaps, mixing_db
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
@@ -18,7 +19,7 @@ def face(values: np.ndarray, half_m: float = 20e-3) -> TouchField:
     """Random fields (1000, k) at random points of the touch face."""
     draw = np.random.default_rng(4)
     points = draw.uniform(-1.0, 1.0, (1000, 2)) * (30e-3, half_m)
-    return TouchField(points, np.full(1000, 1e-6), values)
+    return TouchField(points, np.full(1000, 1e-6), values, 1.0)
 
 
 def fields(count: int = 3) -> np.ndarray:
@@ -72,3 +73,66 @@ def test_a_neighbour_of_the_same_field_moves_nothing_and_a_zone_alone_has_no_lev
     values = fields(1)
     assert mixing_db(face(np.hstack([values, 3.0 * values])), TONES[:2], 0, DESIGN, 1e-2) == pytest.approx(0.0)
     assert mixing_db(face(values, half_m=9e-3), TONES[:1], 0, DESIGN, 1e-2) is None
+
+
+def alike(values: np.ndarray) -> np.ndarray:
+    """MAC and strength."""
+    measured = measure(face(values[:, None]), DESIGN, None)
+    return np.array([measured.mac[0], measured.strength[0]])
+
+
+def shape_bars(values: np.ndarray, error: float, index: int = 0, **more: float) -> np.ndarray:
+    overlaps = Overlaps.of(face(values), DESIGN)
+    assert overlaps
+    return np.array(overlaps.mixing_shape(TONES[: values.shape[1]], index, error, **more))
+
+
+@pytest.mark.parametrize("error", [1e-5, 1e-3, 1e-2])
+def test_one_neighbour_moves_mac_and_strength_by_what_its_share_does_in_the_worse_sign(error: float) -> None:
+    """Not to first order alone: the bars of a mode that has nothing of the shape are not 0."""
+    values = fields(2)
+    share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
+    mixed = [(values[:, 0] + sign * share * values[:, 1]) / np.hypot(1.0, share) for sign in (1.0, -1.0)]
+    moved = np.abs([alike(each) - alike(values[:, 0]) for each in mixed]).max(axis=0)
+    assert shape_bars(values, error) == pytest.approx(moved, rel=1e-9)
+    assert shape_bars(values, error, share=0.25) == pytest.approx(shape_bars(values, 0.25 * error), rel=1e-9)
+
+
+def test_bars_of_mac_and_strength_add_by_their_squares_and_a_mode_alone_has_none() -> None:
+    values = fields()
+    alone = [shape_bars(values[:, :2], 1e-6), shape_bars(values[:, [0, 2]], 1e-6 * _further())]
+    assert shape_bars(values, 1e-6) == pytest.approx(np.hypot(*alone), rel=1e-4)
+    assert np.isnan(shape_bars(values[:, :1], 1e-4)).all()
+
+
+def _further() -> float:
+    """The share of the third mode over that of a second one in its place."""
+    return TONES[2] / (TONES[2] ** 2 - TONES[0] ** 2) * (TONES[1] ** 2 - TONES[0] ** 2) / TONES[1]
+
+
+@pytest.mark.parametrize("louder", [0.3, 3.0])
+def test_a_share_s_bar_is_that_of_its_level(louder: float) -> None:
+    """With any motion that is louder in the zone alone by so many decibels, or softer; of a small and a large share."""
+    active = np.abs(face(fields(1)).points[:, 1]) < DESIGN.width_m / 2.0
+
+    def of(factor: float) -> tuple[float, float]:
+        measured = measure(face(np.where(active[:, None], factor, 1.0) * fields(1)), DESIGN, None)
+        return float(measured.confinement_db[0]), float(measured.zone_share[0])
+
+    level_db, share = of(louder)
+    assert (share < 0.5) == (louder < 1.0)
+    for decibels in (0.01, 1.0, 6.0):
+        ends = [of(louder * 10.0 ** (sign * decibels / 20.0)) for sign in (1.0, -1.0)]
+        assert [abs(end - level_db) for end, _ in ends] == pytest.approx([decibels] * 2)
+        assert share_error(share, decibels) == pytest.approx(max(abs(end - share) for _, end in ends), rel=1e-9)
+    assert share_error(None, 1.0) is None and share_error(0.5, None) is None
+
+
+@pytest.mark.parametrize("mass_kg", [1.0, 1e-9])
+def test_a_class_that_lacks_the_shape_has_no_strength_at_any_scale(mass_kg: float) -> None:
+    touch = face(fields(1))
+    light = TouchField(touch.points, touch.weights, touch.values, mass_kg)
+    assert not strength_force(light, DESIGN, "AA").any()
+    force = strength_force(light, DESIGN, None)
+    strength = measure(light, DESIGN, None).strength
+    assert (force @ touch.values) ** 2 == pytest.approx(strength, rel=1e-12)
