@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import replace
 
-from firmware.control_table import DELAY_S, GAIN, RATE_HZ, TRUE_HZ, held_plate, write_into_page
+from firmware.control_table import GAIN, RATE_HZ, TRUE_HZ, held_plate, write_into_page
 from firmware.emulate.plant import Plate, hold
 from firmware.host import NoCompiler
 from firmware.host.rig import SingleRig
@@ -34,8 +34,8 @@ def damped(plate: Plate, times: float) -> Plate:
     return replace(plate, resonances=(touched, *plate.resonances[1:]))
 
 
-def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-3) -> Iterator[tuple[float, float]]:
-    """Return the largest motion over the reference, and the least that is possible, for each phase of the window.
+def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-3) -> Iterator[float]:
+    """Return the largest motion over the reference for each phase of the window.
 
     Raises RuntimeError where the application stops.
     """
@@ -52,7 +52,7 @@ def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-
     for phase in PHASES:
         rig.ffi.buffer(rig.rig)[:] = settled
         rig.run(phase / RATE_HZ)
-        yield _peak(rig, plate, lift_s) / reference, least(quality_factor, share, lift_s, phase)
+        yield _peak(rig, plate, lift_s) / reference
 
 
 def _peak(rig: SingleRig, plate: Plate, lift_s: float) -> float:
@@ -68,23 +68,8 @@ def _peak(rig: SingleRig, plate: Plate, lift_s: float) -> float:
     return largest
 
 
-def least(quality_factor: float, share: float, lift_s: float, phase: int) -> float:
-    """Return the motion, over the reference, when the first answer to the lift can act: no controller keeps it lower.
-
-    tau dU/dt = V - d U with the drive V that held the touched plate, until the window in which the damping d begins to fall
-    has been measured and its answer has passed the gap and the delay.
-    """
-    tau_s = quality_factor / math.pi / TRUE_HZ
-    drive, size = min(TOUCHED * share, 1.0), min(share, 1.0 / TOUCHED)
-    until_s, step_s = (50 - phase + 4) / RATE_HZ + DELAY_S, 1e-6
-    for i in range(round(until_s / step_s)):
-        damping = TOUCHED - (TOUCHED - 1.0) * min(i * step_s / lift_s, 1.0)
-        size += step_s / tau_s * (drive - damping * size)
-    return max(size / share, 1.0)
-
-
 def markdown() -> str:
-    """The table: the worst of all levels and phases, and where that is more than 1.2 the least possible there."""
+    """The table: the worst of all levels and phases."""
     lines = [
         "| the finger leaves within, ms | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"
     ]
@@ -92,8 +77,7 @@ def markdown() -> str:
     for lift_s in LIFTS_S:
         cells = []
         for quality_factor in QUALITIES:
-            peak, possible = max(each for share in SHARES for each in peaks(quality_factor, share, lift_s))
-            cells.append(f"{peak:.2f}" if peak <= 1.2 else f"{peak:.2f} (least possible {possible:.2f})")
+            cells.append(f"{max(each for share in SHARES for each in peaks(quality_factor, share, lift_s)):.2f}")
         lines.append(f"| {1e3 * lift_s:g} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

@@ -2,7 +2,7 @@
 
 What may be wrong, each independent of the others and their changes added by squares, with the worst of each:
 
-* the frequency of each mode, anywhere within its bar: at its ends, and where the resonance comes nearest to the tone;
+* the frequency of each mode, within its bar: at its ends, where the resonance comes nearest to the tone, and half-way there;
 * the stiffness that couples the mode nearest to a tone with each other one of its group, as `error_bars` has it;
 * the load of each mode: what its patches may be wrong by has one origin and adds up by size;
 * the load of each driver, and of all of them, on all modes; what lies beyond the modes, as much as the least known mode.
@@ -74,7 +74,8 @@ def doubts(forced: ForcedPlate, share: float | None) -> Doubts | None:
     capacitance = forced.plate.capacitance_f[opened] / forced.plate.stiffness_unit
     heard = (2.0 * np.abs(gain[:, opened]) * load[:, opened] / capacitance).sum(axis=1)
     ends = value[:, None] * ((1.0 + SIGNS * np.minimum(frequency, 0.5)[:, None]) ** 2 - 1.0) + SIGNS * heard[:, None]
-    driver = np.linalg.norm(load[:, drivers], axis=0) / np.linalg.norm(gain[:, drivers], axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):  # a driver that moves no mode has no relative error
+        driver = np.linalg.norm(load[:, drivers], axis=0) / np.linalg.norm(gain[:, drivers], axis=0)
     group = np.repeat(np.arange(len(forced.modes)), [len(basis.eigenvalue) for basis in forced.modes])
     beyond = 2.0 * float(frequency.max()) + float(driver.max())
     return Doubts(value, ends, frequency, load[:, drivers], driver, group, share, beyond)
@@ -99,7 +100,9 @@ def changes(
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
-    moved = np.stack([*np.broadcast_arrays(*known.change.T, nearest)], axis=-1)
+    ends = [np.broadcast_to(end, nearest.shape) for end in known.change.T]
+    between = [0.5 * (end + nearest) for end in ends]  # for figures of more than one tone, which lie worst elsewhere
+    moved = np.stack([*ends, nearest, *between], axis=-1)
     if still is not None:
         moved[:, still] = 0.0
     yield lambda each: each.softened(moved)

@@ -8,6 +8,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 
+LARGEST_DB = 3000.0  # of a bar: ten to a tenth of more is no number
 CONFINED_DB = 10.0  # rms on the active face over rms on the passive one
 
 
@@ -29,8 +30,6 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
     """
     if share is None or level_error_db is None:
         return None
-    moved = (
-        share * g / (1.0 - share + share * g)
-        for g in (10.0 ** (level_error_db / 10.0), 10.0 ** (-level_error_db / 10.0))
-    )
+    factor = 10.0 ** (min(level_error_db, LARGEST_DB) / 10.0)
+    moved = (share * g / (1.0 - share + share * g) for g in (factor, 1.0 / factor))
     return max(abs(each - share) for each in moved)

@@ -138,6 +138,8 @@ def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
 def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
     """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
     across = lattice.cell.interface.across
+    if across.max() < 2:  # a plate of linear functions has no lower degree to compare with
+        return 0.0
     rises = [_brought(lattice, lattice.waves(k, count), across)[-1] for k in wavevectors]
     return max(float(each.max(initial=0.0)) for each in rises)
 

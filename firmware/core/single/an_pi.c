@@ -1,6 +1,5 @@
 #include "an_pi.h"
 
-#include "an_clear.h"
 #include "an_complex.h"
 #include "an_sine.h"
 
@@ -28,8 +27,19 @@ static uint32_t phase_of_turns(float turns)
     return (uint32_t)(int32_t)((turns - whole) * 2147483648.0f) << 1;
 }
 
+/* What both laws of a plate are made of: push is the amplitude that a unit of drive adds in a step, turn what becomes of a
+ * free mode until an answer acts, reached the share of a difference that is gone within a step. */
+typedef struct {
+    float push;
+    float turning;
+    float age;
+    float proportional_max;
+    an_complex turn;
+    float reached[2];
+} an_basis;
+
 /* The law for a plate of which a unit of amplitude takes so much drive. */
-static void plan_law(an_pi_law *law, const an_pi_basis *basis, float taken, uint32_t limited)
+static an_pi_law law_of(const an_basis *basis, float taken, uint32_t limited)
 {
     const float spent = 1.0f - decay_of(basis->push * taken);
     const float least = AN_MIN_SHARE * taken;
@@ -39,10 +49,23 @@ static void plan_law(an_pi_law *law, const an_pi_basis *basis, float taken, uint
     const an_complex feedback = an_cplx(proportional, -basis->turning);
     const an_complex decay = an_scale(basis->turn, decay_of(basis->age * basis->push * taken));
     const an_complex steady = an_div(an_cplx(1.0f, 0.0f), an_cplx(taken, basis->turning));
-    law->proportional = proportional;
-    law->integral = proportional * spent;
-    law->state = an_mul(feedback, decay);
-    law->feed = an_mul(feedback, an_mul(an_sub(an_cplx(1.0f, 0.0f), decay), steady));
+    const an_complex push = an_mul(an_sub(an_cplx(1.0f, 0.0f), decay), steady);
+    return (an_pi_law){proportional, proportional * spent, an_mul(feedback, decay), an_mul(feedback, push)};
+}
+
+static void plan_laws(an_pi_gains *gains, const an_basis *basis)
+{
+    for (uint32_t limited = 0u; limited < 2u; limited++) {
+        const an_pi_law light = law_of(basis, gains->lightest, limited);
+        const an_pi_law known = law_of(basis, gains->inverse_gain, limited);
+        gains->law[limited] = known;
+        gains->lighter[limited] = (an_pi_law){
+            light.proportional - known.proportional,
+            light.integral - known.integral,
+            an_sub(light.state, known.state),
+            an_sub(light.feed, known.feed),
+        };
+    }
 }
 
 void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_wish *wish)
@@ -50,69 +73,69 @@ void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float de
     const float size = an_abs(mode->gain);
     const float late = (mode->frequency_hz + detuning_hz) * mode->delay_s;
     const float fresh = AN_FRESH * wish->period_s / mode->tau_s;
-    an_pi_basis *basis = &gains->basis;
-    basis->push = size * wish->period_s / mode->tau_s;
-    basis->turning = AN_TWO_PI * detuning_hz * mode->tau_s / size;
-    basis->age = wish->ahead_s / wish->period_s;
-    basis->turn = an_turn(phase_of_turns(-detuning_hz * wish->ahead_s));
-    basis->reached[0] = 1.0f - decay_of(wish->period_s / wish->response_s);
-    basis->reached[1] = 1.0f - decay_of(wish->period_s / wish->leaving_s);
-    basis->proportional_max = wish->proportional_max;
+    const an_basis basis = {
+        .push = size * wish->period_s / mode->tau_s,
+        .turning = AN_TWO_PI * detuning_hz * mode->tau_s / size,
+        .age = wish->ahead_s / wish->period_s,
+        .proportional_max = wish->proportional_max,
+        .turn = an_turn(phase_of_turns(-detuning_hz * wish->ahead_s)),
+        .reached = {1.0f - decay_of(wish->period_s / wish->response_s), 1.0f - decay_of(wish->period_s / wish->leaving_s)},
+    };
+    const bool touched = wish->free_gain > AN_TOUCHED * size;
     gains->inverse_gain = 1.0f / size;
-    plan_law(&gains->law[0], basis, gains->inverse_gain, 0u);
-    plan_law(&gains->law[1], basis, gains->inverse_gain, 1u);
-    gains->least = gains->inverse_gain;
-    if (gains->inverse_gain * wish->free_gain > AN_TOUCHED) {
-        gains->least = AN_FREE / wish->free_gain;
-    }
+    gains->lightest = touched ? AN_FREE / wish->free_gain : gains->inverse_gain;
+    gains->per_lift = touched ? 1.0f / (gains->inverse_gain - gains->lightest) : 0.0f;
+    plan_laws(gains, &basis);
+    gains->most = (1.0f + AN_UNSURE) * gains->inverse_gain;
     gains->fresh = fresh < 1.0f ? fresh : 1.0f;
-    gains->noise = AN_NOISES * gains->fresh * __builtin_sqrtf(wish->noise2) / basis->push;
+    gains->pull = 1.0f / basis.push;
+    gains->noise = AN_NOISES * gains->fresh * gains->pull * __builtin_sqrtf(wish->noise2);
+    gains->turning = basis.turning;
     gains->drive_limit = mode->drive_limit;
+    gains->age = basis.age;
     gains->lead = an_mul(an_turn(step + phase_of_turns(late)), an_scale(an_conj(mode->gain), 1.0f / size));
 }
 
 void an_pi_init(an_pi *pi, const an_pi_gains *gains, an_complex measured)
 {
-    an_clear(pi, sizeof *pi);
     pi->integral = an_scale(measured, gains->inverse_gain);
-    pi->reference = measured.re;
+    pi->drive = an_cplx(0.0f, 0.0f);
+    pi->before = 0.0f;
     pi->measured = measured;
+    pi->seen = gains->most;
+    pi->reference = measured.re;
+    pi->limited = 0u;
 }
 
-/* Drive that a unit of amplitude took lately, no more than the mode as it is known is seen to take. */
-static float seen_of(const an_pi *pi, const an_pi_gains *gains)
+static float smaller(float a, float b)
 {
-    const float most = (1.0f + AN_UNSURE) * gains->inverse_gain;
-    return pi->taken < most * pi->motion ? pi->taken / pi->motion : most;
+    return a < b ? a : b;
 }
 
-/* What held the motion from the middle of one window to that of the next: the old drive until the gap had passed, the new
- * one after that. Doubts make it more. */
-static void weigh(an_pi *pi, const an_pi_gains *gains, an_complex measured)
+/* Drive that a unit of amplitude will take while the next answer acts: as the mode is known, or clearly less.
+ *
+ * Weighed is what held the motion from the middle of one window to that of the next: the old drive until the gap had passed,
+ * the new one after that. Doubts make it more. What falls is carried on to the end of the next answer. */
+static float taken_of(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference)
 {
-    const an_pi_basis *basis = &gains->basis;
-    const an_complex middle = an_scale(an_add(measured, pi->measured), 0.5f);
-    const float drive = pi->drive.re + basis->age * (pi->before - pi->drive.re);
-    const float held = drive - (measured.re - pi->measured.re) / basis->push + basis->turning * middle.im;
-    const float was = seen_of(pi, gains);
-    pi->taken += gains->fresh * ((held + AN_UNSURE * __builtin_fabsf(drive)) * middle.re - pi->taken);
-    pi->motion += gains->fresh * (middle.re * middle.re - pi->motion);
-    const float falls = was - seen_of(pi, gains);
-    pi->falls = falls > 0.0f ? falls : 0.0f;
+    const float middle = 0.5f * (measured.re + pi->measured.re);
+    const float drive = pi->drive.re + gains->age * (pi->before - pi->drive.re);
+    const float crossed = 0.5f * gains->turning * (measured.im + pi->measured.im);
+    const float held = drive - gains->pull * (measured.re - pi->measured.re) + crossed;
+    const bool near = measured.re > AN_NEAR * reference && AN_NEAR * measured.re < reference;
     pi->measured = measured;
     pi->before = pi->drive.re;
-}
-
-/* Drive that a unit of amplitude will take while the next answer acts: as the mode is known, or clearly less. */
-static float taken_of(const an_pi *pi, const an_pi_gains *gains, float measured, float reference)
-{
-    const bool near = measured > AN_NEAR * reference && AN_NEAR * measured < reference;
-    if (!near || measured < AN_SEEN) {
+    if (!near || measured.re < AN_SEEN || middle < AN_NEAR * AN_SEEN) {
+        pi->seen = gains->most;
         return gains->inverse_gain;
     }
-    const float taken = seen_of(pi, gains) - AN_AHEAD * pi->falls + gains->noise / __builtin_sqrtf(pi->motion);
-    const float most = taken < gains->inverse_gain ? taken : gains->inverse_gain;
-    return most > gains->least ? most : gains->least;
+    const float each = 1.0f / middle;
+    const float was = smaller(pi->seen, gains->most);
+    const float now = was + gains->fresh * (each * (held + AN_UNSURE * __builtin_fabsf(drive)) - was);
+    pi->seen = smaller(now, gains->most);
+    const float taken = pi->seen - AN_AHEAD * (was - smaller(was, pi->seen)) + gains->noise * each;
+    const float lighter = smaller(taken, gains->inverse_gain);
+    return lighter > gains->lightest ? lighter : gains->lightest;
 }
 
 /* The integral compares a measurement with the reference of its own age, as if that moved evenly between two
@@ -129,17 +152,17 @@ static void integrate(an_pi *pi, float age, float integral, an_complex measured,
 an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference)
 {
     const uint32_t leaves = pi->limited == AN_PI_LIMITED ? 1u : 0u;
-    an_pi_law law = gains->law[leaves];
-    weigh(pi, gains, measured);
-    const float taken = taken_of(pi, gains, measured.re, reference);
-    if (taken < gains->inverse_gain) {
-        const float aim = pi->limited != 0u && measured.re < reference ? measured.re : reference;
-        plan_law(&law, &gains->basis, taken, leaves);
-        pi->integral.re = pi->integral.re < taken * aim ? pi->integral.re : taken * aim;
+    const an_pi_law *law = &gains->law[leaves];
+    const an_pi_law *lighter = &gains->lighter[leaves];
+    const float taken = taken_of(pi, gains, measured, reference);
+    const float lifted = (gains->inverse_gain - taken) * gains->per_lift;
+    if (lifted > 0.0f) {
+        pi->integral.re = smaller(pi->integral.re, taken * (pi->limited != 0u ? smaller(measured.re, reference) : reference));
     }
-    const an_complex held = an_add(an_mul(law.state, measured), an_mul(law.feed, pi->drive));
-    an_complex drive = an_sub(pi->integral, held);
-    drive.re += law.proportional * reference;
+    const an_complex state = an_add(law->state, an_scale(lighter->state, lifted));
+    const an_complex feed = an_add(law->feed, an_scale(lighter->feed, lifted));
+    an_complex drive = an_sub(pi->integral, an_add(an_mul(state, measured), an_mul(feed, pi->drive)));
+    drive.re += (law->proportional + lifted * lighter->proportional) * reference;
     const float size2 = an_abs2(drive);
     if (size2 > gains->drive_limit * gains->drive_limit) {
         drive = an_scale(drive, gains->drive_limit / __builtin_sqrtf(size2));
@@ -149,7 +172,7 @@ an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, 
         pi->integral = an_scale(measured, taken);
         pi->limited--;
     } else {
-        integrate(pi, gains->basis.age, law.integral, measured, reference);
+        integrate(pi, gains->age, law->integral + lifted * lighter->integral, measured, reference);
     }
     pi->reference = reference;
     pi->drive = drive;

@@ -36,24 +36,19 @@ typedef struct {
     an_complex feed;  /* the same, times what the last drive adds until then */
 } an_pi_law;
 
-/* What a law is made of. Force and mass are the plate's own: a finger changes neither push nor turning. */
 typedef struct {
-    float push;    /* amplitude that a unit of drive adds in a step, G T / tau */
-    float turning; /* tau (w - w0) / G */
-    float age;     /* of a measurement when its answer begins to act, in steps */
-    an_complex turn; /* of a free mode until then, exp(-j (w - w0) age) */
-    float reached[2]; /* of a difference within a step, 1 - p: in general; from the limit */
-    float proportional_max;
-} an_pi_basis;
-
-typedef struct {
-    an_pi_basis basis;
-    an_pi_law law[2]; /* of the mode as it is known: in general; from the limit */
-    float inverse_gain;
+    an_pi_law law[2];     /* of the mode as it is known: in general; from the limit */
+    an_pi_law lighter[2]; /* what the laws of the plate without a finger have more */
+    float inverse_gain;   /* drive that a unit of amplitude takes: of the mode as it is known ... */
+    float lightest;       /* ... and of the plate without a finger; the same where none lies on it */
+    float per_lift;       /* 1 over the difference of the two, or 0 */
+    float most;           /* what the mode as it is known is seen to take, doubts included */
+    float fresh;          /* share of the last step in what is seen */
+    float noise;          /* what noise makes of it, times the amplitude */
+    float pull;           /* drive that makes a unit of amplitude in a step, tau / (G T): no finger changes force and mass */
+    float turning;        /* tau (w - w0) / G */
     float drive_limit;
-    float fresh; /* share of the last step in what a unit of amplitude is seen to take */
-    float noise; /* what noise makes of that, times an amplitude */
-    float least; /* that a unit of amplitude may take: of the free plate, where a finger lies on it */
+    float age; /* of a measurement when its answer begins to act, in steps */
     an_complex lead; /* turns the drive ahead: one sample, the delay, the mode's phase */
 } an_pi_gains;
 
@@ -73,11 +68,9 @@ enum { AN_PI_LIMITED = 2 };
 typedef struct {
     an_complex integral;
     an_complex drive; /* the last, still acting */
-    float before;     /* the one before that, in phase with the reference */
+    float before;        /* the one before that, in phase with the reference */
     an_complex measured; /* the last */
-    float taken;      /* drive that held the motion, times amplitude, lately ... */
-    float motion;     /* ... and amplitude squared: their quotient is what a unit of amplitude takes */
-    float falls;      /* by which that fell in the last step */
+    float seen;          /* drive that a unit of amplitude took lately */
     float reference;  /* the last */
     uint32_t limited; /* AN_PI_LIMITED: the last drive met its limit; less: windows until its end shows in the measurement */
 } an_pi;

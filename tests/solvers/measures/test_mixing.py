@@ -126,6 +126,7 @@ def test_a_share_s_bar_is_that_of_its_level(louder: float) -> None:
         assert [abs(end - level_db) for end, _ in ends] == pytest.approx([decibels] * 2)
         assert share_error(share, decibels) == pytest.approx(max(abs(end - share) for _, end in ends), rel=1e-9)
     assert share_error(None, 1.0) is None and share_error(0.5, None) is None
+    assert share_error(0.25, 1e4) == pytest.approx(0.75)  # a bar that tells nothing
 
 
 @pytest.mark.parametrize("mass_kg", [1.0, 1e-9])
