@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -117,21 +118,26 @@ def write_into_page(command: str, text: str) -> None:
     print(f"{PAGE.name}: written")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m firmware.control_table", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/bring-up.md")
+def print_or_write(module: str, about: str | None, text: Callable[[], str], arguments: list[str] | None) -> int:
+    """The command line of a module whose table stands in docs/bring-up.md; returns the exit code."""
+    parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
+    parser.add_argument("--write", action="store_true", help="put what is printed into docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     try:
-        text = markdown()
+        table = text()
     except NoCompiler as missing:
-        print(f"control table: {missing}", file=sys.stderr)
+        print(f"{module}: {missing}", file=sys.stderr)
         return 5
-    if not chosen.write:
-        print(text)
-        return 0
-    write_into_page("python -m firmware.control_table --write", text)
+    if chosen.write:
+        write_into_page(f"python -m {module} --write", table)
+    else:
+        print(table)
     return 0
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    return print_or_write("firmware.control_table", __doc__, markdown, arguments)
 
 
 if __name__ == "__main__":

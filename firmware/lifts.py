@@ -7,15 +7,13 @@ the plate's own, the loop has followed it, and the damping falls evenly to the p
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
 
-from firmware.control_table import GAIN, RATE_HZ, TRUE_HZ, held_plate, write_into_page
+from firmware.control_table import GAIN, RATE_HZ, TRUE_HZ, held_plate, print_or_write
 from firmware.emulate.plant import Plate, hold
-from firmware.host import NoCompiler
 from firmware.host.rig import SingleRig
 from firmware.protocol import RUN
 
@@ -82,22 +80,5 @@ def markdown() -> str:
     return "\n".join(lines)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m firmware.lifts", description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
-    chosen = parser.parse_args(arguments)
-    try:
-        text = markdown()
-    except NoCompiler as missing:
-        print(f"lifts: {missing}", file=sys.stderr)
-        return 5
-    if chosen.write:
-        write_into_page("python -m firmware.lifts --write", text)
-    else:
-        print(text)
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(print_or_write("firmware.lifts", __doc__, markdown, None))
