@@ -185,7 +185,8 @@ def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     tall = design.thickness_m + 1.3 * tallest * (design.pillar.faces if pillars and design.pillar else 1)
     heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
     figure, panels = style.panels(sum(heights) + 2.0, 2, 1, height_ratios=heights)
-    cuts = ((1, x0, f"Across the zone, at x = {x0 / MM:g} mm"), (0, y0, f"Along the zone, at y = {y0 / MM:g} mm"))
+    across, along = (round(each / MM, 6) for each in (x0, y0))  # a middle is 0, not what rounding leaves of it
+    cuts = ((1, x0, f"Across the zone, at x = {across:g} mm"), (0, y0, f"Along the zone, at y = {along:g} mm"))
     for axes, (axis, where, heading) in zip(panels, cuts, strict=True):
         _plate_cut(axes, arrays, design, (axis, where), factor)
         if pillars is not None:
