@@ -77,7 +77,8 @@ class CoarseCell:
         By bisection of inertia counts, from a guess by a count that goes as the frequency squared.
         """
         if below_hz not in self._ends_hz:
-            self._ends_hz[below_hz] = self._bisected_hz(below_hz)
+            found = next((end for below, end in self._ends_hz.items() if end < below), None)
+            self._ends_hz[below_hz] = self._bisected_hz(below_hz) if found is None else min(found, below_hz)
         return self._ends_hz[below_hz]
 
     def resolves(self, modes: float) -> bool:
