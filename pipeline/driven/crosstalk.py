@@ -81,7 +81,7 @@ def _curve_bars(zones: Zones, volts: FloatArray, tones: FloatArray, known: Doubt
         return np.full((len(volts), count, len(tones)), np.nan)
 
     def bars(part: FloatArray) -> FloatArray:
-        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(1.0) * part**2
+        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(part)
         out = []
         for fed in volts[:, forced.drivers]:
             each = np.broadcast_to(fed.astype(complex), (len(part), len(fed)))

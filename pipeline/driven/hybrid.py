@@ -59,7 +59,7 @@ class _Plate:
         return forms(self.forced, self.grams, tones)
 
     def eigenvalue(self, tones: FloatArray) -> FloatArray:
-        return np.asarray(self.forced.plate.scale.eigenvalue(1.0) * tones**2)
+        return self.forced.plate.scale.eigenvalue(tones)
 
     def changes(self, own: Forms, tones: FloatArray, volts: ComplexArray, still: int | None = None) -> Iterator[Change]:
         assert self.known is not None

@@ -30,9 +30,8 @@ SAME_M = 1e-9
 
 def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
     """Demand of a response: every group of classes that the patches drive, joined with them on two meshes, and its modes."""
-    left_out = simplifications.undriven_classes(case.patches) if case.patches and choice.quarter else None
-    undriven = {*left_out.what.removeprefix("symmetry classes ").split(", ")} if left_out else set()
-    return _driven(case, choice, band_hz, frequencies, undriven)
+    undriven = simplifications.undriven(case.patches) if case.patches and choice.quarter else []
+    return _driven(case, choice, band_hz, frequencies, set(undriven))
 
 
 def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
@@ -220,10 +219,8 @@ class _Patches:
         boxes = bonded_boxes(span, thickness_m, (), box, self.case.patches.face == "back", settings)
         counts = tuple(len(each) - 1 for each in (boxes.x, boxes.y, boxes.z))
         order = settings.order
-        nodes, pairs = (
-            float(prod(map(each, counts)))
-            for each in (lambda n: order * n + 1, lambda n: n * (order + 1) ** 2 - (n - 1))
-        )
+        nodes = float(prod(order * n + 1 for n in counts))
+        pairs = float(prod(n * (order + 1) ** 2 - (n - 1) for n in counts))
         mesh = MeshCounts(float(prod(counts)), (order + 1) ** 3, nodes, pairs, grid_fill(counts, nodal(order)))
         answers = Stage("the answers beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
         solve = factorisation(mesh.dofs, 9.0 * pairs, mesh.fill, 1.0)

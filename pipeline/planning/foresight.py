@@ -446,11 +446,11 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
     lines, is_alike = case.bands.grid + 1.0, "d" in case.design.cell_mirrors
-    grid = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
+    inside = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
     if case.design.stagger:
         path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
-        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + grid)
-    return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + grid, COARSE_CELLS)
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + inside)
+    return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + inside, COARSE_CELLS)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
@@ -493,11 +493,9 @@ def _finer_meshes(design: Design, choice: ModelChoice) -> Iterator[ModelChoice]:
     level = choice.mesh_level
     while choice.reduction and level and (level := mesh_rules.finer_cell_level(level)):
         mesh = mesh_rules.with_nodes_for(choice.reduction.interface, mesh_rules.cell_mesh(design, level))
-        own, choice = (
-            choice,
-            replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh)),
-        )
-        if cell_dofs(design, own) < cell_dofs(design, choice):
+        before = cell_dofs(design, choice)
+        choice = replace(choice, hexahedra=mesh, mesh_level=level, reduction=replace(choice.reduction, hexahedra=mesh))
+        if before < cell_dofs(design, choice):
             yield choice
 
 

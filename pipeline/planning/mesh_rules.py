@@ -39,10 +39,8 @@ THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
 # fixed-interface modes leave out
 THIN_TO = 0.25
 SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
-ALONG_LEFT, MAX_ALONG = (
-    0.015,
-    9,
-)  # of the accuracy: what a coarse cell leaves of such waves along its sides; the highest degree
+ALONG_LEFT = 0.015  # of the accuracy: what a coarse cell leaves of such waves along its sides
+MAX_ALONG = 9  # the highest degree along them
 FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 # by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it

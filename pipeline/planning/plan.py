@@ -248,9 +248,8 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     if not choice.quarter:
         return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
     undriven = simplifications.undriven_classes(patches)
-    groups = [
-        group for group in simplifications.patch_groups(patches) if not (undriven and set(group) <= _named(undriven))
-    ]
+    still = set(simplifications.undriven(patches))
+    groups = [group for group in simplifications.patch_groups(patches) if not set(group) <= still]
     classes = tuple(" with ".join(group) for group in groups)
     apart = [axis for axis, kept in zip("xy", simplifications.patch_mirrors(patches), strict=True) if not kept]
     step = _step("response", "forced response", choice, classes, looks, (*choice.left_out, undriven), numbers, demand)
@@ -305,10 +304,6 @@ def crosstalk_step(case: Case, band_hz: tuple[float, float] | None = None, point
     step = response_step(case, band_hz, points, several=True)
     looks = f"{points} frequencies, each of {case.design.zones} zones driven in turn"
     return replace(step, measure="crosstalk", name="cross-talk between zones", looks_for=looks)
-
-
-def _named(simplification: Simplification) -> set[str]:
-    return set(simplification.what.removeprefix("symmetry classes ").split(", "))
 
 
 def tolerance_step(case: Case) -> Step:

@@ -199,13 +199,16 @@ def undriven_classes(patches: Patches) -> Simplification | None:
     """Leave out classes antisymmetric along an axis on whose plane every patch is centred: no patch drives or senses
     them.
     """
-    centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
-    undriven = [p for p in CLASSES if any(centred[axis] and p[axis] == "A" for axis in (0, 1))]
-    if not undriven:
+    classes = undriven(patches)
+    if not classes:
         return None
-    return Simplification(
-        "undriven_classes", "symmetry classes " + ", ".join(undriven), "the patches do not drive them"
-    )
+    return Simplification("undriven_classes", "symmetry classes " + ", ".join(classes), "the patches do not drive them")
+
+
+def undriven(patches: Patches) -> list[str]:
+    """The classes that `undriven_classes` leaves out."""
+    centred = [max(abs(centre[axis]) for centre in patches.centres_m) < SAME_M for axis in (0, 1)]
+    return [each for each in CLASSES if any(centred[axis] and each[axis] == "A" for axis in (0, 1))]
 
 
 def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:

@@ -44,7 +44,7 @@ class Zones:
     def _amplitudes(self, volts: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
         """Coefficients of the columns at every frequency, (columns, n)."""
         plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
-        at = np.array([plate.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz])
+        at = plate.plate.scale.eigenvalue(frequency_hz)
         fed = plate.volts_over(at)
         return np.concatenate([basis.amplitudes(at, plate.loss, fed) for basis in plate.modes], axis=1).T
 

@@ -175,7 +175,7 @@ def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> F
         Integrals over k parts per pair of all groups' columns, one group after another.
     frequency_hz : ndarray, shape (t,)
     """
-    at = np.array([forced.plate.scale.eigenvalue(float(tone)) for tone in frequency_hz])
+    at = forced.plate.scale.eigenvalue(frequency_hz)
     opened, clamped = forced.sensors, clamped_charges(forced, at)[1]
     charges = np.zeros((len(at), len(forced.plate.patches), len(opened)), dtype=complex)
     charges[:, opened] = np.linalg.inv(clamped)

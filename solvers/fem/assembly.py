@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,6 +15,7 @@ from geometry.mesh import AnyMesh, Mesh, is_affine, jacobians
 
 CHUNK_VALUES = 2_000_000  # element-matrix entries held at once by the quadrature path
 SORTED_VALUES = 4_000_000  # entries of all element matrices sorted or summed at once
+Hertz = TypeVar("Hertz", float, FloatArray)
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,8 @@ class Scale:
         """kg of one scaled unit of mass: the modal mass of an M-orthonormal mode."""
         return self.density_kg_m3 * self.length_m**3
 
-    def eigenvalue(self, frequency_hz: float) -> float:
-        """Scaled eigenvalue of a frequency, lambda = (2 pi f / angular)^2."""
+    def eigenvalue(self, frequency_hz: Hertz) -> Hertz:
+        """Scaled eigenvalues of frequencies, lambda = (2 pi f / angular)^2."""
         return (2.0 * np.pi * frequency_hz / self.angular) ** 2
 
     def frequency(self, eigenvalue: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.elements import FloatArray
+from geometry.elements import BoolArray, FloatArray
 from geometry.layout import Design
 from solvers.analytic.beams import free_free_mode
 from solvers.measures.levels import ratio_db
@@ -62,6 +62,10 @@ class TouchField:
     values: FloatArray
     modal_mass_kg: float = np.nan
 
+    def is_active(self, design: Design) -> BoolArray:
+        """Which points lie on the active face, (q,)."""
+        return np.asarray(np.abs(self.points[:, 1]) < design.width_m / 2.0)
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -89,8 +93,9 @@ def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinem
 
 def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
     """Forces (q,) at the points whose work on a mode, squared, is its strength."""
-    heavy = touch.weights * shape_at(touch, design, symmetry)
-    own = float(heavy @ shape_at(touch, design, symmetry))
+    shape = shape_at(touch, design, symmetry)
+    heavy = touch.weights * shape
+    own = float(heavy @ shape)
     surface = design.material.density_kg_m3 * design.thickness_m
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
@@ -99,7 +104,7 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
     """Return the wanted shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
     if symmetry in (None, wanted_symmetry(design.nodal_lines)):
-        active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
+        active = touch.is_active(design)
         shape[active] = wanted_shape(design, touch.points[active])
     return shape
 

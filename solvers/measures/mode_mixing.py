@@ -31,7 +31,7 @@ class Overlaps:
     @classmethod
     def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
         """Integrate over both parts; None without a passive face."""
-        active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
+        active = touch.is_active(design)
         if active.all():
             return None
         faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]

@@ -48,7 +48,7 @@ class Step:
 
 def zone_coefficients(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
     """c_ij = int u_z P_i(2x/L) P_j(2y/W) over the active face, P orthonormal there, shape (k, c); 0 for the wrong symmetry."""
-    active = np.abs(touch.points[:, 1]) < design.width_m / 2.0
+    active = touch.is_active(design)
     points, values = touch.points[active], touch.values[active] * touch.weights[active, None]
     along = _orthonormal(points[:, 0], design.length_m, design.nodal_lines + ALONG)
     across = _orthonormal(points[:, 1], design.width_m, ACROSS)

@@ -382,13 +382,13 @@ class ForcedPlate:
         """Areas of the active and of the passive touch face, as far as nothing hangs from them; None without a passive one."""
         plate = self.modes[0].group.plates[0]
         field = plate.touch(np.zeros((plate.dof, 0)))
-        active = np.abs(field.points[:, 1]) < self.design.width_m / 2.0
+        active = field.is_active(self.design)
         inside, outside = float(field.weights[active].sum()), float(field.weights[~active].sum())
         return inside, outside if outside > 1e-9 * inside else None
 
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
-        at = np.array([self.plate.scale.eigenvalue(float(frequency)) for frequency in frequency_hz])
+        at = self.plate.scale.eigenvalue(frequency_hz)
         volts = self.volts_over(at)
         zone, passive = np.zeros(len(at)), np.zeros(len(at))
         for basis, grams in zip(self.modes, self.grams, strict=True):
@@ -450,7 +450,7 @@ def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)
     for plate, part in zip(group.plates, group.split(motions), strict=True):
         field = plate.touch(part)
-        active = np.abs(field.points[:, 1]) < design.width_m / 2.0
+        active = field.is_active(design)
         for gram, rows in zip(grams, (np.flatnonzero(active), np.flatnonzero(~active)), strict=True):
             for some in np.array_split(rows, len(rows) // ROWS + 1):
                 gram += field.values[some].T @ (field.weights[some, None] * field.values[some])
