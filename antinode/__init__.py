@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.results import (
         Attenuation,
-        Bands,
         Broadband,
-        Crosstalk,
         Hybrid,
         Mode,
         Modes,
@@ -35,15 +33,15 @@ if TYPE_CHECKING:
     from antinode.sweeps import SweepTable, sweep
     from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
+    from pipeline.questions.bands import BandsResult as Bands
+    from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from solvers.errors import SolverError
 
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.results": (
         "Attenuation",
-        "Bands",
         "Broadband",
-        "Crosstalk",
         "Hybrid",
         "Mode",
         "Modes",
@@ -72,6 +70,7 @@ HOMES = {
     "pipeline.errors": ("InputError",),
     "solvers.errors": ("SolverError",),
 }
+ANSWERS = ("Bands", "Crosstalk")  # results of questions
 __all__ = [
     "Array",
     "Attenuation",
@@ -114,6 +113,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("antinode")
+    if name in ANSWERS:
+        return getattr(import_module(f"pipeline.questions.{name.lower()}"), f"{name}Result")
     for home, names in HOMES.items():
         if name in names:
             return getattr(import_module(home), name)

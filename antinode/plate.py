@@ -33,14 +33,16 @@ from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.questions import registered
+from pipeline.questions.bands import Bands
+from pipeline.questions.crosstalk import Crosstalk
+from pipeline.questions.method import asks
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
         Attenuation,
-        Bands,
         Broadband,
-        Crosstalk,
         Hybrid,
         Modes,
         Predesign,
@@ -184,20 +186,8 @@ class Plate(Frozen):
         part_modes = solve_modes(self._case, query, self._log(progress))
         return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
 
-    def bands(self, *, progress: bool | None = None) -> Bands:
-        """Compute Bloch bands and gaps of the unit cell along the case's path: arrays (points, bands), in Hz and rad/m.
-
-        Raises InputError without [plate] and a pitch, SolverError for what could not be trusted.
-
-        >>> import antinode
-        >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4)
-        >>> plate.bands().frequencies_hz.shape
-        (7, 4)
-        """
-        from antinode.results import Bands
-        from pipeline.analysis.bands import solve_bands
-
-        return Bands(solve_bands(self._case, self._log(progress)).record.to_dict() | self._about)
+    bands = asks(Bands)
+    crosstalk = asks(Crosstalk)
 
     def attenuation(
         self,
@@ -333,23 +323,6 @@ class Plate(Frozen):
         record, _ = travelling.solve(self._case, self._log(progress), _hz(band_kHz), others)
         return Travel(record.to_dict() | self._about)
 
-    def crosstalk(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Crosstalk:
-        """Drive each of several zones in turn and measure all: levels (driven zones, measured zones) in dB.
-
-        band_kHz: (low, high) in kHz. Raises InputError for a plate of one zone.
-
-        >>> from antinode import Patches, load
-        >>> one = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-        >>> plate = one.with_(zone=[one.to_dict()["zone"], {"shared_rows": 3}])
-        >>> bool(plate.crosstalk((33.0, 36.0), points=5).level_db[0, 1] < -3.0)
-        True
-        """
-        from antinode.results import Crosstalk
-        from pipeline.driven import crosstalk
-
-        solved = crosstalk.solve(self._case, self._log(progress), _hz(band_kHz), points)
-        return Crosstalk(solved.to_dict() | self._about)
-
     def search(
         self,
         *,
@@ -430,6 +403,16 @@ class Plate(Frozen):
         log = _Log(quiet=not (is_watched() if progress is None else progress))
         warn_of_doubts(self._case.design, log)
         return log
+
+    if not TYPE_CHECKING:  # questions that other modules define have no line here
+
+        def __getattr__(self, name: str) -> Any:
+            if name.startswith("_") or name not in registered():
+                raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+            return asks(registered()[name]).__get__(self)
+
+        def __dir__(self) -> list[str]:
+            return sorted({*super().__dir__(), *registered()})
 
     @cached_property
     def _about(self) -> dict[str, Any]:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from pipeline.analysis.modes import PartModes
     from pipeline.case.model import Case
     from pipeline.records.record import (
-        GapRecord,
         HybridMethod,
         LoadedModeRecord,
         PeakRecord,
@@ -79,7 +78,7 @@ class Result(Frozen):
 
     def to_dataframe(self) -> Any:
         """The rows as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
-        from antinode.frames import frame
+        from pipeline.records.frames import frame
 
         return frame(self._rows())
 
@@ -88,7 +87,7 @@ class Result(Frozen):
 
         Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
         """
-        from antinode.frames import dataset
+        from pipeline.records.frames import dataset
 
         rows = self._rows()
         numbered = [{self._dimensions[0]: index, **row} for index, row in enumerate(rows)]
@@ -246,7 +245,7 @@ class Modes(Result, Sequence[Mode]):
         return (self[mode] if isinstance(mode, int) else mode).to_pyvista()
 
     def _rows_html(self) -> str:
-        from antinode.frames import html_table
+        from pipeline.records.frames import html_table
         from pipeline.records.reading import filled
 
         levels = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength")
@@ -261,58 +260,6 @@ class Modes(Result, Sequence[Mode]):
         from antinode.surfaces import closed_surface
 
         return closed_surface(self._solved, self._case, self._modes.index(mode))
-
-
-class Bands(Result):
-    """Bloch bands along a path: frequencies (points, bands) in Hz, wavevectors (points, 2) in rad/m.
-
-    >>> import antinode
-    >>> bands = antinode.load("examples/small.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
-    >>> bands.frequencies_hz.shape, bands.labels[0]
-    ((7, 4), 'G')
-    """
-
-    kind = "bands"
-    _dimensions = ("point", "band")
-
-    def _rows(self) -> list[dict[str, Any]]:
-        """One row a wavevector and band, the wavevectors numbered."""
-        rows, bands = super()._rows(), len(self._document["points"][0]["frequencies_hz"])
-        return [{"point": index // bands, **row} for index, row in enumerate(rows)]
-
-    frequencies_hz: FloatArray = column("frequencies_hz", "points", doc="Frequencies (points, bands) in Hz.")
-    computed_hz: FloatArray = column("computed_hz", "points", doc="Frequencies (points, bands) of the mesh itself, Hz.")
-
-    @property
-    def wavevectors_per_m(self) -> FloatArray:
-        """Wavevectors (points, 2) in rad/m."""
-        return np.column_stack([values(self._document, f"k{axis}_per_m", "points") for axis in "xy"])
-
-    @property
-    def labels(self) -> tuple[str | None, ...]:
-        """G, X, M, Y or None, one a point."""
-        return tuple(point["label"] for point in self._document["points"])
-
-    @property
-    def gaps(self) -> tuple[GapRecord, ...]:
-        """Complete gaps along the path: band numbers from 1, edges in Hz, relative half-widths of the edges' bars."""
-        return tuple(typed("GapRecord", gap) for gap in self._document["gaps"])
-
-    error: FloatArray = column(
-        "error", "points", doc="Half-width of the error bars (points, bands), relative; NaN where none was calibrated."
-    )
-
-    @property
-    def distance_per_m(self) -> FloatArray:
-        """Distance along the path (points,) in rad/m."""
-        from solvers.waves.brillouin import Path
-
-        return Path(self.wavevectors_per_m, self.labels).arc
-
-    def __repr__(self) -> str:
-        points, bands = self.frequencies_hz.shape
-        gaps = f"{len(self.gaps)} complete gap{'s' * (len(self.gaps) != 1)}"
-        return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
 
 
 def _over(result: Result, f: FloatArray) -> str:
@@ -557,26 +504,6 @@ class Travel(Result):
         return f"<antinode.Travel: {tone}, travelling-wave ratio {figure(self.twr, self._document.get('twr_error'))}>"
 
 
-class Crosstalk(Result):
-    """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
-
-    `plate.crosstalk()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> zones = [{"level_db": [0.0, -31.5]}, {"level_db": [-31.5, 0.0]}]
-    >>> float(antinode.Crosstalk({"zones": zones, "shared_rows": 3}).level_db[0, 1])
-    -31.5
-    """
-
-    kind = "crosstalk"
-    _dimensions = ("driven", "measured")
-
-    level_db = column("level_db", "zones", doc="Levels (driven zones, measured zones) in dB.")
-
-    def __repr__(self) -> str:
-        return f"<antinode.Crosstalk: {len(self.level_db)} zones>"
-
-
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -641,7 +568,6 @@ KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
         Modes,
-        Bands,
         Attenuation,
         Broadband,
         Response,
@@ -650,7 +576,6 @@ KINDS: dict[str, type[Result]] = {
         Touch,
         Hybrid,
         Travel,
-        Crosstalk,
         Search,
     )
 }

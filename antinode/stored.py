@@ -8,15 +8,15 @@ from typing import Any
 from antinode.results import KIND, KINDS, Result
 from antinode.sweeps import TABLE, SweepTable, read_table
 from pipeline.errors import InputError
+from pipeline.questions import registered
+from pipeline.questions.result import Result as Answer
 from pipeline.records import store
 
 MARKS = {
     "modes": "modes",
-    "bands": "gaps",
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
     "touch": "states",
-    "crosstalk": "zones",
     "travel": "twr",
     "hybrid": "methods",
     "search": "evaluations",
@@ -24,7 +24,7 @@ MARKS = {
 }
 
 
-def open(path: str | Path) -> Result | SweepTable:
+def open(path: str | Path) -> Result | Answer | SweepTable:
     """Read a result that `save` or `--json` wrote, or the table of a study or a sweep by its folder or its CSV file.
 
     Raises InputError for a file that holds none.
@@ -42,6 +42,8 @@ def open(path: str | Path) -> Result | SweepTable:
     except store.BadRecord as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
     kind = _kind(document) if isinstance(document, dict) else None
+    if kind in registered() and document.get("schema") == 1:
+        return _answer(path, registered()[kind].result, document)
     if kind is None or document.get("schema") != 1:
         raise InputError(
             f"{path}: holds no result: must be a JSON document of modes, bands, attenuation, response, ..."
@@ -49,9 +51,22 @@ def open(path: str | Path) -> Result | SweepTable:
     return KINDS[kind](document)
 
 
+def _answer(path: str | Path, kind: type[Answer], document: dict[str, Any]) -> Answer:
+    from pydantic import ValidationError
+
+    try:
+        return kind.from_document(document)
+    except ValidationError as error:
+        raise InputError(f"{path}: holds no result: {error.errors()[0]['loc']}: {error.errors()[0]['msg']}") from error
+
+
 def _kind(document: dict[str, Any]) -> str | None:
-    if document.get(KIND) in KINDS:
+    if document.get(KIND) in KINDS or document.get(KIND) in registered():
         return str(document[KIND])
+    answers = {"bands": {"points", "gaps"}, "crosstalk": {"zones"}}
+    for name, marks in answers.items():
+        if marks <= document.keys():
+            return name
     if "kx_per_m" in document and "points" in document:
         return "broadband" if "stopped" in document else "attenuation"
     return next((kind for kind, mark in MARKS.items() if mark in document), None)

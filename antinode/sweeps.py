@@ -71,7 +71,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame. Raises ImportError without pandas."""
-        from antinode.frames import frame
+        from pipeline.records.frames import frame
 
         return frame(self._rows)
 
@@ -80,7 +80,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
         Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
         """
-        from antinode.frames import dataset
+        from pipeline.records.frames import dataset
 
         is_grid = len(self) == prod(len({str(row[key]) for row in self._rows}) for key in self.swept)
         return dataset(self._rows, self.swept if self.swept and is_grid else ("case",))
@@ -123,7 +123,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
         """The swept keys and the columns that answer first, for a notebook; every column is in `columns`."""
         from html import escape
 
-        from antinode.frames import html_table
+        from pipeline.records.frames import html_table
         from pipeline.report.text import MAIN
 
         shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns

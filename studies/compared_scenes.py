@@ -11,13 +11,14 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.layout import Design, region_materials
-from pipeline.analysis.bands import solve_bands
 from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.logs import TerminalLog
 from pipeline.models.parts import tet_cell
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules
+from pipeline.questions.bands import Bands
+from pipeline.questions.question import Run, ask
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.piezo.frequency_bar import frequency_errors
@@ -154,9 +155,9 @@ def _at_corners(design: Design, accuracy: float) -> tuple[FloatArray, FloatArray
     """Frequencies (3, bands) at G, X and M as `antinode bands` gives them, and their bars by mesh and truncation."""
     settings = [f"solve.accuracy={accuracy}", "bands.points=1", f"bands.count={BANDS}"]
     case = load_case(CASE, settings)
-    result = solve_bands(replace(case, design=design), QUIET, every_gap=False)
-    assert np.allclose(result.path.wavevectors[:3], _corners(design))
-    return result.frequencies_hz[:3], np.array(result.error[:3], dtype=float)
+    result = ask(replace(case, design=design), Bands(), Run(QUIET, detailed=False))
+    assert np.allclose(result.wavevectors_per_m[:3], _corners(design))
+    return result.frequencies_hz[:3], result.error[:3]
 
 
 def of_part(part: str, design: Design, mesh: str = "auto", name: str = "") -> Compared:

@@ -26,6 +26,8 @@ from pipeline.planning import mesh_rules
 from pipeline.plots import style
 from pipeline.plots.response import hybrid_levels, travelling_wave
 from pipeline.plots.touch import power_by_design
+from pipeline.questions.bands import BandsResult
+from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.records import outputs
 from pipeline.records.record import Record, TouchRecord
 from pipeline.records.store import BadRecord, write_atomic
@@ -324,7 +326,7 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
 
 
 def _of_staggered(record: Record) -> tuple[str, ...] | None:
-    design, bands = record.design, record.bands
+    design, bands = record.design, record.of(BandsResult)
     if design is None or bands is None:
         return None
     gap = next(iter(bands.gaps), None)
@@ -399,7 +401,7 @@ def _of_travel(record: Record) -> tuple[str, ...] | None:
 
 
 def _of_zones(record: Record) -> tuple[str, ...] | None:
-    crosstalk = record.crosstalk
+    crosstalk = record.of(CrosstalkResult)
     if crosstalk is None or crosstalk.worst_db is None:
         return None
     first = crosstalk.zones[0]
@@ -411,7 +413,9 @@ def _of_zones(record: Record) -> tuple[str, ...] | None:
 def _by_gap(records: list[Record]) -> Figure:
     figure, axes = style.panels(3.0)
     known = sorted(
-        (r.crosstalk.gap_m, r.crosstalk.worst_db) for r in records if r.crosstalk and r.crosstalk.worst_db is not None
+        (found.gap_m, found.worst_db)
+        for found in (record.of(CrosstalkResult) for record in records)
+        if found and found.worst_db is not None
     )
     axes.plot([1e3 * gap for gap, _ in known], [level for _, level in known], "o-", color=style.BLUE)
     axes.set(xlabel="gap between the zones (mm)", ylabel="other zone over the driven one (dB)")

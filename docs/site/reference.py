@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import argparse
 import inspect
+import re
 import tomllib
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 import yaml
 from pydantic import BaseModel
 
 import antinode
-from antinode.frames import unit_of
 from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable
 from pipeline.cli import main
-from pipeline.measures.registry import MEASURES
+from pipeline.measures.registry import measures
+from pipeline.questions import registered
+from pipeline.records import part as declared
 from pipeline.records import record, tables
+from pipeline.records.frames import unit_of
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]
@@ -39,7 +42,21 @@ def field_meanings() -> dict[str, dict[str, Any]]:
 def parts() -> dict[str, type[record.Part]]:
     """The classes of records that have fields."""
     listed = {name: part for name, part in vars(record).items() if inspect.isclass(part)}
-    return {name: part for name, part in listed.items() if issubclass(part, record.Part) and part.model_fields}
+    return {name: part for name, part in listed.items() if issubclass(part, record.Checked) and part.model_fields}
+
+
+def answers() -> dict[str, type[declared.Part]]:
+    """The classes of answers to questions and of their parts, which say what their fields mean."""
+    found: dict[str, type[declared.Part]] = {}
+    waiting: list[Any] = [question.result for question in registered().values()]
+    while waiting:
+        held = waiting.pop(0)
+        if inspect.isclass(held) and issubclass(held, declared.Part) and held.__name__ not in found:
+            found[held.__name__] = held
+            hints = get_type_hints(held)
+            waiting += [hints[name] for name in held.declared]
+        waiting += get_args(held)
+    return found
 
 
 def meaning(part: type[BaseModel], name: str) -> str:
@@ -108,7 +125,7 @@ def _keys(model: type[BaseModel], known: dict[str, str] | None = None) -> Iterat
 
 def columns() -> Iterator[str]:
     """Every column of table.csv, by the measure that fills it."""
-    for measure in MEASURES:
+    for measure in measures():
         if measure.columns:
             yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
             yield "\n".join(_column(each.name, each.heading, each.unit) for each in measure.columns)
@@ -123,7 +140,7 @@ def _column(name: str, heading: str, unit: str | None) -> str:
 
 def column_names() -> set[str]:
     """Every column that a measure may fill."""
-    return {each.name for measure in MEASURES for each in measure.columns} | {name for name, *_ in tables.TRACKED}
+    return {each.name for measure in measures() for each in measure.columns} | {name for name, *_ in tables.TRACKED}
 
 
 def json_fields() -> Iterator[str]:
@@ -137,7 +154,17 @@ def json_fields() -> Iterator[str]:
             yield f"The fields of [{of}](#{of.lower()}){', and' if own else '.'}\n"
         if own:
             yield "\n".join([head("field", "what it is"), *(row(f"`{key}`", text) for key, text in own.items())])
+    for name, question in registered().items():
+        result = question.result.__name__
+        yield f"\n### `antinode {name} --json FILE`\n\nThe fields of [{result}](#{result.lower()}).\n"
     yield "\n## Parts"
+    for name, answer in answers().items():
+        hints = get_type_hints(answer)
+        yield f"\n### {name}\n\n{_summary(answer)}\n\n{head('field', 'what it is', 'type', 'unit')}"
+        yield "\n".join(
+            row(f"`{key}`", f"{each.about}.", f"`{_kind(hints[key])}`", each.unit or "-")
+            for key, each in answer.declared.items()
+        )
     for name, part in parts().items():
         yield f"\n### {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'what it is', 'type', 'unit')}"
         yield "\n".join(_fields(part))
@@ -145,9 +172,19 @@ def json_fields() -> Iterator[str]:
 
 def _fields(part: type[BaseModel]) -> Iterator[str]:
     for name, field in part.model_fields.items():
-        kind = field.annotation.__name__ if inspect.isclass(field.annotation) else str(field.annotation)
-        words = kind.replace("pipeline.records.record.", "").replace("typing.", "")
-        yield row(f"`{name}`", meaning(part, name), f"`{words}`", unit_of(name) or "-")
+        yield row(f"`{name}`", meaning(part, name), f"`{_kind(field.annotation)}`", unit_of(name) or "-")
+
+
+def _kind(annotation: Any) -> str:
+    """A type in words, without the modules of its parts."""
+    if inspect.isclass(annotation) and not get_args(annotation):
+        return annotation.__name__
+    return re.sub(r"(pipeline\.\w+\.\w+|typing)\.", "", str(annotation))
+
+
+def _summary(part: type) -> str:
+    """A docstring without its examples."""
+    return inspect.cleandoc(part.__doc__ or "").partition(">>>")[0].strip()
 
 
 def commands() -> Iterator[str]:
@@ -180,7 +217,7 @@ def public_names() -> set[str]:
         thing: Any = getattr(antinode, name)
         names.add(f"antinode.{name}")
         for owner in inspect.getmro(thing) if inspect.isclass(thing) else ():
-            if owner.__module__.startswith("antinode"):
+            if owner.__module__.startswith(("antinode", "pipeline.questions")):
                 names |= {f"antinode.{name}.{key}" for key, value in vars(owner).items() if _is_member(key, value)}
     return names
 

@@ -7,12 +7,14 @@ from dataclasses import replace
 from typing import Any
 
 from geometry.elements import FloatArray
-from pipeline.analysis import bands, mode_fields, mode_rows, modes
+from pipeline.analysis import mode_fields, mode_rows, modes
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import calibration
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed
+from pipeline.questions.bands import Bands
+from pipeline.questions.question import Run, ask
 from pipeline.records.record import MeshRecord, TetModesRecord
 from solvers.errors import TooLarge
 
@@ -37,8 +39,8 @@ def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> It
         except TooLarge as fault:
             log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
     corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
-    cell = bands.solve_bands(corners, log, every_gap=False)
-    yield cell.meshes, {}, {"tet_bands": cell.record}
+    run = Run(log, detailed=False)
+    yield run.meshes, {}, {"tet_bands": ask(corners, Bands(), run)}
 
 
 def excess(across: float) -> float:

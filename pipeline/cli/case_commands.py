@@ -130,42 +130,6 @@ def _explained(arguments: Namespace, which: str, *about: Any) -> int:
     return emit(arguments, "plan", Answer(planned.to_dict(), [planned.text()]))
 
 
-def bands(arguments: Namespace) -> int:
-    """Compute Bloch bands and complete gaps."""
-    case, log, _ = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_bands", case)
-    from pipeline.analysis.bands import solve_bands
-
-    solved = solve_bands(case, log, every_gap=bool(arguments.json or arguments.out or arguments.verbose))
-    record = solved.record
-    count = len(record.points[0].frequencies_hz)
-    numbers = range(1, count + 1)
-    head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_{what}" for what in ("hz", "error") for n in numbers))
-    rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *p.error] for p in record.points]
-    lines = [
-        f"{record.model}, {record.dof} degrees of freedom a wavevector",
-        reading_table(head, [row for row in rows if row[0]]),
-        *(gap.text for gap in record.gaps),
-    ]
-    if not record.gaps:
-        lines.append(f"No complete gap {record.where_gaps_are_known}; bands.count asks for more")
-    if arguments.verbose:
-        lines += _partial_gaps(record.to_dict())
-    if case.design.pillar and (bending := record.bending_texts):
-        lines.append(f"bending of the pillars at M: {' and '.join(bending)}")
-    lines.append(solved.widest_bar.text())
-    return emit(arguments, "bands", Answer(record.to_dict(), lines, head, rows), log)
-
-
-def _partial_gaps(document: dict[str, Any]) -> list[str]:
-    """The gaps for waves of one polarisation, and for those along one segment of the path."""
-    named = [(f"for {gap['polarisation']} waves", gap) for gap in document.get("polarisation_gaps", ())]
-    named += [(f"from {gap['start']} to {gap['end']}", gap) for gap in document.get("directional_gaps", ())]
-    ends = ("lower_hz", "upper_hz", "lower_error", "upper_error")
-    return [f"gap {where} alone: {interval(*(gap[end] for end in ends))}" for where, gap in named]
-
-
 def attenuation(arguments: Namespace) -> int:
     """Compute the decay per row."""
     case, log, band = _read(arguments)
@@ -367,18 +331,6 @@ def travel(arguments: Namespace) -> int:
         return [travelling_wave(record), *more]
 
     return _ran(arguments, "travel", record, lines, drawn, log)
-
-
-def crosstalk(arguments: Namespace) -> int:
-    """Drive each of several zones and measure all."""
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_crosstalk", case, band, arguments.points, bool(arguments.out))
-    from pipeline.driven import crosstalk as between
-    from pipeline.plots.response import crosstalk_figure
-
-    record = between.solve(case, log, band, arguments.points)
-    return _ran(arguments, "crosstalk", record, between.lines(record), lambda: [crosstalk_figure(record)], log)
 
 
 def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:

@@ -7,7 +7,6 @@ from argparse import Namespace
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.analysis.bands import solve_bands
 from pipeline.case.model import load_case
 from pipeline.case.plausible import warn_of_doubts
 from pipeline.errors import CheckFailed
@@ -15,9 +14,9 @@ from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import frequency, percent, percentage, signed
+from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.question import Run, ask
 from pipeline.records.reading import reading_table
-from pipeline.records.record import BandsRecord
-from pipeline.views import figures
 from pipeline.views.answer import Answer, emit, of_case
 
 FILE = REFERENCE / "band_gap.csv"
@@ -62,7 +61,7 @@ class Edge:
         return f"{self.name} moved by {self.change_text}, allowed is {percent(self.allowed)}"
 
 
-def edges_of(bands: BandsRecord) -> dict[str, float | None]:
+def edges_of(bands: BandsResult) -> dict[str, float | None]:
     """Edges of the lowest complete gap and the cell's bending frequency at M, Hz; None where there is none."""
     gap = bands.gaps[0] if bands.gaps else None
     pair = bands.bending_at_m_hz
@@ -82,10 +81,9 @@ def read_reference() -> dict[str, tuple[float, float]]:
         raise CheckFailed(f"{FILE.name}: {error}: the committed band-gap reference cannot be read") from error
 
 
-def _figure(record: BandsRecord) -> ReportFigure:
+def _figure(record: BandsResult) -> ReportFigure:
     """The bands whose edges are checked."""
-    figure = figures.draw("bands", record.to_dict()).figure
-    return ReportFigure("check-gap", "The checked bands", "Bands of the checked cell", figure, vector=True)
+    return ReportFigure("check-gap", "The checked bands", "Bands of the checked cell", record.as_figure(), vector=True)
 
 
 def check_gap(arguments: Namespace) -> int:
@@ -93,7 +91,7 @@ def check_gap(arguments: Namespace) -> int:
     place = arguments.case or str(STUDIES / "three-rows.toml")
     case, log = of_case(arguments, load_case(place, arguments.set)), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)
-    record = solve_bands(case, log, every_gap=False).record
+    record = ask(case, Bands(), Run(log, detailed=False))
     computed = edges_of(record)
     edges = [Edge(name, hz, computed.get(name), allowed) for name, (hz, allowed) in read_reference().items()]
     head = ("edge", "reference_hz", "found_hz", "change", "allowed", "holds")

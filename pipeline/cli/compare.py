@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from pipeline.case.model import Case
     from pipeline.logs import TerminalLog
     from pipeline.plots.style import ReportFigure
@@ -77,10 +79,32 @@ def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str,
 
     figure, axes = style.panels(3.6)
     if one.bands and two.bands:
-        figures.overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
+        _overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
     else:
         figures.differences(axes, rows)
     return style.ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", figure, True)
+
+
+def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:
+    """Bands of several cells over one path, its corners at the same places whatever their pitch; gaps shaded."""
+    import numpy as np
+
+    from pipeline.plots import style
+    from pipeline.questions.bands import NAMES, BandsResult
+    from pipeline.units import KHZ
+
+    for (name, document), colour in zip(named.items(), style.CYCLE, strict=False):
+        bands = BandsResult.from_document(document)
+        corners = [place for place, label in enumerate(bands.labels) if label]
+        along = np.interp(np.arange(len(bands.points)), corners, np.arange(len(corners)))
+        ax.plot(along, bands.frequencies_hz / KHZ, color=colour, lw=1.0)[0].set_label(name)
+        for gap in bands.gaps:
+            ax.axhspan(gap.lower_hz / KHZ, gap.upper_hz / KHZ, color=colour, alpha=0.15, lw=0)
+        labels = [NAMES.get(label, label) for label in bands.labels if label]
+        ax.set_xticks(range(len(labels)), labels)
+    ax.grid(True, axis="x")
+    ax.set(xlabel="wavevector along the path", ylabel="frequency (kHz)", ylim=(0.0, None))
+    ax.legend(fontsize=7)
 
 
 def read(place: Path, solve: bool, quiet: bool) -> Design:
@@ -132,16 +156,18 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
 
 def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The wanted mode and the gaps of a case, and its bands where it has one cell."""
-    from pipeline.analysis.bands import solve_bands
     from pipeline.analysis.modes import solve_modes
     from pipeline.planning.request import of_case
+    from pipeline.questions.bands import Bands
+    from pipeline.questions.question import Run, ask
 
     wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
     quantities = {"wanted": {key: value for key, value in wanted.items() if not isinstance(value, list)}}
     if "array.pitch_mm" not in case.given or case.design.is_graded:
         return quantities, None
-    bands = solve_bands(case, log, every_gap=False)
-    return quantities | {"gaps": [vars(gap) for gap in bands.gaps]}, bands.record.to_dict()
+    bands = ask(case, Bands(), Run(log, detailed=False))
+    gaps = [{name: value for name, value in gap.values().items() if "error" not in name} for gap in bands.gaps]
+    return quantities | {"gaps": gaps}, bands.to_dict()
 
 
 def flat(value: Any, name: str = "") -> Flat:

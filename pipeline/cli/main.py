@@ -18,10 +18,13 @@ from typing import Any, NoReturn
 from pipeline.case import limits
 from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
+from pipeline.questions import registered
+from pipeline.questions.command import add_options
 
 DECLARED = Path(__file__).with_name("commands.toml")
 # Each adds its commands, whose options are made of other data; light to import.
 MODULES = ("pipeline.cli.new", "pipeline.cli.explore")
+GROUPS = ("case", "files", "plan")  # of options that every question has
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 MAX_DIGITS = 40  # characters
@@ -191,6 +194,11 @@ def _parser() -> argparse.ArgumentParser:
         positional = [flag for flag in own if not flag.startswith("-")]
         for flag in dict.fromkeys((*positional, *shared, *own)):
             _add(sub, flag, *(words for words in (shared.get(flag), own.get(flag)) if words is not None))
+    for question in registered().values():
+        sub = _command(commands, question.name, question.summary(), question.example, "pipeline.questions.command:run")
+        for flag, words in (pair for group in GROUPS for pair in declared["groups"][group].items()):
+            _add(sub, flag, words)
+        add_options(sub, question)
     for module in MODULES:
         importlib.import_module(module).add(commands, _command)
     return parser

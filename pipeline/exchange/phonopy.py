@@ -17,11 +17,11 @@ ANGSTROM_M, THZ_HZ = 1e-10, 1e12
 
 def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the bands of a case's unit cell and write them."""
-    from pipeline.analysis.bands import solve_bands
+    from pipeline.questions.bands import Bands
+    from pipeline.questions.question import ask
     from pipeline.records import outputs
 
-    document = solve_bands(case, log).record.to_dict() | {"with_defaults": case.to_dict()}
-    outputs.write_file(path, text(document).encode())
+    outputs.write_file(path, text(ask(case, Bands(), log).to_dict()).encode())
     return path
 
 

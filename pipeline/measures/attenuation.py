@@ -74,9 +74,13 @@ BROAD_COLUMNS = (
     ),
 )
 BROADBAND = Measure(
-    "broadband", plan=_broadband_plan, compute=_broadband, columns=BROAD_COLUMNS, pictures=("attenuation.broadband",)
+    "broadband",
+    plan=_broadband_plan,
+    compute=_broadband,
+    columns=BROAD_COLUMNS,
+    pictures=("plots.attenuation.broadband",),
 )
 
 ATTENUATION = Measure(
-    "attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=("attenuation.attenuation",)
+    "attenuation", plan=_plan, compute=_compute, columns=COLUMNS, pictures=("plots.attenuation.attenuation",)
 )

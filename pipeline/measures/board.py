@@ -32,5 +32,5 @@ BOARD = Measure(
     compute=_compute,
     after="modes",
     inputs=_inputs,
-    pictures=("board.board",),
+    pictures=("plots.board.board",),
 )

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import Case
+from pipeline.questions.question import Run
 from pipeline.records.record import MeshRecord, WantedMode
 from pipeline.records.tables import Column
 
@@ -26,7 +28,7 @@ Draw = Callable[["StoredCase", dict[str, Any]], "ReportFigure | list[ReportFigur
 class Work:
     """A case while it is measured: what was found by name (fields of its record, or plain values), arrays and meshes.
 
-    `solved` holds what one measure has solved and another of the same case can go on from.
+    `solved` holds what one measure has solved and another of the same case can go on from, `run` what questions share.
     """
 
     case: Case
@@ -36,7 +38,16 @@ class Work:
     record: dict[str, Any] = field(default_factory=dict)
     arrays: dict[str, Any] = field(default_factory=dict)
     meshes: list[MeshRecord] = field(default_factory=list)
-    solved: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def run(self) -> Run:
+        """What the questions of this case share."""
+        return Run(self.log, detailed=False, shapes=True)
+
+    @property
+    def solved(self) -> dict[str, Any]:
+        """What one measure has solved, by name."""
+        return self.run.solved
 
     @property
     def wanted(self) -> WantedMode | None:
@@ -57,7 +68,8 @@ class Measure:
 
     needs: tables of the case; after: another measure whose results it uses; aliases: other names of the same; drives: whether
     it drives the plate; inputs: what its results depend on beside case, sources and packages. Columns and pictures read the
-    record alone. Pictures are functions of pipeline.plots by their names: nothing is imported before something is drawn.
+    record alone. Pictures are functions of pipeline by their names, module.function: nothing is imported before something is
+    drawn. drawn: further functions that draw.
     """
 
     name: str
@@ -70,8 +82,10 @@ class Measure:
     inputs: Callable[[], dict[str, Any]] = dict
     columns: tuple[Column, ...] = ()
     pictures: tuple[str, ...] = ()
+    drawn: tuple[Draw, ...] = ()
 
     def draws(self) -> list[Draw]:
         """The functions that draw its pictures."""
-        places = (name.split(".") for name in self.pictures)
-        return [getattr(import_module(f"pipeline.plots.{module}"), function) for module, function in places]
+        places = (name.rpartition(".") for name in self.pictures)
+        named = [getattr(import_module(f"pipeline.{module}"), function) for module, _, function in places]
+        return [*named, *self.drawn]

@@ -9,6 +9,7 @@ from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
 from pipeline.quantity import HZ, frequency_figure
+from pipeline.questions.bands import BandsResult
 from pipeline.records.record import Record, RivalRecord
 from pipeline.records.tables import Column, figures_of
 from solvers.measures.levels import CONFINED_DB
@@ -16,7 +17,7 @@ from solvers.measures.levels import CONFINED_DB
 if TYPE_CHECKING:
     from pipeline.analysis.modes import PartModes
 
-FIELDS = tuple(f"fields.{name}" for name in ("touch_face", "side_view", "pillars_in_plane", "neighbours"))
+FIELDS = tuple(f"plots.fields.{name}" for name in ("touch_face", "side_view", "pillars_in_plane", "neighbours"))
 SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 
 
@@ -67,6 +68,11 @@ def _named(rivals: list[RivalRecord]) -> str | None:
     return "; ".join(f"{frequency_figure(rival.frequency_hz, rival.error, HZ)} Hz" for rival in rivals) or None
 
 
+def _dof(record: Record) -> int | None:
+    solved = record.modes or record.of(BandsResult)
+    return solved.dof if solved else None
+
+
 _wanted = figures_of(lambda r: r.wanted)
 _level_error = _wanted(lambda w: w.confinement_error_db)
 COLUMNS = (
@@ -102,7 +108,7 @@ COLUMNS = (
     Column("shape_share", "share of the wanted shape", _wanted(lambda w: w.share), ""),
     Column("rivals", "other modes that carry it", _wanted(lambda w: _named(w.rivals))),
     Column("count_check", "count check", _count_check),
-    Column("dof", "degrees of freedom", lambda r: (r.modes or r.bands) and (r.modes or r.bands).dof, ""),  # type: ignore[union-attr]
+    Column("dof", "degrees of freedom", _dof, ""),
 )
 
 MODES = Measure(
@@ -111,7 +117,7 @@ MODES = Measure(
     compute=_compute,
     aliases=("confinement",),
     columns=COLUMNS,
-    pictures=("mesh.report_figures", *FIELDS),
+    pictures=("plots.mesh.report_figures", *FIELDS),
 )
 
 
@@ -123,5 +129,5 @@ def _cross_check(work: Work) -> None:
 
 
 TETRAHEDRA = Measure(  # the same plate and cell through CAD and pytetwild
-    "tetrahedra", plan=plan.tetrahedra_step, compute=_cross_check, pictures=("fields.mode_on_both_meshes",)
+    "tetrahedra", plan=plan.tetrahedra_step, compute=_cross_check, pictures=("plots.fields.mode_on_both_meshes",)
 )

@@ -7,44 +7,54 @@ from pathlib import Path
 
 from pipeline.case.model import Case
 from pipeline.errors import InputError
+from pipeline.measures.asked import of_question
 from pipeline.measures.attenuation import ATTENUATION, BROADBAND
-from pipeline.measures.bands import BANDS
 from pipeline.measures.board import BOARD
 from pipeline.measures.geometry import GEOMETRY
 from pipeline.measures.live import LIVE
 from pipeline.measures.measure import Measure
 from pipeline.measures.modes import MODES, TETRAHEDRA
 from pipeline.measures.parts import PARTS
-from pipeline.measures.response import CROSSTALK, HYBRID, RESPONSE, TRAVEL
+from pipeline.measures.response import HYBRID, RESPONSE, TRAVEL
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan, Step
+from pipeline.questions import registered
 from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
+ASKED = {name: of_question(kind()) for name, kind in registered().items()}
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, BANDS, ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, CROSSTALK),
+    *(MODES, ASKED["bands"], ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, ASKED["crosstalk"]),
     *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 
 
+def measures() -> tuple[Measure, ...]:
+    """Every measure, those of questions that other modules have defined last."""
+    others = (of_question(kind()) for name, kind in registered().items() if name not in ASKED)
+    return (*MEASURES, *others)
+
+
 def names() -> list[str]:
     """What a study file may ask for."""
-    return [name for measure in MEASURES for name in (measure.name, *measure.aliases)]
+    return [name for measure in measures() for name in (measure.name, *measure.aliases)]
 
 
 def chosen(query: Iterable[str]) -> list[Measure]:
     """The measures of these names in their order."""
     wanted = set(query)
-    return [measure for measure in MEASURES if wanted & {measure.name, *measure.aliases}]
+    return [measure for measure in measures() if wanted & {measure.name, *measure.aliases}]
 
 
 def check(case: Case, query: Iterable[str]) -> None:
     """InputError for a case that lacks what its measures need."""
     measures = chosen(query)
-    case.require_plate(command="a study", several=all(measure in (CROSSTALK, GEOMETRY) for measure in measures))
+    case.require_plate(
+        command="a study", several=all(measure in (ASKED["crosstalk"], GEOMETRY) for measure in measures)
+    )
     for measure in measures:
         if measure.needs:
             case.require(*measure.needs, command=f"the measure {measure.name}")
@@ -72,7 +82,7 @@ def plan_of(case: Case, query: Iterable[str]) -> Plan:
 
 def columns_of(study: StoredStudy) -> list[Column]:
     """Columns of a study's table."""
-    return tables.columns_of(study, [column for measure in MEASURES for column in measure.columns])
+    return tables.columns_of(study, [column for measure in measures() for column in measure.columns])
 
 
 def write_table(folder: Path) -> Path:

@@ -11,7 +11,6 @@ from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
-from pipeline.units import MM
 
 if TYPE_CHECKING:
     from pipeline.analysis.response import Response
@@ -116,7 +115,7 @@ RESPONSE = Measure(
     needs=("patches",),
     drives=True,
     columns=COLUMNS,
-    pictures=("response.response", "measured.measured"),
+    pictures=("plots.response.response", "plots.measured.measured"),
 )
 
 
@@ -154,7 +153,7 @@ HYBRID = Measure(
     needs=("patches",),
     drives=True,
     columns=tuple(column for name in ("rows", "patches", "both") for column in _of_method(name)),
-    pictures=("response.hybrid",),
+    pictures=("plots.response.hybrid",),
 )
 
 
@@ -210,48 +209,5 @@ TRAVEL = Measure(
             "mm/s",
         ),
     ),
-    pictures=("response.travelling", "touch.sheared"),
-)
-
-
-def _compute_crosstalk(work: Work) -> None:
-    from pipeline.driven import crosstalk
-
-    work.keep(crosstalk=crosstalk.solve(work.case, work.log, meshes=work.meshes))
-
-
-_crosstalk = figures_of(lambda r: r.crosstalk)
-CROSSTALK = Measure(
-    "crosstalk",
-    plan=plan.crosstalk_step,
-    compute=_compute_crosstalk,
-    needs=("patches",),
-    drives=True,
-    columns=(
-        Column(
-            "crosstalk_gap_mm", "gap between zones", _crosstalk(lambda c: c.gap_m / MM), "mm", _crosstalk(lambda _: 0.0)
-        ),
-        Column(
-            "crosstalk_db",
-            "largest cross-talk",
-            _crosstalk(lambda c: c.worst_db),
-            "dB",
-            _crosstalk(lambda c: c.worst_error_db),
-        ),
-        Column(
-            "crosstalk_hz",
-            "peak of the first zone, driven",
-            _crosstalk(lambda c: c.zones[0].peak_hz),
-            "Hz",
-            _crosstalk(lambda c: c.zones[0].peak_error),
-        ),
-        Column(
-            "crosstalk_passive_db",
-            "passive face, first zone driven",
-            _crosstalk(lambda c: c.zones[0].passive_db),
-            "dB",
-            _crosstalk(lambda c: c.zones[0].passive_error_db),
-        ),
-    ),
-    pictures=("response.crosstalk",),
+    pictures=("plots.response.travelling", "plots.touch.sheared"),
 )

@@ -56,5 +56,5 @@ TOLERANCE = Measure(
     needs=("tolerance",),
     drives=True,
     columns=COLUMNS,
-    pictures=("response.tolerance",),
+    pictures=("plots.response.tolerance",),
 )

@@ -113,5 +113,5 @@ TOUCH = Measure(
     needs=("patches", "touch"),
     drives=True,
     columns=COLUMNS,
-    pictures=("touch.tactile",),
+    pictures=("plots.touch.tactile",),
 )

@@ -18,7 +18,7 @@ from pipeline.planning.mesh_rules import search_window_hz
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.wanted_mode import SIMILAR, Verdict
+from solvers.measures.wanted_mode import LEAD, SIMILAR, Verdict
 from solvers.measures.wanted_search import Found, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
@@ -37,9 +37,7 @@ FACE, INNER = (
 REACH = 6.0  # fixed-interface modes of panels that are meshed, in the top of the window
 PANEL = 3.0  # thicknesses: longest bare panel
 TRIED = 1.5  # of the window's top: column modes that are trial functions, and modes of the plate that are known
-TIED = (
-    0.3  # dB that few waves leave of a level: weights of modes that differ by less than twice as much may change places
-)
+TIED = 0.3  # dB that few waves leave of a level
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
 SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
 # of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
@@ -211,12 +209,14 @@ class LivePlate:
         return Detuned(_shifted(found.verdict, first), self._tied(found, first), frequency_hz, turn, level)
 
     def _tied(self, found: Found[LiveMode], first: int) -> tuple[int, ...]:
-        """Modes that may be the wanted one, itself first: candidates whose weight comes near to the best."""
+        """Modes that may be the wanted one, itself first: candidates that the best leads by too little for another mesh to
+        agree.
+        """
         best = found.verdict.index
         if best is None:
             return ()
         every = weights(found.modes)
-        least = 10.0 ** (-2.0 * TIED / 10.0) * every[best]
+        least = every[best] / LEAD
         may_be = [mode.mac >= SIMILAR and mode.frequency_hz >= self.searched[0] for mode in found.modes]
         near = np.flatnonzero(np.array(may_be) & (every >= least)).tolist()
         return (first + best, *(first + i for i in near if i != best))

@@ -348,3 +348,8 @@ def _strip(design: Design) -> Strip:
     strip = strip_of(design)
     assert strip
     return strip
+
+
+def refinement_of(points: int) -> int:
+    """Return by how much the intervals of a path's segments are refined to follow branches."""
+    return -(-FINEST // points)

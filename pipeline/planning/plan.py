@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.planning import driven_demand, foresight, simplifications
-from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice, model_choice_of
+from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
 from pipeline.planning.request import (
     Request,
     driven_band_hz,
@@ -36,7 +36,8 @@ class Step:
     """One computation: the measure it serves, model and mesh in words, symmetry classes, what it looks for, and the
     reasons.
 
-    `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches.
+    `numbers` holds the same for scripts: band_hz or near_hz with count, wavevectors, frequencies, kx_per_m, patches. `choice`:
+    model and mesh that the computation then builds from.
     """
 
     measure: str
@@ -49,6 +50,7 @@ class Step:
     left_out: tuple[Simplification, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
     demand: Demand | None = None
+    choice: ModelChoice | None = None
 
     def text(self) -> str:
         """One line."""
@@ -116,6 +118,11 @@ def _foreseen(step: Step) -> list[str]:
     return [step.demand.text(), *([f"will be refused: {reason}"] if reason else [])]
 
 
+def plan_of(case: Case, step: Step, *whole: Simplification | None) -> Plan:
+    """Return the plan of one step, with the rules of the scene as a whole that were taken."""
+    return _plan(case, [step], whole)
+
+
 def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | None]) -> Plan:
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
@@ -128,16 +135,6 @@ def of_modes(case: Case, request: Request) -> Plan:
         simplifications.no_figures(),
     )
     return _plan(case, [modes_step(case, request)], whole)
-
-
-def of_bands(case: Case) -> Plan:
-    """Plan of `antinode bands`."""
-    whole = (
-        simplifications.no_plate_modes(),
-        simplifications.no_patches(case.patches),
-        simplifications.no_figures(),
-    )
-    return _plan(case, [bands_step(case)], whole)
 
 
 def of_attenuation(
@@ -172,11 +169,6 @@ def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> P
     return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
 
 
-def of_crosstalk(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """Plan of `antinode crosstalk`. Raises InputError for a case without patches."""
-    return _plan(case, [crosstalk_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
-
-
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -187,7 +179,7 @@ def modes_step(case: Case, request: Request) -> Step:
     numbers: dict[str, Any] = {"band_hz": list(query.band_hz)} if query.band_hz else {}
     if not query.band_hz:
         numbers = {"near_hz": query.near_hz, "count": query.count}
-    step = _step("modes", f"modes of the {query.part}", choice, classes, _window(query), left_out, numbers)
+    step = step_of("modes", f"modes of the {query.part}", choice, classes, _window(query), left_out, numbers)
     return replace(step, demand=foresight.of_modes(case, choice, with_search(case, query)))
 
 
@@ -195,25 +187,6 @@ def _window(query: Request) -> str:
     if query.band_hz:
         return f"every mode from {khz(query.band_hz[0])} to {khz(query.band_hz[1])}"
     return f"the {query.count} modes " + (f"nearest {khz(query.near_hz)}" if query.near_hz else "lowest")
-
-
-def bands_step(case: Case) -> Step:
-    """Plan the bands of the unit cell."""
-    from pipeline.planning.mesh_rules import FINEST
-
-    case.require("plate", "array.pitch_mm", command="bands")
-    choice, query = cell_model_choice(case), case.bands
-    wavevectors = (len(query.path) - 1) * query.points + 1
-    looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
-    numbers: dict[str, Any] = {"wavevectors": wavevectors, "count": query.count, "path": query.path, "grid": query.grid}
-    if choice.model != SOLID:
-        factor = -(-FINEST // query.points)
-        numbers["solved_wavevectors"] = (len(query.path) - 1) * query.points * factor + 1
-        looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
-    looks += f" and a grid of {query.grid} intervals" if query.grid else ""
-    left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
-    step = _step("bands", "bands of the unit cell", choice, (), looks, left_out, numbers)
-    return replace(step, demand=foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors)))
 
 
 def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
@@ -225,7 +198,7 @@ def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: 
     looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {figure(kx)} rad/m"
     numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
     left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
-    step = _step("attenuation", "attenuation across the rows", choice, (), looks, left_out, numbers)
+    step = step_of("attenuation", "attenuation across the rows", choice, (), looks, left_out, numbers)
     return replace(step, demand=foresight.of_attenuation(case, choice, points) if choice.reduction else None)
 
 
@@ -246,13 +219,13 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     }
     demand = driven_demand.of_response(case, choice, (low, high), points)
     if not choice.quarter:
-        return _step("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
+        return step_of("response", "forced response", choice, ("whole",), looks, choice.left_out, numbers, demand)
     undriven = simplifications.undriven_classes(patches)
     still = set(simplifications.undriven(patches))
     groups = [group for group in simplifications.patch_groups(patches) if not set(group) <= still]
     classes = tuple(" with ".join(group) for group in groups)
     apart = [axis for axis, kept in zip("xy", simplifications.patch_mirrors(patches), strict=True) if not kept]
-    step = _step("response", "forced response", choice, classes, looks, (*choice.left_out, undriven), numbers, demand)
+    step = step_of("response", "forced response", choice, classes, looks, (*choice.left_out, undriven), numbers, demand)
     if not apart:
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
@@ -299,13 +272,6 @@ def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
-def crosstalk_step(case: Case, band_hz: tuple[float, float] | None = None, points: int = RESPONSE_POINTS) -> Step:
-    """Plan each zone driven and all measured."""
-    step = response_step(case, band_hz, points, several=True)
-    looks = f"{points} frequencies, each of {case.design.zones} zones driven in turn"
-    return replace(step, measure="crosstalk", name="cross-talk between zones", looks_for=looks)
-
-
 def tolerance_step(case: Case) -> Step:
     """Plan plates whose pillars differ: no mirror halves them, and no cell stands for another."""
     case.require("tolerance", command="the measure tolerance")
@@ -324,7 +290,7 @@ def tolerance_step(case: Case) -> Step:
     numbers = {"band_hz": [low, high], "samples": given.samples, "seed": given.seed}
     demand = driven_demand.of_tolerance(case, choice, (low, high), given.samples * RESPONSE_POINTS)
     classes = choice.classes if mirrored[0] else (None,)
-    return _step(
+    return step_of(
         "tolerance", "plates with printed tolerances", choice, classes, looks, (*kept, *mirrored), numbers, demand
     )
 
@@ -369,10 +335,11 @@ def plain_step(measure: str, name: str, model: str) -> Step:
     return Step(measure, name, model, "", (), "", ("the study asks for it",))
 
 
-def _step(
+def step_of(
     measure: str, name: str, choice: ModelChoice, classes: tuple[str | None, ...], looks: str,
     left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
 ) -> Step:  # fmt: skip
+    """Return a step with its model and mesh in words."""
     model, details = choice.name, dict(numbers)
     if choice.reduction:
         face = choice.reduction.interface
@@ -394,4 +361,5 @@ def _step(
         tuple(o for o in left_out if o),
         details,
         demand,
+        choice,
     )

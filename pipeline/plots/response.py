@@ -9,9 +9,8 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, level_figure, percentage, with_bar
+from pipeline.quantity import frequency, level, percentage, with_bar
 from pipeline.records.record import (
-    CrosstalkRecord,
     HybridMethod,
     HybridRecord,
     PeakRecord,
@@ -285,44 +284,3 @@ def _alt_wave(record: TravelRecord) -> str:
         f"Modes {modes} held a quarter period apart at {_tone(record)}: travelling-wave ratio "
         f"{figure_text(record.twr, record.twr_error)}, {flow}"
     )
-
-
-def crosstalk(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Cross-talk of a case's record."""
-    return crosstalk_figure(case.record.crosstalk) if case.record.crosstalk else None
-
-
-def crosstalk_figure(record: CrosstalkRecord) -> ReportFigure:
-    """The table of levels, and every zone over frequency while the first is driven."""
-    figure, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
-    draw_crosstalk(table, record)
-    first = record.zones[0]
-    curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(first.over_rms_m_per_V, start=1)}
-    style.draw_lines(over.semilogy, np.array(record.frequency_hz) / KHZ, curves)
-    style.mark(over, first.peak_hz / KHZ)
-    over.set(xlabel=FREQUENCY, ylabel="rms u_z (nm/V)", title="Zone 1 driven")
-    over.legend(fontsize=8)
-    worst = "one zone" if record.worst_db is None else f"at most {level(record.worst_db)} in another zone"
-    alt = f"Cross-talk between {len(record.zones)} zones, {record.shared_rows} rows between two of them: {worst}"
-    return ReportFigure("crosstalk", "Cross-talk between zones", alt, figure, vector=True)
-
-
-def draw_crosstalk(axes: Any, record: CrosstalkRecord) -> None:
-    """Level of every zone while each of them is driven, dB."""
-    levels = np.array([zone.level_db for zone in record.zones])
-    errors = [zone.level_error_db or [None] * len(levels) for zone in record.zones]
-    names = range(1, len(levels) + 1)
-    axes.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
-    for row, column in np.ndindex(levels.shape):
-        colour = "black" if levels[row, column] > -25.0 else "white"
-        axes.text(
-            column,
-            row,
-            level_figure(float(levels[row, column]), errors[row][column]),
-            ha="center",
-            va="center",
-            color=colour,
-        )
-    axes.set_xticks(range(len(levels)), names)
-    axes.set_yticks(range(len(levels)), names)
-    axes.set(xlabel="zone measured", ylabel="zone driven", title="dB over the driven zone")

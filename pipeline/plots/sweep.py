@@ -124,7 +124,8 @@ def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
 
 
 def _bending_khz(case: StoredCase) -> float | None:
-    pair = case.record.bands.bending_at_m_hz if case.record.bands else []
+    bands = case.record.answers.get("bands")
+    pair = bands.bending_at_m_hz if bands else []
     return min(pair) / KHZ if pair else None
 
 

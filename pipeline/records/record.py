@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
+from importlib import import_module
 from math import isclose, isfinite, log10, nan, sqrt
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -22,15 +23,17 @@ from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
 from pipeline import quantity
-from pipeline.records import store
+from pipeline.records import part, store
 from pipeline.units import NM
 from solvers.measures.levels import CONFINED_DB
 
+BY_TETRAHEDRA = "tet_"  # before the name of a question that was answered by tetrahedra as well
+R = TypeVar("R", bound=part.Part)
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
 
 
-class Part(BaseModel):
-    """A part of a record: frozen, no unknown field, no NaN; a number that is none becomes None where that is allowed."""
+class Checked(BaseModel):
+    """Frozen, no unknown field, no NaN; a number that is none becomes None where that is allowed."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -43,6 +46,14 @@ class Part(BaseModel):
             key: None if isinstance(value, float) and not isfinite(value) else value for key, value in given.items()
         }
 
+    def to_dict(self) -> dict[str, Any]:
+        """The fields that were given, as plain values in their order."""
+        return self.model_dump(exclude_unset=True)
+
+
+class Part(Checked):
+    """A part of a record."""
+
     @classmethod
     def of(cls, result: Any, **more: Any) -> Self:
         """The part with the fields that an object of the same names holds, and more."""
@@ -50,10 +61,6 @@ class Part(BaseModel):
             **{key: getattr(result, key) for key in cls.model_fields.keys() - more.keys() if hasattr(result, key)},
             **more,
         )
-
-    def to_dict(self) -> dict[str, Any]:
-        """The fields that were given, as plain values in their order."""
-        return self.model_dump(exclude_unset=True)
 
 
 class Open(Part):
@@ -282,117 +289,6 @@ class ShapesRecord(Part):
     frequency_hz: list[float]
     share: list[float]
     coefficients: list[list[float]]
-
-
-class GapRecord(Part):
-    """An interval without waves between two bands, counted from 1.
-
-    lower_error, upper_error: relative half-widths of its edges' bars, None where unknown.
-    """
-
-    lower_band: int
-    upper_band: int
-    lower_hz: float
-    upper_hz: float
-    lower_error: float | None = None
-    upper_error: float | None = None
-
-    @property
-    def relative_width(self) -> float:
-        """Its width over its middle."""
-        return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
-
-    @property
-    def interval(self) -> str:
-        """Its edges with the digits that their bars allow."""
-        return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
-
-    @property
-    def width_error(self) -> float | None:
-        """Half-width of the bar of the relative width, to first order; None where an edge's is unknown."""
-        if self.lower_error is None or self.upper_error is None:
-            return None
-        middle = (self.upper_hz + self.lower_hz) / 2.0
-        return self.lower_hz * self.upper_hz * (self.lower_error + self.upper_error) / middle**2
-
-    @property
-    def text(self) -> str:
-        """Its bands, its edges with their bars and its relative width, in words."""
-        low = quantity.frequency_with_bar(self.lower_hz, self.lower_error)
-        high = quantity.frequency_with_bar(self.upper_hz, self.upper_error)
-        bar = None if self.width_error is None else 100.0 * self.width_error
-        width = quantity.figure(100.0 * self.relative_width, bar)
-        return f"Gap from band {self.lower_band} ({low}) to band {self.upper_band} ({high}), {width} %"
-
-
-class BandPoint(Open):
-    """The waves at one wavevector; what only the reduced cell tells is None with the full one.
-
-    frequencies_hz are the best values, computed_hz those of the mesh, error the half-width of the bar by mesh and
-    truncation, relative; None where no mesh of its kind was calibrated.
-    """
-
-    label: str | None
-    kx_per_m: float
-    ky_per_m: float
-    frequencies_hz: list[float]
-    computed_hz: list[float] = []
-    error: list[float | None] = []
-    polarisation: list[str] | None = None
-    plate_polarisation: list[str] | None = None
-    group_velocity_m_s: list[tuple[float, float] | None] | None = None
-
-
-class BandsRecord(Open):
-    """Bands along a path and their complete gaps.
-
-    expected_error: the widest bar by the mesh alone; widest_bar: by all that is counted, its frequency and its parts.
-    """
-
-    model: str
-    dof: int
-    points: list[BandPoint]
-    expected_error: float | None = None
-    widest_bar: dict[str, Any] | None = None
-    gaps: list[GapRecord] = []
-
-    @property
-    def widest_gap(self) -> GapRecord | None:
-        """The widest complete gap."""
-        return max(self.gaps, key=lambda gap: gap.upper_hz - gap.lower_hz, default=None)
-
-    @property
-    def known_to_hz(self) -> float:
-        """Up to it every band is among those computed, and so would be a gap: the lowest frequency of the last of them."""
-        return min(point.frequencies_hz[-1] for point in self.points)
-
-    @property
-    def where_gaps_are_known(self) -> str:
-        """Where a complete gap would have been found."""
-        lowest = min(self.points, key=lambda point: point.frequencies_hz[-1])
-        end = quantity.frequency(self.known_to_hz, next(iter(lowest.error[-1:]), None))
-        return f"along the path up to {end}, where the lowest {len(lowest.frequencies_hz)} bands end"
-
-    @property
-    def bending_at_m_hz(self) -> list[float]:
-        """The pillars' two bending bands where they meet M; [] on a path without M."""
-        return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
-
-    @property
-    def bending_errors(self) -> list[float | None]:
-        """Relative half-widths of the bars of bending_at_m_hz."""
-        known = next((point.error[:2] for point in self.points if point.label == "M"), [])
-        return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
-
-    @property
-    def bending_texts(self) -> list[str]:
-        """bending_at_m_hz with the digits that their bars allow."""
-        return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
-
-    @property
-    def labelled(self) -> dict[str, BandPoint]:
-        """Points by their label, the last one of each."""
-        return {point.label: point for point in self.points if point.label}
 
 
 class WaveRecord(Part):
@@ -825,61 +721,6 @@ class TravelRecord(Part):
         return max(zip(self.flow_W, errors, strict=True), key=lambda pair: abs(pair[0]))
 
 
-class DrivenZone(Part):
-    """One zone driven at its own peak: rms of u_z of every zone, and their levels over the driven zone's, dB.
-
-    passive_db: the same of the passive face, None without one; mac: of the driven zone with the wanted shape;
-    over_rms_m_per_V: (zones, n) over the record's frequencies. peak_error is relative, the other errors have the unit of their
-    figure.
-    """
-
-    centre_m: float
-    drivers: list[int]
-    peak_hz: float
-    rms_m_per_V: list[float]
-    level_db: list[float]
-    passive_db: float | None
-    over_rms_m_per_V: list[list[float]]
-    mac: float | None = None
-    over_rms_error_m_per_V: list[list[float | None]] | None = None
-    peak_error: float | None = None
-    rms_error_m_per_V: list[float | None] | None = None
-    level_error_db: list[float | None] | None = None
-    passive_error_db: float | None = None
-    mac_error: float | None = None
-
-
-class CrosstalkRecord(Part):
-    """Zones on one plate, each driven in turn with the others' patches held at 0 V."""
-
-    model: str
-    dof: int
-    shared_rows: int
-    gap_m: float
-    frequency_hz: list[float]
-    zones: list[DrivenZone]
-
-    @property
-    def worst_db(self) -> float | None:
-        """The largest level of a zone while another is driven; None with one zone."""
-        return self._worst[0]
-
-    @property
-    def worst_error_db(self) -> float | None:
-        """Half-width of its bar, dB; None without an estimate."""
-        return self._worst[1]
-
-    @property
-    def _worst(self) -> tuple[float | None, float | None]:
-        others = [
-            (level, zone.level_error_db[j] if zone.level_error_db else None)
-            for i, zone in enumerate(self.zones)
-            for j, level in enumerate(zone.level_db)
-            if i != j
-        ]
-        return max(others, default=(None, None), key=lambda pair: pair[0] or 0.0)
-
-
 class LoadedModeRecord(Part):
     """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1.
 
@@ -1210,7 +1051,7 @@ class PlanRecord(Open):
     steps: list[PlanStep]
 
 
-class Record(Part):
+class Record(Checked):
     """A case: how it ended, what it stems from, and what its measures found (None: not measured).
 
     `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
@@ -1232,7 +1073,6 @@ class Record(Part):
     meshes: list[MeshRecord] = []
     modes: ModesRecord | None = None
     shapes: ShapesRecord | None = None
-    bands: BandsRecord | None = None
     attenuation: AttenuationRecord | None = None
     broadband: BroadbandRecord | None = None
     prediction: PredictionRecord | None = None
@@ -1243,28 +1083,55 @@ class Record(Part):
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
-    crosstalk: CrosstalkRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
     zone_modes: ModesRecord | None = None
     pillar_modes: ModesRecord | None = None
     geometry: GeometryRecord | None = None
     tet_modes: TetModesRecord | None = None
-    tet_bands: BandsRecord | None = None
+    answers: dict[str, Any] = {}
     other: dict[str, Any] = {}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_answers(cls, given: Any) -> Any:
+        """Answers to questions stand beside the other parts, each by its question's name."""
+        if not isinstance(given, Mapping):
+            return given
+        known = {key: value for key, value in given.items() if key not in cls.model_fields and key != "schema"}
+        answers = {key: answer_of(key, value) for key, value in known.items() if kind_of(key)}
+        rest = {key: value for key, value in given.items() if key not in answers}
+        return rest | ({"answers": {**given.get("answers", {}), **answers}} if answers else {})
 
     @classmethod
     def of_case(cls, result: Mapping[str, Any], **head: Any) -> Record:
         """The record of what measures found by name; what has no field of its own goes to `other`."""
-        own = {key: value for key, value in result.items() if key in cls.model_fields}
+        own = {key: value for key, value in result.items() if key in cls.model_fields or isinstance(value, part.Part)}
         other = {key: value for key, value in result.items() if key not in own}
         return cls.model_validate({**own, **({"other": {**own.get("other", {}), **other}} if other else {}), **head})
 
     def to_dict(self) -> dict[str, Any]:
         """What record.json holds: nothing where nothing was measured."""
         head = {"schema": self.schema_version}
-        fields = self.model_dump(exclude_unset=True, exclude={"schema_version"})
-        return head | {key: value for key, value in fields.items() if value is not None}
+        fields = self.model_dump(exclude_unset=True, exclude={"schema_version", "answers"})
+        answers = {name: answer.values() for name, answer in self.answers.items()}
+        return head | {key: value for key, value in fields.items() if value is not None} | answers
+
+    def with_parts(self, **parts: Any) -> Record:
+        """The record with other parts and answers, by name; without those that are None."""
+        own = {name: value for name, value in parts.items() if name in type(self).model_fields}
+        answers = {**self.answers, **{name: value for name, value in parts.items() if name not in own}}
+        kept = {name: answer for name, answer in answers.items() if answer is not None}
+        return self.model_copy(update={"answers": kept, **own})
+
+    def held(self, name: str) -> Any:
+        """A part or an answer by its name; None where there is none."""
+        return self.answers.get(name, getattr(self, name, None))
+
+    def of(self, kind: type[R]) -> R | None:
+        """The answer to the question of a kind of result; None where it was not asked."""
+        answer: R | None = self.answers.get(kind.question)
+        return answer
 
     @property
     def answered(self) -> bool:
@@ -1322,6 +1189,23 @@ class Record(Part):
     def mesh(self, what: str, kind: str) -> MeshRecord | None:
         """The first mesh of a body and a kind."""
         return next((mesh for mesh in self.meshes if (mesh.what, mesh.kind) == (what, kind)), None)
+
+
+def kind_of(name: str) -> type[part.Part] | None:
+    """The kind of result that a part of a record holds; None where it is no answer to a question.
+
+    Questions know records, not the other way round: they are found when a record is read.
+    """
+    question = import_module("pipeline.questions").registered().get(name.removeprefix(BY_TETRAHEDRA))
+    kind: type[part.Part] | None = question.result if question else None
+    return kind
+
+
+def answer_of(name: str, given: Any) -> part.Part:
+    """An answer as it was computed, or read from what `to_dict` wrote of it."""
+    kind = kind_of(name)
+    assert kind
+    return given if isinstance(given, part.Part) else kind.from_dict(given)
 
 
 def read(folder: Path) -> Record:

@@ -63,7 +63,7 @@ class StoredCase:
     @property
     def has_cross_check(self) -> bool:
         """Whether the case measured what others of its plate or its unit cell may show."""
-        return any(getattr(self.record, key) for key in (*SAME_PLATE, *SAME_CELL)) or any(
+        return any(self.record.held(key) for key in (*SAME_PLATE, *SAME_CELL)) or any(
             mesh.kind == "tet" for mesh in self.record.meshes
         )
 
@@ -125,24 +125,24 @@ class StoredStudy:
     def with_cross_checks(self, case: StoredCase) -> StoredCase:
         """A case completed by what a study computes once: cross-checks of the same plate or the same unit cell."""
         own = case.record
-        if own.design is None or not (own.wanted or own.bands):
+        if own.design is None or not (own.wanted or own.held("bands")):
             return case
         plates, cells = (
             [other for other in group if other.case_id != case.case_id]
             for group in (self._by_plate.get(own.design.key, []), self._by_cell.get(repr(own.design.cell), []))
         )
         borrowed = {
-            key: getattr(other.record, key)
+            key: other.record.held(key)
             for keys, siblings in ((SAME_CELL, cells), (SAME_PLATE, plates))
             for other in siblings
             for key in keys
-            if getattr(other.record, key) and not getattr(own, key)
+            if other.record.held(key) and not own.held(key)
         }
-        folders = tuple(other.folder for other in plates if other.record.tet_modes or other.record.tet_bands)
+        folders = tuple(other.folder for other in plates if other.record.tet_modes or other.record.held("tet_bands"))
         meshes = (next(filter(None, (other.record.mesh(what, "tet") for other in stored)), None)
                   for stored, what in ((plates, "plate"), (cells, "cell")))  # fmt: skip
         borrowed["meshes"] = [*own.meshes, *filter(None, meshes)]
-        return replace(case, record=own.model_copy(update=borrowed), siblings=folders)
+        return replace(case, record=own.with_parts(**borrowed), siblings=folders)
 
 
 def _grouped(cases: Iterable[StoredCase], key: Callable[[DesignRecord], str]) -> dict[str, list[StoredCase]]:

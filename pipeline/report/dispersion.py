@@ -10,10 +10,9 @@ import numpy as np
 
 from geometry.decimate import coarse
 from pipeline import quantity
-from pipeline.plots.bands import PILLAR, POLARISATIONS, path_length
 from pipeline.plots.plate import skin_faces
+from pipeline.questions.bands import MARKS, PILLAR, BandPoint, BandsResult
 from pipeline.records.fingerprint import canonical_json
-from pipeline.records.record import BandPoint, BandsRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label
 from pipeline.report.mode_shapes import Gallery
@@ -23,19 +22,20 @@ MAX_WITH_SHAPES = 3
 MAX_POINTS = 1200
 TILES = 2  # cells shown along each axis, so that the phase from cell to cell is seen
 SPREAD = 0.12  # of the cell's height: the largest displacement as first drawn
-KINDS = tuple(POLARISATIONS)
+KINDS = tuple(MARKS)
 
 
 def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     """What the page's diagram is drawn from: {"cells", "bodies", "shapes"}; the best case's cell first."""
     groups: dict[str, list[StoredCase]] = {}
     for case in sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id):
-        if case.record.bands and case.record.bands.points:
-            groups.setdefault(same_bands(case.record.bands), []).append(case)
+        bands = case.record.of(BandsResult)
+        if bands and bands.points:
+            groups.setdefault(same_bands(bands), []).append(case)
     gallery = Gallery()
     cells: list[dict[str, Any]] = []
     for members in list(groups.values())[:MAX_CELLS]:
-        bands = members[0].record.bands
+        bands = members[0].record.of(BandsResult)
         assert bands
         cell = _cell(members, bands, best)
         if sum("shapes" in other for other in cells) < MAX_WITH_SHAPES:
@@ -44,20 +44,20 @@ def diagrams(study: StoredStudy, best: StoredCase | None) -> dict[str, Any]:
     return {"cells": cells, "left": max(0, len(groups) - MAX_CELLS), **vars(gallery)}
 
 
-def same_bands(bands: BandsRecord) -> str:
+def same_bands(bands: BandsResult) -> str:
     """What cases with the same bands, which show one diagram, have in common."""
     visible = [[p.kx_per_m, p.ky_per_m, p.frequencies_hz] for p in bands.points]
     return hashlib.sha256(canonical_json(visible).encode()).hexdigest()
 
 
-def _cell(members: list[StoredCase], bands: BandsRecord, best: StoredCase | None) -> dict[str, Any]:
+def _cell(members: list[StoredCase], bands: BandsResult, best: StoredCase | None) -> dict[str, Any]:
     """One diagram: path, bands, labels of the waves where they are stored, gaps, the wanted mode's frequency."""
     points = bands.points
     visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
     wanted = visible.record.wanted
     return {
         "name": _name(members),
-        "arc": [_short(s) for s in path_length(points)],
+        "arc": [_short(s) for s in bands.distance_per_m],
         "labels": [point.label for point in points],
         "k": [[_short(point.kx_per_m), _short(point.ky_per_m)] for point in points],
         "hz": [[_short(f) for f in point.frequencies_hz] for point in points],
@@ -118,9 +118,10 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
     points = np.asarray(arrays["bands_points"], dtype=float)
     kept, small = coarse(points, facets, MAX_POINTS)
     body = gallery.add_body(points[kept], small, SPREAD * float(np.ptp(points[:, 2])))
-    assert case.record.design and case.record.bands
+    bands = case.record.of(BandsResult)
+    assert case.record.design and bands
     pitch = np.array([case.record.design.pitch_x_m, case.record.design.pitch_y_m])
-    marked = case.record.bands.labelled
+    marked = bands.labelled
     places: dict[str, list[int]] = {}
     for label, waves in zip(arrays["bands_labels"].tolist(), arrays["bands_u"].astype(float), strict=True):
         point = marked[label]

@@ -14,6 +14,7 @@ from typing import Any
 from pipeline import quantity
 from pipeline.measures import registry
 from pipeline.plots import style
+from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import dispersion, explorer, gallery, mode_shapes, text
@@ -236,14 +237,20 @@ def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[st
     if best not in cases:
         return {}
     left_out: dict[str, tuple[str, ...]] = {}
-    drawn = {dispersion.same_bands(best.record.bands)} if best.record.bands else set()
+    drawn = _cells_of(best)
     for case in cases:
         if not case.sweep or case is best:
             continue
-        own = {dispersion.same_bands(case.record.bands)} if case.record.bands else set()
+        own = _cells_of(case)
         left_out[case.case_id] = gallery.OF_THE_BEST + (gallery.OF_A_CELL if own & drawn else ())
         drawn |= own
     return left_out
+
+
+def _cells_of(case: StoredCase) -> set[str]:
+    """The unit cell whose bands a case has, none where it has none."""
+    bands = case.record.of(BandsResult)
+    return {dispersion.same_bands(bands)} if bands else set()
 
 
 def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
@@ -303,7 +310,7 @@ def _shown(
     by_case: dict[str, dict[str, EmbeddedFigure]] = {}
     cells: set[tuple[str, str]] = set()
     for case, name in in_order:
-        mark = (name, dispersion.same_bands(case.record.bands) if case.record.bands else case.case_id)
+        mark = (name, next(iter(_cells_of(case)), case.case_id))
         picture = drawn.get(case.case_id, {}).get(name)
         if picture is None or (name in gallery.OF_A_CELL and mark in cells):
             continue

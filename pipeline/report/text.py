@@ -14,6 +14,7 @@ from pipeline import quantity
 from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
 from pipeline.paths import RESULTS, ROOT, STUDIES
+from pipeline.questions.bands import BandsResult
 from pipeline.records.record import ModeRecord, Record, WantedMode
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
@@ -159,7 +160,8 @@ def _like(study: StoredStudy, best: StoredCase) -> list[StoredCase]:
 
 
 def _gap_card(study: StoredStudy, best: StoredCase) -> Card | None:
-    gap = best.record.bands.widest_gap if best.record.bands else None
+    bands = best.record.of(BandsResult)
+    gap = bands.widest_gap if bands else None
     if not gap:
         return None
     ends = gap.lower_hz, gap.upper_hz, gap.lower_error, gap.upper_error
@@ -326,7 +328,7 @@ def sentences(study: StoredStudy) -> list[str]:
     elif result:
         said.append(_confinement_sentence(result[0].record))
     best = best_case(study)
-    bands = best.record.bands if best else None
+    bands = best.record.of(BandsResult) if best else None
     if best and bands and bands.bending_at_m_hz:
         tones = " and ".join(dict.fromkeys(map(khz, bands.bending_at_m_hz, bands.bending_errors)))
         whose = f" of plate {best.case_id}" if len(plates(study)) > 1 else ""
@@ -360,9 +362,9 @@ def _difference(thesis: float | str, ours: float | str) -> str:
 
 def band_difference(record: Record) -> float | None:
     """Largest relative difference between the two meshes' bands at the wavevectors that both have; zero modes left out."""
-    ours = record.bands.labelled if record.bands else {}
-    worst = None
-    for point in record.tet_bands.points if record.tet_bands else []:
+    bands, tetrahedra = record.of(BandsResult), record.answers.get("tet_bands")
+    ours, worst = bands.labelled if bands else {}, None
+    for point in tetrahedra.points if tetrahedra else []:
         pair = ours[point.label].frequencies_hz if point.label in ours else []
         for one, two in zip(pair, point.frequencies_hz, strict=False):
             if one > 1e-3 * pair[-1]:

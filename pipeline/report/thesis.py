@@ -10,6 +10,7 @@ from typing import Any
 
 from pipeline.paths import REFERENCE
 from pipeline.quantity import Unit, frequency_figure, level
+from pipeline.questions.bands import BandsResult
 from pipeline.records.record import DesignRecord, Record
 from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
@@ -75,7 +76,7 @@ def confinement_words(mode_db: float | None, driven_db: float | None, error_db: 
 
 def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]:
     """A figure in Hz, or the verdict, and the half-width of its bar, relative."""
-    wanted, bands, zone, pillar = record.wanted, record.bands, record.zone_modes, record.pillar_modes
+    wanted, bands, zone, pillar = record.wanted, record.of(BandsResult), record.zone_modes, record.pillar_modes
     gap = bands.gaps[0] if bands and bands.gaps else None
     peak = record.response.wanted_peak if record.response else None
     sizes = record.predesign.zone if record.predesign else None

@@ -214,11 +214,13 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.driven import crosstalk
+    from pipeline.questions.crosstalk import Crosstalk
+    from pipeline.questions.question import ask
 
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    record = crosstalk.solve(case, log, band_hz, PEAKS)
+    band_kHz = None if band_hz is None else (band_hz[0] / KHZ, band_hz[1] / KHZ)
+    record = ask(case, Crosstalk(band_kHz, points=PEAKS), log)
     zones = record.zones
     confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
     return FidelityResult(

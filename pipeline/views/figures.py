@@ -11,16 +11,13 @@ import numpy as np
 
 from geometry.files import written_whole
 from pipeline.plots import attenuation as of_rows
-from pipeline.plots import bands as of_bands
 from pipeline.plots import response as of_response
 from pipeline.plots import style
 from pipeline.plots import touch as of_touch
 from pipeline.records.reading import named
 from pipeline.records.record import (
     AttenuationRecord,
-    BandsRecord,
     BroadbandRecord,
-    CrosstalkRecord,
     HybridRecord,
     Part,
     ResponseRecord,
@@ -59,13 +56,6 @@ def save(figure: Any, place: Path) -> None:
     """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
-
-
-def bands(ax: Any, document: Document) -> None:
-    """Dispersion diagram, gaps shaded."""
-    of_bands.draw_bands(ax, _read(BandsRecord, document))
-    if len(ax.get_legend_handles_labels()[1]) > 1:
-        ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=of_bands.MAX_COLUMNS)
 
 
 def modes(ax: Any, document: Document) -> None:
@@ -134,11 +124,6 @@ def travel(ax: Any, document: Document) -> None:
     of_response.draw_wave(ax, _read(TravelRecord, document))
 
 
-def crosstalk(ax: Any, document: Document) -> None:
-    """Level of every zone while each of them is driven, dB."""
-    of_response.draw_crosstalk(ax, _read(CrosstalkRecord, document))
-
-
 def differences(ax: Any, rows: list[Document]) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -148,28 +133,10 @@ def differences(ax: Any, rows: list[Document]) -> None:
     ax.set(xlabel="B over A, %")
 
 
-def overlaid(ax: Any, named: dict[str, Document]) -> None:
-    """Bands of several cells over one path, its corners at the same places whatever their pitch; gaps shaded."""
-    for (name, document), colour in zip(named.items(), style.CYCLE, strict=False):
-        record = _read(BandsRecord, document)
-        corners = [place for place, point in enumerate(record.points) if point.label]
-        along = np.interp(np.arange(len(record.points)), corners, np.arange(len(corners)))
-        values = np.array([point.frequencies_hz for point in record.points]) / KHZ
-        ax.plot(along, values, color=colour, lw=1.0)[0].set_label(name)
-        for gap in record.gaps:
-            ax.axhspan(gap.lower_hz / KHZ, gap.upper_hz / KHZ, color=colour, alpha=0.15, lw=0)
-        labels = [of_bands.NAMES.get(label, label) for point in record.points if (label := point.label)]
-        ax.set_xticks(range(len(labels)), labels)
-    ax.grid(True, axis="x")
-    ax.set(xlabel="wavevector along the path", ylabel="frequency (kHz)", ylim=(0.0, None))
-    ax.legend(fontsize=7)
-
-
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
     for each in (
         modes,
-        bands,
         attenuation,
         broadband,
         response,
@@ -178,6 +145,5 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
         touch,
         hybrid,
         travel,
-        crosstalk,
     )
 }

@@ -14,18 +14,6 @@ def modes(document: Document) -> Rows:
     return [dict(mode) for mode in document["modes"]]
 
 
-def bands(document: Document) -> Rows:
-    """One row a wavevector and band."""
-    return [
-        {key: point[key] for key in ("label", "kx_per_m", "ky_per_m")}
-        | {"band": band, "frequency_hz": frequency, "computed_hz": computed, "error": error}
-        for point in document["points"]
-        for band, (frequency, computed, error) in enumerate(
-            zip(point["frequencies_hz"], point["computed_hz"], point["error"], strict=True), 1
-        )
-    ]
-
-
 def attenuation(document: Document) -> Rows:
     """One row a frequency."""
     return [{key: point.get(key) for key in ("frequency_hz", "db_per_row", "db_error")} for point in document["points"]]
@@ -102,25 +90,6 @@ def travel(document: Document) -> Rows:
     return [{"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im))} for x, (re, im) in places]
 
 
-def crosstalk(document: Document) -> Rows:
-    """One row a driven zone and a measured one, counted from 1 at the lowest y."""
-    return [
-        {"driven": driven, "measured": measured, "peak_hz": zone["peak_hz"], "peak_error": zone.get("peak_error")}
-        | {"rms_m_per_V": rms, "rms_error_m_per_V": rms_error, "level_db": level, "level_error_db": level_error}
-        for driven, zone in enumerate(document["zones"], start=1)
-        for measured, (rms, level, rms_error, level_error) in enumerate(
-            zip(
-                zone["rms_m_per_V"],
-                zone["level_db"],
-                zone.get("rms_error_m_per_V") or [None] * len(zone["level_db"]),
-                zone.get("level_error_db") or [None] * len(zone["level_db"]),
-                strict=True,
-            ),
-            start=1,
-        )
-    ]
-
-
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -135,7 +104,6 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
         modes,
-        bands,
         attenuation,
         broadband,
         response,
@@ -144,7 +112,6 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
         touch,
         hybrid,
         travel,
-        crosstalk,
         search,
     )
 }

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
+from solvers.driven.curve_bars import Doubts, changes, half_widths, in_parts, with_peak
+from solvers.driven.forms import forms
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.driven_zones import peak_hz, zone_parts
+from solvers.measures.levels import ratio_db
 from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.plate import WHOLE
@@ -107,3 +111,67 @@ def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
         own = [i for i in forced.drivers if abs(local[i, 1]) < design.width_m / 2.0]
         volts[zone, own] = np.where(wanted_shape(design, local[own]) < 0.0, -1.0, 1.0)
     return volts
+
+
+def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray, known: Doubts | None) -> FloatArray:
+    """Half-widths of the error bars of every zone's rms while each is driven.
+
+    Parameters
+    ----------
+    zones : Zones
+        The zones of a driven plate.
+    volts : ndarray, shape (driven, patches)
+        Voltages that drive one zone each.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies in Hz.
+    known : Doubts or None
+        What the plate's resonances and loads may be off by.
+
+    Returns
+    -------
+    ndarray, shape (driven, zones, n)
+        In m/V; NaN without an estimate.
+    """
+    forced, count = zones.forced, zones.forced.design.zones
+    if known is None:
+        return np.full((len(volts), count, len(frequency_hz)), np.nan)
+
+    def bars(part: FloatArray) -> FloatArray:
+        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(part)
+        out = []
+        for fed in volts[:, forced.drivers]:
+            each = np.broadcast_to(fed.astype(complex), (len(part), len(fed)))
+            alone = own.fed(each)
+            out.append(half_widths(_rms(alone.squares), changes(known, own, at, each), [alone], _rms))
+        return np.array(out)
+
+    return in_parts(bars, frequency_hz)
+
+
+def _rms(squares: ComplexArray) -> FloatArray:
+    """Of one voltage's forms (k, ..., 1, 1)."""
+    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
+
+
+def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
+    """Half-widths of the error bars of what one driven zone shows at its peak, by the names of its figures.
+
+    `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
+    """
+    forced, count = zones.forced, zones.forced.design.zones
+    parts = count + zones.has_passive
+    grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
+
+    def figures(squares: ComplexArray) -> FloatArray:
+        rms = _rms(squares)
+        return np.concatenate([rms[:-1], ratio_db(rms[:-1], rms[zone]), rms[-1:] ** 2 / rms[zone] ** 2])
+
+    half = np.full(2 * parts + 1, np.nan)
+    if known is not None:
+        half = with_peak(known, forced, grams, peak_hz, fed[forced.drivers].astype(complex), figures)
+    return {
+        "rms_error_m_per_V": half[:count],
+        "level_error_db": half[parts : parts + count],
+        "passive_error_db": float(half[parts + count]) if zones.has_passive else None,
+        "mac_error": float(half[-1]),
+    }

@@ -19,6 +19,7 @@ from pipeline.paths import ROOT
 from pipeline.planning import plan
 from pipeline.planning.request import Request
 from pipeline.planning.resources import GIB, Demand
+from pipeline.questions.bands import Bands
 
 MEASURED = """import sys, time
 from pipeline.batch import peak_memory
@@ -116,7 +117,7 @@ def foreseen(name: str) -> Demand:
         ROOT / path, [value for word, value in zip(words[::2], words[1::2], strict=True) if word == "--set"]
     )
     if command == "bands":
-        planned = plan.of_bands(case)
+        planned = Bands().plan(case)
     else:
         near, band, count = given.get("--near"), given.get("--band"), given.get("--count")
         request = Request(

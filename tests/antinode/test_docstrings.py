@@ -14,17 +14,21 @@ import pytest
 import antinode
 from pipeline.models import parametric
 from pipeline.models.parametric import CellModel
+from pipeline.questions import registered
 from tests.helpers.exploring import small_explorer
 
 ROOT = Path(__file__).resolve().parents[2]
-HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps", "frames")),
-         "pipeline.errors", "solvers.errors"]  # fmt: skip
+QUESTIONS = sorted(registered())
+HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps")),
+         *(f"pipeline.questions.{name}" for name in QUESTIONS),
+         "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
-COMPUTATIONS = [name for name, each in vars(antinode.Plate).items() if inspect.isfunction(each) and name[0] != "_"]
+COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("response", "tolerance", "touch", "hybrid", "travel", "crosstalk", "explore")),
+      for name in ("response", "tolerance", "touch", "hybrid", "travel", "explore")),
+    "pipeline.questions.crosstalk.Crosstalk",
 }  # fmt: skip
 
 

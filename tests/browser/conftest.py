@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import pytest
 
 from pipeline.measures import registry
 from pipeline.plots import rendering
+from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.report import page
 from tests.helpers import synthetic
@@ -101,20 +102,21 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def put_waves(case: Path) -> None:
     """Polarisations of every wave and shapes at the labelled wavevectors, as the present version stores them."""
-    record, arrays = synthetic.record_of(case), store.load_arrays(case)
+    bands, arrays = synthetic.record_of(case).of(BandsResult), store.load_arrays(case)
+    assert bands
     names = ("flexural", "shear", "longitudinal")
     text = []
-    for number, point in enumerate(record.bands.points):
+    for number, point in enumerate(bands.points):
         count = len(point.frequencies_hz)
         plain = [names[band % 3] for band in range(count)]
         speeds = [None if number == 0 and band < 3 else (30.0 * band, 40.0 * band) for band in range(count)]
         whole = ["pillar" if band in (3, 4) else plain[band] for band in range(count)]
         waves = {"plate_polarisation": plain, "polarisation": whole, "group_velocity_m_s": speeds}
-        text.append(point.model_copy(update=waves))
+        text.append(replace(point, **waves))
     points, quads = synthetic.box(np.array([-2e-3, -2e-3, 0.0]), np.array([2e-3, 2e-3, 2e-3]), (4, 4, 2))
     shapes = np.zeros((3, 8, 2, len(points), 3), dtype=np.float16)
     for band in range(8):
         shapes[:, band, 0, :, 2] = np.cos((band + 1) * 400.0 * points[:, 0])
     waves = {"bands_points": points.astype(np.float32), "bands_quads": quads.astype(np.int32)}
     store.save_arrays(case, {**arrays, **waves, "bands_labels": np.array(["G", "X", "M"]), "bands_u": shapes})
-    synthetic.change(case, bands=record.bands.model_copy(update={"points": text}))
+    synthetic.change(case, bands=replace(bands, points=text))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 FIELDS = Path(__file__).resolve().parents[2] / "docs" / "site" / "fields.toml"
-EVERY = {"schema", "case", "with_defaults", "version", "seconds"}
+EVERY = {"schema", "case", "with_defaults", "version", "seconds", "kind", "options", "warnings"}
 
 
 @cache

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
     AttenuationPoint,
     AttenuationRecord,
-    BandPoint,
-    BandsRecord,
     BoardRecord,
     CountRecord,
     DesignRecord,
-    GapRecord,
     GeometryRecord,
     MeshRecord,
     ModeRecord,
@@ -167,7 +166,7 @@ def shapes(shape: DesignRecord, level_db: float) -> dict[str, np.ndarray]:
     }
 
 
-def bands(pitch: float, points: int = 25) -> BandsRecord:
+def bands(pitch: float, points: int = 25) -> BandsResult:
     """A dispersion diagram of ten made-up bands with a gap between the sixth and the seventh."""
     corner = np.pi / pitch
     stops = [("G", 0.0, 0.0), ("X", corner, 0.0), ("M", corner, corner), ("G", 0.0, 0.0)]
@@ -194,17 +193,17 @@ def bands(pitch: float, points: int = 25) -> BandsRecord:
                 error=[0.003] * len(tones),
             )
         )
-    gap = GapRecord(lower_band=6, upper_band=7, lower_hz=163100.0, upper_hz=175840.0)
-    return BandsRecord(model="solid", dof=20000, points=out, gaps=[gap])
+    gap = Gap(lower_band=6, upper_band=7, lower_hz=163100.0, upper_hz=175840.0)
+    return BandsResult(model="solid", dof=20000, points=out, gaps=[gap])
 
 
-def tet_bands(ours: BandsRecord) -> BandsRecord:
+def tet_bands(ours: BandsResult) -> BandsResult:
     """The labelled points by another mesh, 0.3 % higher."""
     points = [
-        point.model_copy(update={"frequencies_hz": [f * 1.003 for f in point.frequencies_hz]})
+        replace(point, frequencies_hz=[f * 1.003 for f in point.frequencies_hz])
         for point in [point for point in ours.points if point.label][:3]
     ]
-    return BandsRecord(model="solid", dof=30000, points=points, gaps=[])
+    return BandsResult(model="solid", dof=30000, points=points, gaps=[])
 
 
 def attenuation(rows: int) -> AttenuationRecord:
@@ -397,7 +396,7 @@ def put_failure(study: Path, case_id: str, sweep: dict) -> dict:
 
 def change(folder: Path, **sections: Any) -> None:
     """Store a case's record with other parts."""
-    store.seal(folder, record_of(folder).model_copy(update=sections).to_dict())
+    store.seal(folder, record_of(folder).with_parts(**sections).to_dict())
 
 
 def record_of(folder: Path) -> Record:

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
+from pipeline.questions.crosstalk import CrosstalkResult, DrivenZone
 from pipeline.records.record import (
-    CrosstalkRecord,
-    DrivenZone,
     PillarRecord,
     TipRecord,
     TouchRecord,
@@ -150,11 +149,10 @@ def test_shifted_rows_stand_beside_rows_in_line_with_the_gap_of_their_own_lattic
     plate = design(3, 5e-3, 0.025)
     shifted = plate.model_copy(update={"staggered": True})
     gaps = [SimpleNamespace(lower_hz=158.4e3, upper_hz=170.2e3)], []
+    bands = [SimpleNamespace(gaps=own, known_to_hz=110e3) for own in gaps]
     records = [
-        SimpleNamespace(
-            design=each, wanted=None, confinement_db=None, bands=SimpleNamespace(gaps=own, known_to_hz=110e3)
-        )
-        for each, own in zip((plate, shifted), gaps, strict=True)
+        SimpleNamespace(design=each, wanted=None, confinement_db=None, of=lambda kind, own=own: own)
+        for each, own in zip((plate, shifted), bands, strict=True)
     ]
     rows = [reproduction._of_staggered(record) for record in records]  # type: ignore[arg-type]
     assert rows[0] == ("3", "in line", "158.4 to 170.2 kHz", "none", "none")
@@ -172,13 +170,14 @@ def test_a_wish_stands_on_the_page_once_its_study_is_stored(tmp_path: Path, monk
         return DrivenZone(**own, level_db=[0.0, level], passive_db=None)
 
     def record(rows: int, level: float) -> SimpleNamespace:
-        crosstalk = CrosstalkRecord(
+        crosstalk = CrosstalkResult(
             model="", dof=1, shared_rows=rows, gap_m=rows * 4e-3, frequency_hz=[], zones=[zone(level)]
         )
-        return SimpleNamespace(crosstalk=crosstalk)
+        return SimpleNamespace(of=lambda kind: crosstalk)
 
     cases = [
-        SimpleNamespace(record=each) for each in (record(2, -3.0), SimpleNamespace(crosstalk=None), record(6, -21.0))
+        SimpleNamespace(record=each)
+        for each in (record(2, -3.0), SimpleNamespace(of=lambda kind: None), record(6, -21.0))
     ]
     monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
     zones = next(wish for wish in reproduction.WISHES if wish.study == "zones")

@@ -10,13 +10,15 @@ import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 import pytest
 import tomli_w
 
 from pipeline.cli.main import main
 from pipeline.planning import mesh_rules
+from pipeline.questions import registered
+from pipeline.records import part
 from pipeline.records import record as records
 from pipeline.records.record import Part
 from solvers.piezo import patch as piezo_patch
@@ -25,8 +27,8 @@ from tests.helpers.coarse_cells import COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
-    "ModesRecord", "BandsRecord", "AttenuationRecord", "BroadbandRecord", "ResponseRecord", "HybridRecord", "TravelRecord",
-    "CrosstalkRecord", "TouchRecord", "PredictionRecord",
+    "ModesRecord", "AttenuationRecord", "BroadbandRecord", "ResponseRecord", "HybridRecord", "TravelRecord",
+    "TouchRecord", "PredictionRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")
 GIVEN, OTHERWISE = "asked for", "its bar stands under another name"
@@ -35,7 +37,6 @@ EXACT = {
     "BroadbandPoint.frequency_hz": GIVEN,
     "ResponseRecord.frequency_hz": GIVEN,
     "HybridRecord.frequency_hz": GIVEN,
-    "CrosstalkRecord.frequency_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,
     "WantedRecord.window_hz": GIVEN,
@@ -74,6 +75,20 @@ def parts(kind: type[Part], known: list[type[Part]]) -> list[type[Part]]:
     return known
 
 
+def answers(kind: type[part.Part], known: list[type[part.Part]]) -> list[type[part.Part]]:
+    """The class of an answer to a question and those of all its parts."""
+    if kind not in known:
+        known.append(kind)
+        hints = get_type_hints(kind)
+        waiting: list[Any] = [hints[name] for name in kind.declared]
+        while waiting:
+            held = waiting.pop()
+            if isinstance(held, type) and issubclass(held, part.Part):
+                answers(held, known)
+            waiting += get_args(held)
+    return known
+
+
 def bar_of(name: str, fields: Any) -> str | None:
     """The field of a figure's bar among those of its record."""
     unit = FIGURE.search(name)
@@ -97,6 +112,11 @@ def test_every_frequency_and_level_has_the_field_of_a_bar() -> None:
         for kind in classes
         for name in figures(kind.model_fields)
     }
+    for question in registered().values():
+        for kind in answers(question.result, []):
+            asked = {name: each for name, each in kind.declared.items() if each.along != (name,)}  # not an axis itself
+            seen |= {f"{kind.__name__}.{name}": asked[name].error or None for name in figures(asked)}
+            assert {each.error for each in asked.values() if each.error} <= asked.keys()
     assert len(seen) > 40
     assert {name for name, bar in seen.items() if bar is None} == EXACT.keys() | OPEN
 

@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 
 from pipeline.case.model import case_from_dict
-from pipeline.driven import crosstalk, hybrid
+from pipeline.driven import hybrid
 from pipeline.logs import TerminalLog
 from pipeline.planning import mesh_rules
-from pipeline.records.record import CrosstalkRecord, HybridRecord
+from pipeline.questions.crosstalk import CrosstalkResult
+from pipeline.records.record import HybridRecord
 from solvers.piezo import patch as piezo_patch
+from tests.helpers.asked import crosstalk_of
 from tests.helpers.coarse_cells import COARSE, COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
@@ -36,10 +38,10 @@ FOUR = {
 def both(raw: dict[str, Any], command: Any, patch: pytest.MonkeyPatch) -> tuple[Any, Any]:
     """The records of the case's own mesh and of a coarse one, patches and plate."""
     case = case_from_dict(raw)
-    fine = command.solve(case, QUIET, points=61)
+    fine = command(case, QUIET, points=61)
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSE)
     patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
-    return command.solve(case, QUIET, points=61), fine
+    return command(case, QUIET, points=61), fine
 
 
 def inside(coarse: Any, error: Any, fine: Any) -> np.ndarray:
@@ -49,7 +51,7 @@ def inside(coarse: Any, error: Any, fine: Any) -> np.ndarray:
 
 @pytest.mark.slow
 def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    records: tuple[CrosstalkRecord, CrosstalkRecord] = both(ZONES, crosstalk, monkeypatch)
+    records: tuple[CrosstalkResult, CrosstalkResult] = both(ZONES, crosstalk_of, monkeypatch)
     for coarse, fine in zip(*(record.zones for record in records), strict=True):
         assert inside(coarse.over_rms_m_per_V, coarse.over_rms_error_m_per_V, fine.over_rms_m_per_V).mean() >= 0.95
         assert abs(coarse.peak_hz / fine.peak_hz - 1.0) <= (coarse.peak_error or 0.0)
@@ -61,7 +63,7 @@ def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pyte
 @pytest.mark.slow
 def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the same tones; at the wanted mode's peak, which is elsewhere on the finer mesh, alike."""
-    records: tuple[HybridRecord, HybridRecord] = both(FOUR, hybrid, monkeypatch)
+    records: tuple[HybridRecord, HybridRecord] = both(FOUR, hybrid.solve, monkeypatch)
     names = ("confinement", "off", "rows_off")
     for coarse, fine in zip(*(record.methods for record in records), strict=True):
         for name in names:

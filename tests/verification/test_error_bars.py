@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis.bands import solve_bands
 from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
+from tests.helpers.asked import solve_bands
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"
 COARSE, FINE = (0.03, 0.01, 0.003), 0.0005

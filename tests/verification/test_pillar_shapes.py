@@ -14,7 +14,6 @@ from geometry.hex.split import split_hexahedra
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh
-from pipeline.analysis.bands import solve_bands
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
 from pipeline.paths import STUDIES
@@ -28,6 +27,7 @@ from solvers.superelement.lattice import Lattice
 from solvers.superelement.tiling import lattice_panel
 from solvers.waves.symmetry import Mirrors
 from tests.helpers import bodies
+from tests.helpers.asked import solve_bands
 
 ALUMINIUM = MATERIALS["aluminium"]
 CASE = STUDIES / "three-rows.toml"

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from pipeline.analysis.bands import solve_bands
 from pipeline.case.model import case_from_dict
+from tests.helpers.asked import solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 YOUNG, POISSON, DENSITY = 69e9, 0.33, 2700.0

@@ -11,7 +11,6 @@ import pytest
 from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.mesh import cell_volumes
 from pipeline.analysis.attenuation import solve
-from pipeline.analysis.bands import solve_bands
 from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
@@ -26,6 +25,7 @@ from solvers.superelement.build import Reductions
 from solvers.superelement.interface import Interface
 from solvers.superelement.tiling import tile
 from solvers.waves.supercell import Supercell, staggered_tiling
+from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars
 
 RAW: dict[str, Any] = {

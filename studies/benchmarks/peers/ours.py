@@ -7,11 +7,12 @@ import sys
 from typing import Any
 
 from geometry.hex.boxes import HexSettings, hex_mesh
-from pipeline.analysis.bands import solve_bands
 from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
+from pipeline.questions.bands import Bands
+from pipeline.questions.question import Run, ask
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from studies.benchmarks.peers.scene import KEPT, PARTS, boxes, seconds
@@ -31,8 +32,8 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
     own = PLATE if part == "plate" else ()
     case = load_case(STUDIES / "three-rows.toml", [f"solve.accuracy={task['settings']['accuracy']}", *own])
     if part == "cell":
-        bands = solve_bands(case, QUIET, every_gap=False)
-        at = [bands.path.labels.index(label) for label in "GXM"]
+        bands = ask(case, Bands(), Run(QUIET, detailed=False))
+        at = [bands.labels.index(label) for label in "GXM"]
         return {"frequencies_hz": bands.frequencies_hz[at].tolist(), "dofs": bands.dof, "seconds": seconds() - start}
     given = PARTS[part]
     if part == "plate":

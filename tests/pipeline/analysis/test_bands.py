@@ -11,23 +11,24 @@ import numpy as np
 import pytest
 
 from geometry.hex.boxes import HexSettings
-from pipeline.analysis import attenuation, bands
-from pipeline.analysis.bands import Bands, solve_bands
+from pipeline.analysis import attenuation
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.measures.attenuation import ATTENUATION
-from pipeline.measures.bands import BANDS
 from pipeline.measures.measure import Work
-from pipeline.models import unit_cell
+from pipeline.measures.registry import ASKED
+from pipeline.models import bands, unit_cell
+from pipeline.models.bands import SolvedBands
 from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
-from pipeline.plots import bands as plots_bands
 from pipeline.plots import style
-from pipeline.records.record import BandsRecord
+from pipeline.questions.bands import BandsResult
+from pipeline.report import dispersion_picture
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap
 from tests.helpers import coarse_cells, synthetic
+from tests.helpers.asked import bands_of, solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
@@ -43,7 +44,7 @@ def case(*settings: str) -> Case:
     return load_case(CASE, ["solve.accuracy=0.02", *settings])
 
 
-def solved(*settings: str) -> tuple[Bands, RecordingLog]:
+def solved(*settings: str) -> tuple[SolvedBands, RecordingLog]:
     log = RecordingLog()
     return solve_bands(case(*settings), log), log
 
@@ -51,7 +52,7 @@ def solved(*settings: str) -> tuple[Bands, RecordingLog]:
 def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: pytest.MonkeyPatch) -> None:
     coarse_cells.put_in(monkeypatch)  # a mesh that tells its own error
     result, log = solved("bands.points=6", "bands.count=8")
-    document = json.loads(json.dumps(result.record.to_dict(), allow_nan=False))
+    document = json.loads(json.dumps(BandsResult.of_solved(result).to_dict(), allow_nan=False))
     assert [p["label"] for p in document["points"] if p["label"]] == ["G", "X", "M", "G"] and len(
         document["points"]
     ) == 19
@@ -69,7 +70,7 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: 
     assert document["points"][0]["group_velocity_m_s"][:3] == [None] * 3
     assert document["points"][0]["plate_polarisation"][:3] == ["flexural", "shear", "longitudinal"]
     assert all(mark in ("yS", "yA") for mark in document["points"][3]["parity"])
-    assert "zone_gaps" not in document and "wavevectors off the path" in log.omitted
+    assert document["zone_gaps"] is None and "wavevectors off the path" in log.omitted
     assert document["reduction_error"] < 0.02 and "REDUCTION" not in log.warnings
     bars = np.array([point["error"] for point in document["points"]])
     assert result.by_mesh.max() == pytest.approx(document["expected_error"]) and np.ptp(result.by_mesh) > 0.0
@@ -108,9 +109,10 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
 
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
-    document = result.record.to_dict()
-    assert set(document["points"][0]) == {"label", "kx_per_m", "ky_per_m", "frequencies_hz", "computed_hz", "error"}
-    assert "reduction_error" not in document and "polarisation, branches and group velocity" in log.omitted
+    document = BandsResult.of_solved(result).to_dict()
+    known = {name for name, value in document["points"][0].items() if value is not None}
+    assert known == {"label", "kx_per_m", "ky_per_m", "frequencies_hz", "computed_hz", "error"}
+    assert document["reduction_error"] is None and "polarisation, branches and group velocity" in log.omitted
     reduced, _ = solved("bands.points=1", "bands.count=7")
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
 
@@ -204,15 +206,15 @@ def test_slow_pillars_keep_the_modes_that_the_bands_asked_for_need() -> None:
 
 
 @cache
-def made() -> BandsRecord:
+def made() -> BandsResult:
     log = RecordingLog()
-    return solve_bands(replace(case("bands.points=4", "bands.count=8")), log).record
+    return bands_of(replace(case("bands.points=4", "bands.count=8")), log)
 
 
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
     stored = synthetic.case("cell", bands=made(), design=synthetic.design(1, 4e-3, 5e-3))
     with style.style():
-        report_figure = plots_bands.dispersion(stored, {})
+        report_figure = dispersion_picture.dispersion(stored, {})
     assert report_figure
     axes = report_figure.figure.axes[0]
     marks = [line for line in axes.lines if line.get_marker() in ("o", "s", "^")]
@@ -234,8 +236,9 @@ def test_what_only_documents_tell_is_not_computed_for_a_study(monkeypatch: pytes
     monkeypatch.setattr(bands, "directional_gaps", refused)
     monkeypatch.setattr(attenuation, "lattice_model", refused)
     work = Work(scene, Path(), log)
-    BANDS.compute(work)
+    ASKED["bands"].compute(work)
     ATTENUATION.compute(work)
     record = work.record["bands"].to_dict()
-    assert record["points"][0]["plate_polarisation"] and not {"polarisation_gaps", "directional_gaps"} & set(record)
+    assert record["points"][0]["plate_polarisation"]
+    assert record["polarisation_gaps"] is None and record["directional_gaps"] is None
     assert work.record["attenuation"].model == record["model"]

@@ -7,23 +7,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis.bands import Bands, solve_bands
 from pipeline.case.model import load_case
+from pipeline.models.bands import SolvedBands
 from tests.helpers import coarse_cells
+from tests.helpers.asked import solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"
 
 
 @pytest.fixture(scope="module")
-def result() -> Bands:
+def result() -> SolvedBands:
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.put_in(patch, coarse_cells.COARSEST)
         case = load_case(CASE, ["solve.accuracy=0.05", "bands.points=2", "bands.count=6"])
         return solve_bands(case, RecordingLog(), shapes=True)
 
 
-def test_every_label_has_its_lowest_bands(result: Bands) -> None:
+def test_every_label_has_its_lowest_bands(result: SolvedBands) -> None:
     shapes = result.shapes
     assert shapes["bands_labels"].tolist() == ["G", "X", "M"]
     assert shapes["bands_u"].shape == (3, 6, 2, len(shapes["bands_points"]), 3)
@@ -32,14 +33,14 @@ def test_every_label_has_its_lowest_bands(result: Bands) -> None:
     np.testing.assert_allclose(size.max(axis=(2, 3)), 1.0, atol=2e-3)
 
 
-def test_the_waves_at_rest_are_translations(result: Bands) -> None:
+def test_the_waves_at_rest_are_translations(result: SolvedBands) -> None:
     """At k = 0 the three lowest waves move the whole cell as one."""
     u = result.shapes["bands_u"].astype(float)
     translations, moving = u[0, :3, 0], u[0, 3, 0]
     assert np.ptp(translations, axis=1).max() < 5e-3 and np.ptp(moving, axis=0).max() > 0.5
 
 
-def test_opposite_sides_move_alike_or_against_each_other(result: Bands) -> None:
+def test_opposite_sides_move_alike_or_against_each_other(result: SolvedBands) -> None:
     """u(r + a) = u(r) exp(i k.a): the same at G, opposite along x at X, opposite along both at M."""
     shapes = result.shapes
     points, u = shapes["bands_points"].astype(float), shapes["bands_u"].astype(float)

@@ -14,19 +14,16 @@ from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
 from geometry.mesh import Mesh
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.main import main
-from pipeline.driven import crosstalk
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models import parts
+from pipeline.models import parts, patched_plate
 from pipeline.models.patched_plate import forced_plate
 from pipeline.plots import style
 from pipeline.plots.mesh import _dimensions
 from pipeline.plots.plate import draw_outlines
-from pipeline.plots.response import crosstalk_figure
+from pipeline.questions.crosstalk import CrosstalkResult, DrivenZone
 from pipeline.records.record import (
-    CrosstalkRecord,
     DesignRecord,
-    DrivenZone,
     PeakRecord,
     SampleRecord,
     TouchStateRecord,
@@ -43,6 +40,7 @@ from solvers.measures.wanted_mode import SIMILAR
 from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.superelement.build import PlateModel
+from tests.helpers.asked import crosstalk_of
 from tests.helpers.coarse_cells import mesh_coarsest
 from tests.helpers.scenes import STEEL_PILLARS
 
@@ -191,13 +189,13 @@ def test_what_one_zone_does_to_the_other_is_what_the_other_does_to_it(forced: Fo
     case = case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0], [5.0, 6.0]], "sensors": []})
     with pytest.MonkeyPatch.context() as patch:
         mesh_coarsest(patch)
-        record = crosstalk.solve(case, QUIET, points=3)
+        record = crosstalk_of(case, QUIET, points=3)
     first, second = record.zones
     assert first.peak_hz == pytest.approx(second.peak_hz, rel=1e-6)
     assert first.level_db == pytest.approx(second.level_db[::-1], abs=1e-4) and first.level_db[0] == 0.0
     assert record.worst_db == max(first.level_db[1], second.level_db[0])
-    assert CrosstalkRecord.model_validate(record.to_dict()) == record
-    assert f"{record.worst_db:.1f} dB" in crosstalk_figure(record).alt
+    assert CrosstalkResult.from_document(record.to_dict()) == record
+    assert f"{record.worst_db:.1f} dB" in record.pictures()[0].alt
 
 
 def test_a_level_and_its_share_are_those_of_the_same_areas(forced: ForcedPlate) -> None:
@@ -206,8 +204,9 @@ def test_a_level_and_its_share_are_those_of_the_same_areas(forced: ForcedPlate) 
     Documents of response, touch, crosstalk and tolerance have levels alone, no share of the zone: that of `touch` is of the
     free mode's shape. Where one gets a zone_share, it belongs here.
     """
-    for record in (PeakRecord, TouchStateRecord, DrivenZone, SampleRecord):
+    for record in (PeakRecord, TouchStateRecord, SampleRecord):
         assert "zone_share" not in record.model_fields
+    assert "zone_share" not in DrivenZone.declared
     zones, tone, design = zones_of(forced), 33e3, forced.design
     fed = zone_volts(forced, np.array(PATCHES["centres_mm"]) * 1e-3)[0]
     (rms,) = zones.rms(fed, np.array([tone]))
@@ -237,10 +236,10 @@ def test_curves_have_bars_that_hold_what_a_resonance_within_its_own_makes(
     """Any resonance moved anywhere within its bar, of a percent here: no zone's curve leaves its own, some come near."""
     case = case_of(patches=PATCHES)
     assert case.patches is not None
-    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
-    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.01, 0.0))
+    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.01, 0.0))
     monkeypatch.setattr(curve_bars, "AT_ONCE", 5)
-    record = crosstalk.solve(case, QUIET, points=9)
+    record = crosstalk_of(case, QUIET, points=9)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
     bars = np.array(record.zones[0].over_rms_error_m_per_V, dtype=float)
     nominal, used = np.array(record.zones[0].over_rms_m_per_V), 0.0
@@ -264,9 +263,9 @@ def test_curves_have_bars_about_as_wide_as_all_that_is_wrong_together(
     Independent shares that add up by their squares come to 1/sqrt(3) of the bar: nine of ten lie within it, and half of them
     beyond a tenth of it.
     """
-    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
-    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.002, 0.0))
-    record = crosstalk.solve(case_of(patches=PATCHES), QUIET, points=41)
+    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.002, 0.0))
+    record = crosstalk_of(case_of(patches=PATCHES), QUIET, points=41)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(PATCHES["centres_mm"]) * 1e-3)[0]
     nominal, bars = (
         np.array(getattr(record.zones[0], name)) for name in ("over_rms_m_per_V", "over_rms_error_m_per_V")
@@ -292,13 +291,13 @@ def test_a_peak_s_bars_follow_its_mode(forced: ForcedPlate, monkeypatch: pytest.
     """
     case = case_of(patches=PATCHES)
     assert case.patches is not None
-    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
-    monkeypatch.setattr(crosstalk, "doubts", lambda *_: doubts_of(forced, 0.01, 0.02))
-    record = crosstalk.solve(case, QUIET, points=2)
+    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.01, 0.02))
+    record = crosstalk_of(case, QUIET, points=2)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
     first = record.zones[0]
     assert first.level_db[0] == first.level_error_db[0] == 0.0  # type: ignore[index]
-    assert "zones at 0 dB, " in crosstalk.lines(record)[1]
+    assert "zones at 0 dB, " in [*record.lines()][1]
     rms, half = np.array(first.rms_m_per_V), np.array(first.rms_error_m_per_V, dtype=float)
     assert half[0] < 0.2 * rms[0] and (half > 0.02 * rms).all()
     tones = np.concatenate([basis.frequency_hz for basis in forced.modes])
@@ -320,10 +319,10 @@ def test_a_zone_whose_peak_is_not_its_wanted_mode_is_told(
     macs = np.array([zones.mac(volts, float(tone), 0) for tone in tones])
     assert ((macs >= 0.0) & (macs <= 1.0)).all() and macs.max() > SIMILAR > macs.min()
     case = case_of(patches=PATCHES)
-    monkeypatch.setattr(crosstalk, "forced_plate", lambda *_: forced)
+    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
     for tone, said in ((tones[macs.argmax()], False), (tones[macs.argmin()], True)):
         monkeypatch.setattr(Zones, "peak_hz", lambda *_, tone=float(tone): tone)
-        crosstalk.solve(case, TerminalLog(quiet=False), points=2)
+        crosstalk_of(case, TerminalLog(quiet=False), points=2)
         assert ("zone 1 moves most at" in capsys.readouterr().err) == said
 
 
@@ -363,4 +362,4 @@ def test_commands_of_one_zone_say_so(tmp_path: Path, capsys: pytest.CaptureFixtu
         (line,) = capsys.readouterr().err.splitlines()
         assert "zone.count = 2" in line and "one zone alone" in line
     with pytest.raises(InputError, match="zone 2 has no patch that drives it"):
-        crosstalk.solve(case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0]], "sensors": []}), QUIET)
+        crosstalk_of(case_of(patches={**PATCHES, "centres_mm": [[-5.0, -6.0]], "sensors": []}), QUIET)

@@ -13,8 +13,9 @@ import pytest
 
 from pipeline.analysis import touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import crosstalk, hybrid, travelling
+from pipeline.driven import hybrid, travelling
 from pipeline.logs import TerminalLog
+from tests.helpers.asked import crosstalk_of
 from tests.helpers.scenes import STEEL_PILLARS, three_patches
 
 QUIET = TerminalLog(quiet=True)
@@ -67,7 +68,7 @@ def solved(command: str, s: float) -> Any:
         return travelling.solve(case_from_dict(scaled(STRIP, s)), QUIET)[0]
     if command == "hybrid":
         return hybrid.solve(case_from_dict(scaled(FOUR, s)), QUIET, points=3)
-    return crosstalk.solve(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)
+    return crosstalk_of(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)
 
 
 def figures(record: Any, command: str) -> dict[str, tuple[float, float | None, int]]:

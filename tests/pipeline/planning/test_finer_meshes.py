@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from pipeline.analysis import bands, modes
+from pipeline.analysis import modes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.planning import foresight, mesh_rules, plan, refinement
+from pipeline.planning import foresight, mesh_rules, refinement
 from pipeline.planning.calibration import MeshLevel
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
 from pipeline.planning.request import Request
 from pipeline.planning.resources import Demand
+from pipeline.questions.bands import Bands
 from solvers.errors import SolverError
+from tests.helpers.asked import solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 LEVELS = MeshLevel(2, 1, 0.15), MeshLevel(3, 1, 0.15)
@@ -75,7 +77,7 @@ def test_a_mesh_level_that_has_no_more_elements_is_passed_over() -> None:
             "array": {"pitch_x_mm": 3.0, "pitch_y_mm": 7.0},
         }
     )
-    (demand,) = plan.of_bands(scene).demands.values()
+    (demand,) = Bands().plan(scene).demands.values()
     assert len(demand.finer_bytes) == 1
     first, log = cell_model_choice(scene), RecordingLog()
     finer = finer_mesh(first, 0.031, 0.0, scene, log)
@@ -115,7 +117,7 @@ def two_levels(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("two_levels")
 def test_a_whole_cell_that_misses_is_meshed_anew() -> None:
-    kept, missed = (bands.solve_bands(case(accuracy, model="solid"), RecordingLog()) for accuracy in (0.1, 0.002))
+    kept, missed = (solve_bands(case(accuracy, model="solid"), RecordingLog()) for accuracy in (0.1, 0.002))
     assert (kept.model, missed.model) == ("solid hex2", "solid hex3")
     moving = kept.frequencies_hz > 1.0
     # both meshes have the same lines: what the coarser one can do the finer one can, too
@@ -127,7 +129,7 @@ def test_a_whole_cell_that_misses_is_meshed_anew() -> None:
 def test_a_mesh_that_memory_does_not_hold_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(foresight, "too_much", lambda demand: "needs more than there is")
     log = RecordingLog()
-    result = bands.solve_bands(case(0.002, model="solid"), log)
+    result = solve_bands(case(0.002, model="solid"), log)
     assert result.model == "solid hex2" and "no finer mesh: it needs more than there is" in log.facts
     assert result.expected_error and result.expected_error > 0.002  # and is told
 
@@ -168,10 +170,10 @@ def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
 def test_tetrahedra_that_miss_are_meshed_anew() -> None:
     """Against hexahedra, within both bars, at an accuracy that the first edges miss."""
     log, asked = RecordingLog(), (0.001, 6.3, 4, "GXMG")
-    by_tetrahedra = bands.solve_bands(case(*asked, mesh="tet"), log)
+    by_tetrahedra = solve_bands(case(*asked, mesh="tet"), log)
     assert any("wanted: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
     assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.001
-    hexahedra = bands.solve_bands(case(*asked), RecordingLog())
+    hexahedra = solve_bands(case(*asked), RecordingLog())
     moving = hexahedra.frequencies_hz > 1.0
     off = np.abs(by_tetrahedra.frequencies_hz[moving] / hexahedra.frequencies_hz[moving] - 1.0)
     allowed = np.array(by_tetrahedra.error, dtype=float) + np.array(hexahedra.error, dtype=float)

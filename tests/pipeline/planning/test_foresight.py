@@ -26,6 +26,7 @@ from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice
 from pipeline.planning.request import Request
 from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
+from pipeline.questions.bands import Bands
 from pipeline.records.run_log import RunLog
 from solvers.errors import OutOfMemory
 from solvers.fem.factor import memory
@@ -91,7 +92,7 @@ SQUAT = {
 def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
     monkeypatch.setenv(memory.STATED, "4")
-    (demand,) = plan.of_bands(case_from_dict(SQUAT)).demands.values()
+    (demand,) = Bands().plan(case_from_dict(SQUAT)).demands.values()
     assert too_much(demand) is None and demand.functions and demand.functions < 600
     assert list(demand.finer_bytes) == sorted(demand.finer_bytes) and len(demand.finer_bytes) == 2
 
@@ -110,7 +111,7 @@ STOUT = {
 def test_the_functions_foreseen_are_those_that_coarse_cells_advise() -> None:
     """They raise cut-off and degree of a plan's first reduction, to three times the functions here."""
     case = case_from_dict(STOUT)
-    (demand,) = plan.of_bands(case).demands.values()
+    (demand,) = Bands().plan(case).demands.values()
     reduction, corners = (
         cell_model_choice(case).reduction,
         np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]) * np.pi / 10e-3,
@@ -250,7 +251,7 @@ def test_a_soft_pillar_s_many_functions_are_told(
     def begin(*_: Any) -> None:
         raise Begun
 
-    monkeypatch.setattr("pipeline.analysis.bands.lattice_model", begin)
+    monkeypatch.setattr("pipeline.models.bands.lattice_model", begin)
     for more, text in (
         ([], 0),
         (["--set", SOFT], 0),

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
-from pipeline.analysis import attenuation, bands, modes, response
+from pipeline.analysis import attenuation, modes, response
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
 from pipeline.case.overrides import read_toml
@@ -21,10 +21,12 @@ from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from pipeline.questions.bands import Bands
 from pipeline.records import store
 from solvers.analytic.predesign import predesign
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
+from tests.helpers.asked import solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -265,8 +267,8 @@ def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Reque
 
 def test_bands_and_attenuation_are_solved_as_planned() -> None:
     scene, heard = small("bands.points=2", "bands.count=6"), RecordingLog()
-    planned = plan.of_bands(scene)
-    result = bands.solve_bands(scene, heard)
+    planned = Bands().plan(scene)
+    result = solve_bands(scene, heard)
     numbers = planned.steps[0].numbers
     assert len(result.path.wavevectors) == numbers["wavevectors"] == 7
     assert f"{numbers['solved_wavevectors']} wavevectors" in heard.steps
@@ -378,7 +380,7 @@ WORK = {
     "lattice": (
         "solvers/superelement/lattice.py",
         "solvers/waves/",
-        "pipeline/analysis/bands.py",
+        "pipeline/models/bands.py",
         "pipeline/analysis/attenuation.py",
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from geometry.decimate import with_sides
-from pipeline.plots import bands, fields, mesh, plate, rendering, style, sweep
+from pipeline.plots import fields, mesh, plate, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
-from pipeline.records.record import BandPoint, Record, ShapesRecord
+from pipeline.questions.bands import BandPoint, BandsResult
+from pipeline.records.record import Record, ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import gallery
+from pipeline.report import dispersion_picture, gallery
 from tests.helpers import synthetic
 
 
@@ -51,7 +52,7 @@ def test_units_on_every_axis(case: StoredCase):
             fields.side_view(case, arrays),
             fields.pillars_in_plane(case, arrays),
             plots_fields.mode_on_both_meshes(case, arrays),
-            bands.dispersion(case, arrays),
+            dispersion_picture.dispersion(case, arrays),
         ]
     for report_figure in report_figures:
         for axes in report_figure.figure.axes:
@@ -64,44 +65,47 @@ def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
     for folder in ("a", "b"):
         with style.style():
             style.save(fields.touch_face(case, case.arrays()), tmp_path / folder)
-            style.save(bands.dispersion(case, {}), tmp_path / folder)
+            style.save(dispersion_picture.dispersion(case, {}), tmp_path / folder)
     for one in (tmp_path / "a").iterdir():
         assert one.read_bytes() == (tmp_path / "b" / one.name).read_bytes(), one.name
 
 
 def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredCase):
-    report_figure = bands.dispersion(case, {})
+    report_figure = dispersion_picture.dispersion(case, {})
     text = labels(report_figure.figure)
     assert "complete gap 163 to 176 kHz" in text and "bending at M\n32.54 kHz" in text
     assert [tick.get_text() for tick in report_figure.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
     assert "163 to 176 kHz" in report_figure.alt and "32.54" in report_figure.alt
     cut = [
-        point.model_copy(update={"frequencies_hz": point.frequencies_hz[:4], "error": point.error[:4]})
-        for point in case.record.bands.points
+        replace(point, frequencies_hz=point.frequencies_hz[:4], error=point.error[:4])
+        for point in case.record.of(BandsResult).points
     ]
-    gapless = case.record.bands.model_copy(update={"gaps": [], "points": cut})
-    known = min(point.frequencies_hz[3] for point in case.record.bands.points) / 1e3
-    none = replace(case, record=case.record.model_copy(update={"bands": gapless}))
-    gapless_figure = bands.dispersion(none, {})  # a gap above the last band would not have been seen
+    gapless = replace(case.record.of(BandsResult), gaps=[], points=cut)
+    known = min(point.frequencies_hz[3] for point in case.record.of(BandsResult).points) / 1e3
+    none = replace(case, record=case.record.model_copy(update={"answers": {"bands": gapless}}))
+    gapless_figure = dispersion_picture.dispersion(none, {})  # a gap above the last band would not have been seen
     said = f"o complete gap along the path up to {known:.2f} kHz, where the lowest 4 bands end"
     assert said in labels(gapless_figure.figure) and f"opens {said[15:]}" in gapless_figure.alt
 
 
 def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
     speed = np.sqrt(70e9 / (2 * 1.34) / 2700)
-    assert bands.shear_speed(case) == pytest.approx(speed)
-    axes = bands.dispersion(case, {}).figure.axes[0]
+    assert dispersion_picture.shear_speed(case) == pytest.approx(speed)
+    axes = dispersion_picture.dispersion(case, {}).figure.axes[0]
     right = axes.child_axes[0]
     forward, _ = right._functions
     assert forward(100.0) == pytest.approx(100e3 * 0.004 / speed) and "f a / c" in right.get_ylabel()
     (case.folder / "input.json").rename(case.folder / "kept")
-    assert bands.shear_speed(case) is None and not bands.dispersion(case, {}).figure.axes[0].child_axes
+    assert (
+        dispersion_picture.shear_speed(case) is None
+        and not dispersion_picture.dispersion(case, {}).figure.axes[0].child_axes
+    )
     (case.folder / "kept").rename(case.folder / "input.json")
 
 
 def test_the_path_is_drawn_to_scale():
-    points = synthetic.bands(0.004).points
-    s = bands.path_length(points)
+    bands = synthetic.bands(0.004)
+    points, s = bands.points, bands.distance_per_m
     marks = [x for x, point in zip(s, points, strict=True) if point.label]
     assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
 
@@ -185,9 +189,9 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
 def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
     for path in folder.glob("pitch_mm=6*/record.json"):
-        bands = synthetic.record_of(path.parent).bands
+        bands = synthetic.record_of(path.parent).of(BandsResult)
         corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[31000.0, 31100.0])
-        synthetic.change(path.parent, bands=bands.model_copy(update={"points": [corner]}))
+        synthetic.change(path.parent, bands=replace(bands, points=[corner]))
     study = read_study(folder)
     _, tone = sweep.against_sweep(study).figure.axes
     cells = [line for line in tone.lines if line.get_label() == "_cell"]
@@ -203,7 +207,7 @@ def test_swept_keys_in_words(key: str, label: str):
 
 def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):
     case = study.cases[0]
-    bare = StoredCase(tmp_path / "bare", Record(case_id="bare", status="OK", bands=case.record.bands))
+    bare = StoredCase(tmp_path / "bare", Record(case_id="bare", status="OK", answers=case.record.answers))
     assert [picture.name for picture in gallery.draw_case(bare).pictures] == ["dispersion"]
     nothing = StoredCase(tmp_path / "none", Record(case_id="none", status="OK"))
     assert gallery.draw_case(nothing).pictures == [] and not (tmp_path / "none").exists()

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 
 from pipeline.measures import registry
+from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.records import outputs, store, tables
-from pipeline.records.record import BandPoint, BandsRecord, GapRecord, Record
+from pipeline.records.record import Record
 from pipeline.records.study import read_study
 from pipeline.records.tables import Column
 from tests.helpers import synthetic
@@ -32,11 +33,10 @@ def study(tmp_path: Path) -> Path:
         for level in (10.0, 9.99)
     ]
     gaps = [
-        GapRecord(lower_band=1, upper_band=2, lower_hz=low, upper_hz=high)
-        for low, high in ((1.0, 2.0), (163.1e3, 175.8e3))
+        Gap(lower_band=1, upper_band=2, lower_hz=low, upper_hz=high) for low, high in ((1.0, 2.0), (163.1e3, 175.8e3))
     ]
     corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[32540.0, 32541.0, 80e3])
-    bands = BandsRecord(model="solid", dof=99, points=[corner], gaps=gaps)
+    bands = BandsResult(model="solid", dof=99, points=[corner], gaps=gaps)
     listed = [
         put(tmp_path, "b", {"array.rows": 2}, modes=modes[0]),
         put(tmp_path, "a", {"array.rows": 1}, modes=modes[1]),

@@ -12,7 +12,8 @@ import pytest
 from pipeline.measures import registry
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
-from pipeline.records.record import BandPoint, BandsRecord, DesignRecord, GapRecord, SpreadRecord
+from pipeline.questions.bands import BandPoint, BandsResult, Gap
+from pipeline.records.record import DesignRecord, SpreadRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import mode_shapes, text
 from pipeline.report import page as report_page
@@ -23,7 +24,7 @@ from tests.helpers import synthetic
 
 def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None, **more: Any) -> StoredCase:
     """A record of one plate with the gap and the bending band of its own pitch."""
-    gap = GapRecord(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
+    gap = Gap(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
     corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[10e3 * pitch])
     text = synthetic.prediction(rows, level_db).model_copy(update={"db_per_row": 5.0 + pitch, "rows_needed": 2})
     response = synthetic.response(driven_db) if driven_db is not None else None
@@ -32,7 +33,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
         more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows}),
         design=synthetic.design(rows, 1e-3 * pitch, 5e-3),
         modes=synthetic.modes(synthetic.wanted(level_db, 35e3, mac=0.98)),
-        bands=BandsRecord(model="solid", dof=1, points=[corner], gaps=[gap]),
+        bands=BandsResult(model="solid", dof=1, points=[corner], gaps=[gap]),
         prediction=text,
         response=response,
     )

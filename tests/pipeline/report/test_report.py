@@ -17,6 +17,7 @@ import pytest
 from pipeline.measures import registry
 from pipeline.plots import rendering, style
 from pipeline.plots.style import ReportFigure, StoredFigure
+from pipeline.questions.bands import BandsResult
 from pipeline.records import store, tables
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
@@ -172,11 +173,9 @@ def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(
     for all_pictures in (True, False):  # the second time all of them stand, and are kept
         assert note not in Page(report_page.build(folder, all_pictures=all_pictures).read_text()).text
         assert pictures(best) == pictures(other) and gallery.kept_pictures(other)
-    bands = other.record.bands
-    moved = [
-        point.model_copy(update={"frequencies_hz": [1.01 * f for f in point.frequencies_hz]}) for point in bands.points
-    ]
-    synthetic.change(other.folder, bands=bands.model_copy(update={"points": moved}))
+    bands = other.record.of(BandsResult)
+    moved = [replace(point, frequencies_hz=[1.01 * f for f in point.frequencies_hz]) for point in bands.points]
+    synthetic.change(other.folder, bands=replace(bands, points=moved))
     assert note in Page(report_page.build(folder).read_text()).text
     assert pictures(best) - pictures(other) == of_best
 
@@ -256,8 +255,12 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     whole = synthetic.record_of(folder / "pitch_mm=4,rows=1")
     arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
-    once = whole.model_copy(update={"case_id": "base", "sweep": {}, "bands": None, "modes": None})
-    unchecked = whole.model_copy(update=dict.fromkeys(("tet_modes", "tet_bands", "geometry")))
+    once = whole.model_copy(
+        update={"case_id": "base", "sweep": {}, "answers": {"tet_bands": whole.answers["tet_bands"]}, "modes": None}
+    )
+    unchecked = whole.model_copy(
+        update={"tet_modes": None, "geometry": None, "answers": {"bands": whole.answers["bands"]}}
+    )
     (folder / "base").mkdir()
     store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
     store.seal(folder / "base", once.to_dict())
@@ -268,13 +271,13 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     store.write_sealed(folder / "cases.json", listed)
     study = read_study(folder)
     visible = study.with_cross_checks(study.cases[1])
-    assert visible.record.tet_bands == whole.tet_bands and visible.record.tet_modes == whole.tet_modes
+    assert visible.record.held("tet_bands") == whole.held("tet_bands") and visible.record.tet_modes == whole.tet_modes
     assert {"tet_points", "touch_uz"} <= visible.arrays().keys()
     assert study.with_cross_checks(study.cases[0]) == study.cases[0]  # what has no answer of its own borrows none
     other = synthetic.design(2, 0.004, 0.005)
     stranger = replace(study.cases[1], record=unchecked.model_copy(update={"design": other}))
     mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).with_cross_checks(stranger)
-    assert mixed.record.tet_bands and not mixed.record.tet_modes  # the same cell, another plate
+    assert mixed.record.held("tet_bands") and not mixed.record.tet_modes  # the same cell, another plate
     text = Page(report_page.build(folder, max_figures=0).read_text()).text
     assert "wanted mode, tetrahedra (pytetwild)" in text
     assert table(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers

@@ -11,7 +11,6 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.main import main
 from pipeline.cli.search import to_dict
-from pipeline.driven import crosstalk
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import WarningLog
 from pipeline.search import fidelity, optimiser
@@ -20,6 +19,7 @@ from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, Fide
 from pipeline.search.limits import Limits
 from pipeline.search.plots import landscape
 from pipeline.search.space import Space, read_space, space_of
+from tests.helpers.asked import crosstalk_of
 from tests.helpers.recording_log import RecordingLog
 
 ZONE = {"length_mm": 40.0, "width_mm": 18.0, "nodal_lines": 3}
@@ -136,7 +136,7 @@ def test_how_far_zones_must_lie_apart_is_what_cross_talk_tells_of_the_same_plate
     best = searched["best"]
     direct = {}
     for rows in range(1, best["set"]["zone.shared_rows"] + 1):
-        record = crosstalk.solve(case_from_dict(RAW, overrides=[("zone.shared_rows", rows)]), RecordingLog(), points=2)
+        record = crosstalk_of(case_from_dict(RAW, overrides=[("zone.shared_rows", rows)]), RecordingLog(), points=2)
         assert record.worst_db is not None
         direct[rows] = -record.worst_db
     assert max(direct) > 1 and direct.pop(max(direct)) == pytest.approx(best["isolation_db"], abs=1e-6)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +38,7 @@ def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> Non
 
 
 def test_bands_go_over_the_path_to_scale_with_their_gaps_shaded() -> None:
-    axes = figures.draw("bands", BANDS.to_dict())
+    axes = BANDS.plot()
     assert axes.get_ylabel() == "frequency (kHz)" and len(axes.texts) == len(BANDS.gaps)
     assert [tick.get_text() for tick in axes.get_xticklabels()] == ["Γ", "X", "M", "Γ"]
 
@@ -45,8 +46,8 @@ def test_bands_go_over_the_path_to_scale_with_their_gaps_shaded() -> None:
 def test_the_kinds_of_waves_are_told_beneath_the_bands_and_hide_none() -> None:
     kinds = ["flexural", "shear", "longitudinal", *["pillar"] * 7]
     marked = {"plate_polarisation": ["flexural"] * 10, "polarisation": kinds}
-    points = [point.model_copy(update=marked) for point in BANDS.points]
-    axes = figures.draw("bands", BANDS.model_copy(update={"points": points}).to_dict())
+    points = [replace(point, **marked) for point in BANDS.points]
+    axes = replace(BANDS, points=points).plot()
     axes.figure.draw_without_rendering()
     legend, ticks = axes.get_legend(), axes.xaxis.get_tightbbox()
     assert len(legend.get_texts()) > 1 and legend.get_window_extent().y1 <= ticks.y0

@@ -10,22 +10,21 @@ import numpy as np
 
 from geometry.decimate import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
-from pipeline.analysis import band_errors
 from pipeline.case.model import Case
-from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models import band_errors
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import LatticeModel, lattice_model
 from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import WidestBar
-from pipeline.planning.mesh_rules import FINEST
-from pipeline.planning.model_choice import SOLID, ModelChoice, cell_model_choice
+from pipeline.planning.mesh_rules import refinement_of
+from pipeline.planning.model_choice import SOLID, ModelChoice
 from pipeline.planning.refinement import MARGIN, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
-from pipeline.records.record import BandPoint, BandsRecord, GapRecord, MeshRecord
+from pipeline.records.record import MeshRecord
 from solvers.fem.coarser import largest
 from solvers.superelement.build import Reductions
 from solvers.superelement.lattice import Lattice
@@ -83,16 +82,14 @@ class Detail:
         }
 
     @property
-    def path(self) -> dict[str, Any]:
-        """The fields of the whole path."""
-        gaps = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
-        return {"reduction_error": self.reduction_error} | {
-            name: known for name, known in gaps.items() if known is not None
-        }
+    def gaps(self) -> dict[str, Any]:
+        """The gaps of some waves alone, by their kind, where they were looked for."""
+        found = {"directional_gaps": self.directional_gaps, "polarisation_gaps": self.polarisation_gaps}
+        return {kind: gaps for kind, gaps in found.items() if gaps is not None}
 
 
 @dataclass(frozen=True)
-class Bands:
+class SolvedBands:
     """Frequencies (wavevectors, bands) in Hz along a path, complete gaps, and what computed them.
 
     mesh_errors: what the mesh may put each frequency off by, (wavevectors, bands); truncated: how far truncation may put it too
@@ -119,39 +116,33 @@ class Bands:
         return self.mesh_errors.half_width if self.mesh_errors else np.full(self.frequencies_hz.shape, np.nan)
 
     @property
-    def error(self) -> list[list[float | None]]:
-        """Half-width of each frequency's bar by mesh and truncation, relative; None where nothing tells it."""
-        bars = self.by_mesh + self.truncated
-        return [[None if np.isnan(bar) else float(bar) for bar in row] for row in bars]
+    def error(self) -> FloatArray:
+        """Half-width of each frequency's bar by mesh and truncation, relative; NaN where there is no estimate."""
+        return self.by_mesh + self.truncated
 
     @property
     def computed_hz(self) -> FloatArray:
         """Frequencies of the finest mesh itself, before the share that a coarser one tells was taken away, Hz."""
         return self.frequencies_hz * (1.0 + self.mesh_errors.taken) if self.mesh_errors else self.frequencies_hz
 
+    def point(self, index: int) -> dict[str, Any]:
+        """Return what is known of the waves at one wavevector, by name."""
+        own = {"label": self.path.labels[index], "kx_per_m": self.path.wavevectors[index, 0]}
+        own |= {"ky_per_m": self.path.wavevectors[index, 1], "frequencies_hz": self.frequencies_hz[index]}
+        own |= {"computed_hz": self.computed_hz[index], "error": self.error[index]}
+        return own | (self.detail.point(index) if self.detail else {})
+
     @property
-    def record(self) -> BandsRecord:
-        """The result as a command and a study keep it."""
-        points = [
-            BandPoint.model_validate(
-                {"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": row.tolist()}
-                | {"computed_hz": self.computed_hz[index].tolist(), "error": self.error[index]}
-                | (self.detail.point(index) if self.detail else {})
-            )
-            for index, (label, k, row) in enumerate(
-                zip(self.path.labels, self.path.wavevectors, self.frequencies_hz, strict=True)
-            )
-        ]
-        known = self.detail.path if self.detail else {}
+    def every_gap(self) -> dict[str, list[dict[str, Any]]]:
+        """Return the fields of all gaps with their edges' bars, by the kind of gap."""
+        found: dict[str, Sequence[Any]] = {"gaps": self.gaps} | (self.detail.gaps if self.detail else {})
         if self.zone_gaps is not None:
-            known["zone_gaps"] = self.zone_gaps
-        edges = {name: self._with_edges(found) for name, found in known.items() if isinstance(found, list)}
-        gaps = [GapRecord(**gap) for gap in self._with_edges(self.gaps)]
-        return BandsRecord.of(self, points=points, gaps=gaps, widest_bar=self.widest_bar.to_dict(), **(known | edges))
+            found["zone_gaps"] = self.zone_gaps
+        return {kind: self._with_edges(gaps) for kind, gaps in found.items()}
 
     def _with_edges(self, gaps: Sequence[Any]) -> list[dict[str, Any]]:
         """The fields of gaps with their edges' bars; where bands were only sampled, what they do between samples counts."""
-        bars = self.by_mesh + self.truncated
+        bars = self.error
         if self.lattice is None:
             bars = bars + band_errors.of_samples(self.path, self.frequencies_hz)
         return band_errors.with_edges(gaps, self.path, self.frequencies_hz, bars)
@@ -168,25 +159,33 @@ def _pair(pair: FloatArray) -> list[float] | None:
 
 
 @one_thread()
-def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> Bands:
+def solve_bands(
+    case: Case, choice: ModelChoice, log: Log, *, shapes: bool = False, every_gap: bool = True
+) -> SolvedBands:
     """Compute all bands of the case at every wavevector of its path, and where asked the waves' shapes for a page.
 
-    every_gap: those of a direction or a polarisation alone, too, which stand in documents and nowhere else.
+    Parameters
+    ----------
+    case
+        The case.
+    choice
+        Model and mesh of the cell.
+    log
+        Where progress goes.
+    shapes
+        Whether to keep the waves' shapes at the path's corners.
+    every_gap
+        Whether to look for gaps of one direction or one polarisation alone, too.
     """
-    _check(case)
-    design, settings, choice = case.design, case.bands, cell_model_choice(case)
+    design, settings = case.design, case.bands
     path = path_through(settings.path, settings.points, *design.cell_m)
-    border = simplifications.off_path(design, settings.path, settings.grid)
-    simplifications.log_all((*choice.left_out, border), log)
-    solved = len(path.wavevectors) if choice.model == SOLID else len(path.finer(_finer(case)).wavevectors)
-    foresight.announce("bands of the unit cell", foresight.of_bands(case, choice, solved), log)
     if choice.model == SOLID:
         bands = _full(case, choice, path, log)
     elif design.stagger:
         bands = _staggered(case, choice, path, log)
     else:
         bands = _reduced(case, choice, path, log, shapes, every_gap)
-    if bands.gaps and not (border or settings.grid):
+    if bands.gaps and not (simplifications.off_path(design, settings.path, settings.grid) or settings.grid):
         log.warning(
             "PATH",
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
@@ -198,19 +197,7 @@ def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = Tr
     return replace(bands, expected_error=largest(bands.by_mesh))
 
 
-def _finer(case: Case) -> int:
-    """The factor by which the path is refined to follow branches."""
-    return -(-FINEST // case.bands.points)
-
-
-def _check(case: Case) -> None:
-    case.require("plate", "array.pitch_mm", command="bands")
-    case.require_one_kind("bands are")
-    if case.design.pillar is None and case.design.rows:
-        raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
-
-
-def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
+def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
     """Solve the cell as meshed."""
 
     def meshed(choice: ModelChoice) -> WholeCell:
@@ -222,7 +209,7 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
     return _sampled(case, choice.name, cell, path, [mesh_record("cell", cell.mesh)], log)
 
 
-def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> Bands:
+def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
     """Join the panels of two staggered rows."""
     design = case.design
 
@@ -256,7 +243,7 @@ def _fine_enough(
 
 def _sampled(
     case: Case, name: str, cell: WholeCell | Supercell, path: Path, meshes: list[MeshRecord], log: Log
-) -> Bands:
+) -> SolvedBands:
     """Solve a cell that gives frequencies and sampled gaps only."""
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
@@ -271,7 +258,7 @@ def _sampled(
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
     truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))
-    return Bands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
+    return SolvedBands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
 
 
 def _each_once(wavevectors: FloatArray, count: int, solve: Solve) -> tuple[FloatArray, list[ModeErrors]]:
@@ -285,13 +272,13 @@ def _key(wavevector: FloatArray) -> tuple[float, float]:
     return float(wavevector[0]), float(wavevector[1])
 
 
-def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool, every_gap: bool) -> Bands:
+def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool, every_gap: bool) -> SolvedBands:
     """Solve the reduced cell: branches are followed on a refined path, gaps are searched between the samples, too."""
     meshes: list[MeshRecord] = []
     corners = path.wavevectors[[segment.last for segment in path.segments]]
     model = lattice_model(case, choice, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
-    solved, factor = Solved(model.lattice, count), _finer(case)
+    solved, factor = Solved(model.lattice, count), refinement_of(case.bands.points)
     fine = path.finer(factor)
     with log.step(f"{len(fine.wavevectors)} wavevectors"):
         for k in fine.wavevectors:
@@ -310,7 +297,7 @@ def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool
     moved = wave_shapes(model.lattice, path, count) if shapes else {}
     estimates = [mesh_error(model.lattice.cell, each) for each in branches.waves[::factor]]
     errors = MeshErrors(*(np.array([getattr(e, name)[:count] for e in estimates]) for name in ("taken", "half_width")))
-    return Bands(
+    return SolvedBands(
         model.name, model.lattice.dof, path, rows, gaps, meshes, detail, zone, moved, lattice=model, mesh_errors=errors,
         truncated=truncated,
     )  # fmt: skip

@@ -15,7 +15,7 @@ UNITS = {
 def unit_of(name: str) -> str | None:
     """The unit at the end of a column's name; None for a name without one.
 
-    >>> from antinode.frames import unit_of
+    >>> from pipeline.records.frames import unit_of
     >>> unit_of("zone_rms_m_per_V"), unit_of("kx_per_m"), unit_of("mac")
     ('m/V', 'rad/m', None)
     """
@@ -44,7 +44,7 @@ def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
 def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Collection[int] = ()) -> str:
     """Rows as an HTML table with units in its head, digits by the bars; the `marked` ones in bold with a star.
 
-    >>> from antinode.frames import html_table
+    >>> from pipeline.records.frames import html_table
     >>> html_table(["confinement_db"], [[11.52], [None]], [0])[-66:]
     '<tr><td><b>11.5 *</b></td></tr><tr><td>-</td></tr></tbody></table>'
     """

@@ -1,0 +1,456 @@
+"""Bloch bands of the unit cell along a path through the Brillouin zone, and their gaps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+from pipeline.questions.question import Question, Run
+from pipeline.questions.result import Result, figure
+from pipeline.records.part import Part, column, live
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.elements import FloatArray
+    from pipeline.case.model import Case
+    from pipeline.models.bands import SolvedBands
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+
+NAMES = {"G": "Γ"}
+LABEL = {"ha": "center", "va": "center", "fontsize": 8, "clip_on": True}
+WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
+LEGEND_COLUMNS = 3
+PILLAR = "pillar"
+MARKS = {"flexural": ("BLUE", "o", 2.8), "shear": ("ORANGE", "s", 2.8), "longitudinal": ("PURPLE", "^", 3.4)}
+EDGE_ERROR = "half-width of the error bar of {}, relative; None without an estimate"
+
+
+class Interval(Part):
+    """An interval without waves."""
+
+    lower_hz: float = column("frequency where the gap begins", "Hz", error="lower_error")
+    upper_hz: float = column("frequency where the gap ends", "Hz", error="upper_error")
+    lower_error: float | None = column(EDGE_ERROR.format("lower_hz"), default=None)
+    upper_error: float | None = column(EDGE_ERROR.format("upper_hz"), default=None)
+
+    @property
+    def relative_width(self) -> float:
+        """Its width over its middle."""
+        return 2.0 * (self.upper_hz - self.lower_hz) / (self.upper_hz + self.lower_hz)
+
+    @property
+    def width_error(self) -> float | None:
+        """Half-width of the bar of the relative width, to first order; None where an edge's is unknown."""
+        if self.lower_error is None or self.upper_error is None:
+            return None
+        middle = (self.upper_hz + self.lower_hz) / 2.0
+        return self.lower_hz * self.upper_hz * (self.lower_error + self.upper_error) / middle**2
+
+    @property
+    def interval(self) -> str:
+        """Its edges with the digits that their bars allow."""
+        from pipeline import quantity
+
+        return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
+
+
+class Gap(Interval):
+    """An interval without waves between two bands."""
+
+    lower_band: int = column("band below, counted from 1")
+    upper_band: int = column("band above")
+
+    @property
+    def text(self) -> str:
+        """Its bands, its edges with their bars and its relative width, in words."""
+        from pipeline import quantity
+
+        low = quantity.frequency_with_bar(self.lower_hz, self.lower_error)
+        high = quantity.frequency_with_bar(self.upper_hz, self.upper_error)
+        bar = None if self.width_error is None else 100.0 * self.width_error
+        width = quantity.figure(100.0 * self.relative_width, bar)
+        return f"Gap from band {self.lower_band} ({low}) to band {self.upper_band} ({high}), {width} %"
+
+
+class DirectionalGap(Gap):
+    """A gap for wavevectors along one segment of the path."""
+
+    start: str = column("where the segment begins")
+    end: str = column("where the segment ends")
+
+
+class PolarisationGap(Interval):
+    """An interval without waves of one polarisation of the plate."""
+
+    polarisation: str = column("polarisation of the waves")
+
+
+class ZoneGap(Gap):
+    """A gap over the whole Brillouin zone."""
+
+    lower_at: list[float] = column("wavevector of the lower edge", "rad/m")
+    upper_at: list[float] = column("wavevector of the upper edge", "rad/m")
+
+
+class BandPoint(Part):
+    """The waves at one wavevector, one entry a band. What only the reduced cell gives is None with another."""
+
+    label: str | None = column("G, X, M or Y at the corners of the path, else None")
+    kx_per_m: float = column("wavenumber along x", "rad/m")
+    ky_per_m: float = column("wavenumber along y", "rad/m")
+    frequencies_hz: list[float] = column(
+        "frequency, best value", "Hz", along="band", name="frequency_hz", error="error"
+    )
+    computed_hz: list[float] = column(
+        "frequency of the finest mesh itself", "Hz", along="band", error="error", default_factory=list
+    )
+    error: list[float | None] = column(
+        "half-width of the frequency's error bar by mesh and truncation, relative; None without an estimate",
+        along="band", default_factory=list,
+    )  # fmt: skip
+    polarisation: list[str] | None = column(
+        "flexural, shear, longitudinal, or pillar where the pillar moves most", along="band", default=None
+    )
+    plate_polarisation: list[str] | None = column("how the wave moves the plate", along="band", default=None)
+    parity: list[str] | None = column(
+        "signs under the cell's mirrors that keep the wavevector", along="band", default=None
+    )
+    branch: list[int] | None = column("number of the branch that the wave belongs to", along="band", default=None)
+    group_velocity_m_s: list[list[float] | None] | None = column(
+        "group velocity; None for a wave at rest", "m/s", along="band",
+        parts=("group_velocity_x_m_s", "group_velocity_y_m_s"), default=None,
+    )  # fmt: skip
+
+
+class BandsResult(Result, table="points", axes=("point", "band")):
+    """Bloch bands along a path: frequencies (points, bands) in Hz, wavevectors (points, 2) in rad/m.
+
+    >>> import antinode
+    >>> bands = antinode.load("examples/small.toml", accuracy=0.02, bands__points=2, bands__count=4).bands()
+    >>> bands.frequencies_hz.shape, bands.labels[0]
+    ((7, 4), 'G')
+    """
+
+    model: str = column("model of the unit cell and its element order, such as superelement hex3")
+    dof: int = column("degrees of freedom at one wavevector")
+    points: list[BandPoint] = column("the waves at each wavevector of the path")
+    expected_error: float | None = column(
+        "widest error bar by the mesh alone, relative; None without an estimate", default=None
+    )
+    widest_bar: dict[str, Any] | None = column(
+        "widest error bar of a frequency: error (relative), of (which frequency), parts (mesh, truncation) and largest_part",
+        default=None,
+    )
+    gaps: list[Gap] = column("complete gaps along the path", default_factory=list)
+    reduction_error: float | None = column(
+        "largest error by the reduction, relative; None for a cell that is not reduced", default=None
+    )
+    directional_gaps: list[DirectionalGap] | None = column(
+        "gaps along one segment of the path; None where they were not looked for", default=None
+    )
+    polarisation_gaps: list[PolarisationGap] | None = column(
+        "gaps for waves of one polarisation; None where they were not looked for", default=None
+    )
+    zone_gaps: list[ZoneGap] | None = column(
+        "with bands.grid: complete gaps over the whole Brillouin zone, None without", default=None
+    )
+    solved: Any = live()
+
+    @classmethod
+    def of_solved(cls, solved: SolvedBands) -> BandsResult:
+        """Return the result of solved bands."""
+        points = [BandPoint(**solved.point(index)) for index in range(len(solved.path.labels))]
+        kinds = {
+            "gaps": Gap,
+            "directional_gaps": DirectionalGap,
+            "polarisation_gaps": PolarisationGap,
+            "zone_gaps": ZoneGap,
+        }
+        gaps = {kind: [kinds[kind](**gap) for gap in found] for kind, found in solved.every_gap.items()}
+        return cls(
+            model=solved.model, dof=solved.dof, points=points, expected_error=solved.expected_error,
+            widest_bar=solved.widest_bar.to_dict(), solved=solved,
+            reduction_error=solved.detail.reduction_error if solved.detail else None, **gaps,
+        )  # fmt: skip
+
+    # -- arrays
+
+    @property
+    def frequencies_hz(self) -> FloatArray:
+        """Frequencies (points, bands) in Hz."""
+        return self.array("frequencies_hz")
+
+    @property
+    def computed_hz(self) -> FloatArray:
+        """Frequencies (points, bands) of the finest mesh itself, Hz."""
+        return self.array("computed_hz")
+
+    @property
+    def error(self) -> FloatArray:
+        """Half-width of the error bars (points, bands), relative; NaN without an estimate."""
+        return self.array("error")
+
+    @property
+    def wavevectors_per_m(self) -> FloatArray:
+        """Wavevectors (points, 2) in rad/m."""
+        import numpy as np
+
+        return np.column_stack([self.array("kx_per_m"), self.array("ky_per_m")])
+
+    @property
+    def labels(self) -> tuple[str | None, ...]:
+        """G, X, M, Y or None, one a point."""
+        return tuple(point.label for point in self.points)
+
+    @property
+    def distance_per_m(self) -> FloatArray:
+        """Distance along the path (points,) in rad/m."""
+        from solvers.waves.brillouin import Path
+
+        return Path(self.wavevectors_per_m, self.labels).arc
+
+    # -- gaps and the pillars' bending bands
+
+    @property
+    def widest_gap(self) -> Gap | None:
+        """The widest complete gap; None where there is none."""
+        return max(self.gaps, key=lambda gap: gap.upper_hz - gap.lower_hz, default=None)
+
+    @property
+    def known_to_hz(self) -> float:
+        """Frequency up to which a gap would have been found: where the last of the bands is lowest."""
+        return min(point.frequencies_hz[-1] for point in self.points)
+
+    @property
+    def where_gaps_are_known(self) -> str:
+        """Where a complete gap would have been found, in words."""
+        from pipeline import quantity
+
+        lowest = min(self.points, key=lambda point: point.frequencies_hz[-1])
+        end = quantity.frequency(self.known_to_hz, next(iter(lowest.error[-1:]), None))
+        return f"along the path up to {end}, where the lowest {len(lowest.frequencies_hz)} bands end"
+
+    @property
+    def labelled(self) -> dict[str, BandPoint]:
+        """Points by their label, the last one of each."""
+        return {point.label: point for point in self.points if point.label}
+
+    @property
+    def bending_at_m_hz(self) -> list[float]:
+        """The pillars' two bending bands at M; [] on a path without M."""
+        return next((point.frequencies_hz[:2] for point in self.points if point.label == "M"), [])
+
+    @property
+    def bending_errors(self) -> list[float | None]:
+        """Relative half-widths of the bars of bending_at_m_hz."""
+        known = next((point.error[:2] for point in self.points if point.label == "M"), [])
+        return [*known, *[None] * (len(self.bending_at_m_hz) - len(known))]
+
+    @property
+    def bending_texts(self) -> list[str]:
+        """bending_at_m_hz with the digits that their bars allow."""
+        from pipeline import quantity
+
+        return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
+
+    # -- figures of a sweep
+
+    @figure("gap from", "Hz", name="gap_lower_hz", error="gap_lower_error")
+    def gap_lower_hz(self) -> float | None:
+        """Lower edge of the widest gap."""
+        return self.widest_gap.lower_hz if self.widest_gap else None
+
+    @figure("gap to", "Hz", name="gap_upper_hz", error="gap_upper_error")
+    def gap_upper_hz(self) -> float | None:
+        """Upper edge of the widest gap."""
+        return self.widest_gap.upper_hz if self.widest_gap else None
+
+    @figure("expected error of gap from", "%", name="gap_lower_error")
+    def gap_lower_error(self) -> float | None:
+        """Relative half-width of the bar of the widest gap's lower edge."""
+        return self.widest_gap.lower_error if self.widest_gap else None
+
+    @figure("expected error of gap to", "%", name="gap_upper_error")
+    def gap_upper_error(self) -> float | None:
+        """Relative half-width of the bar of the widest gap's upper edge."""
+        return self.widest_gap.upper_error if self.widest_gap else None
+
+    @figure("bending at M, first", "Hz", name="bending_m_1_hz", error="bending_m_1_error")
+    def bending_m_1_hz(self) -> float | None:
+        """Lower bending band of the pillars at M."""
+        return next(iter(self.bending_at_m_hz), None)
+
+    @figure("bending at M, second", "Hz", name="bending_m_2_hz", error="bending_m_2_error")
+    def bending_m_2_hz(self) -> float | None:
+        """Upper bending band of the pillars at M."""
+        return next(iter(self.bending_at_m_hz[1:]), None)
+
+    @property
+    def bending_m_1_error(self) -> float | None:
+        """Relative half-width of the bar of bending_m_1_hz."""
+        return next(iter(self.bending_errors), None)
+
+    @property
+    def bending_m_2_error(self) -> float | None:
+        """Relative half-width of the bar of bending_m_2_hz."""
+        return next(iter(self.bending_errors[1:]), None)
+
+    # -- words and pictures
+
+    def lines(self) -> Iterator[str]:
+        """Yield the model, the frequencies at the path's corners, the gaps, and the widest error bar."""
+        from pipeline.planning.error_bar import WidestBar
+        from pipeline.records.reading import reading_table
+
+        count = len(self.points[0].frequencies_hz)
+        bands = range(1, count + 1)
+        head = ("label", "kx_per_m", "ky_per_m", *(f"band_{n}_{what}" for what in ("hz", "error") for n in bands))
+        corners = [point for point in self.points if point.label]
+        rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *(p.error or [None] * count)] for p in corners]
+        yield f"{self.model}, {self.dof} degrees of freedom a wavevector"
+        yield reading_table(head, rows)
+        yield from (gap.text for gap in self.gaps)
+        if not self.gaps:
+            yield f"No complete gap {self.where_gaps_are_known}; bands.count asks for more"
+        if self.has_pillar and self.bending_texts:
+            yield f"bending of the pillars at M: {' and '.join(self.bending_texts)}"
+        if self.widest_bar:
+            known = {name: self.widest_bar[name] for name in ("error", "of", "parts")}
+            yield WidestBar(**known).text()
+
+    @property
+    def has_pillar(self) -> bool:
+        """Whether the cell has a pillar, as far as the result's origin is known."""
+        design = self.origin.with_defaults.get("design") or {} if self.origin else {}
+        return bool(design.get("pillar"))
+
+    def details(self) -> Iterator[str]:
+        """Yield the gaps for waves of one polarisation, and for those along one segment of the path."""
+        for each in self.polarisation_gaps or ():
+            yield f"gap for {each.polarisation} waves alone: {each.interval}"
+        for gap in self.directional_gaps or ():
+            yield f"gap from {gap.start} to {gap.end} alone: {gap.interval}"
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the bands over the path, waves marked by their polarisation where it is known, complete gaps shaded."""
+        self.draw_bands(ax)
+        if len(ax.get_legend_handles_labels()[1]) > 1:
+            ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=LEGEND_COLUMNS)
+
+    def draw_bands(self, ax: Axes, label: str = "bands") -> None:
+        """Draw the bands without a legend."""
+        from pipeline.plots import style
+
+        s, values = self.distance_per_m, self.frequencies_hz / 1e3
+        if all(point.plate_polarisation for point in self.points):
+            ax.plot(s, values, color="#C8C8C8", lw=0.7)
+            self._draw_polarisations(ax, s, values)
+        else:
+            ax.plot(s, values, color=style.BLUE, lw=1.0, marker=".", ms=2.2)
+            ax.lines[0].set_label(label)
+        corners = [(x, NAMES.get(p.label, p.label)) for x, p in zip(s, self.points, strict=True) if p.label]
+        ax.set_xticks([x for x, _ in corners], [name for _, name in corners])
+        ax.grid(True, axis="x")
+        span = s[-1] or 1.0  # a lone point has none
+        ax.set(xlim=(-0.02 * span, 1.02 * span), ylim=(0, 1.04 * values.max()))  # room for the marks at both ends
+        ax.set(xlabel="wavevector along the path (to scale)", ylabel="frequency (kHz)")
+        for gap in self.gaps:
+            low, high = gap.lower_hz / 1e3, gap.upper_hz / 1e3
+            ax.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
+            middle, text = (low + high) / 2, f"complete gap {gap.interval}"
+            ax.text(0.5, middle, text, transform=ax.get_yaxis_transform(), bbox=WHITE, **LABEL)  # type: ignore[arg-type]
+
+    def _draw_polarisations(self, ax: Axes, s: FloatArray, values: FloatArray) -> None:
+        """Draw a mark for every wave by how it moves the plate, hollow where the pillar has most of its kinetic energy."""
+        import numpy as np
+
+        from pipeline.plots import style
+
+        plate, whole = (
+            np.array([getattr(point, key) for point in self.points]) for key in ("plate_polarisation", "polarisation")
+        )
+        x, hollow = np.broadcast_to(s[:, None], values.shape), whole == PILLAR
+        for name, (colour, marker, size) in MARKS.items():
+            color = getattr(style, colour)
+            for among, fill, label in ((~hollow, color, name), (hollow, "white", f"{name}, mostly in the pillar")):
+                here = among & (plate == name)
+                if here.any():
+                    ax.plot(x[here], values[here], marker, color=color, mfc=fill, ms=size, mew=0.6, label=label)
+
+    def __repr__(self) -> str:
+        points, bands = self.frequencies_hz.shape
+        gaps = f"{len(self.gaps)} complete gap{'s' * (len(self.gaps) != 1)}"
+        return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
+
+
+class Bands(
+    Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=("report.dispersion_picture.dispersion",)
+):
+    """Compute Bloch bands and gaps of the unit cell along the case's path.
+
+    >>> import antinode
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4)
+    >>> plate.bands().frequencies_hz.shape
+    (7, 4)
+    """
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without a cell, and for rows that differ or that have no pillar."""
+        super().check(case)
+        case.require_one_kind("bands are")
+        if case.design.pillar is None and case.design.rows:
+            raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why a study's case has no bands."""
+        from pipeline.planning.simplifications import no_lattice
+
+        return no_lattice(case.design, "bands")
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the bands of the unit cell."""
+        from pipeline.planning import foresight, simplifications
+        from pipeline.planning.mesh_rules import refinement_of
+        from pipeline.planning.model_choice import SOLID, cell_model_choice
+        from pipeline.planning.plan import plan_of, step_of
+
+        choice, query = cell_model_choice(case), case.bands
+        segments = len(query.path) - 1
+        wavevectors = segments * query.points + 1
+        looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
+        numbers: dict[str, Any] = {
+            "wavevectors": wavevectors,
+            "count": query.count,
+            "path": query.path,
+            "grid": query.grid,
+        }
+        if choice.model != SOLID:
+            factor = refinement_of(query.points)
+            numbers["solved_wavevectors"] = segments * query.points * factor + 1
+            looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
+        looks += f" and a grid of {query.grid} intervals" if query.grid else ""
+        left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
+        demand = foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))
+        step = step_of(self.name, "bands of the unit cell", choice, (), looks, left_out, numbers, demand)
+        whole = (
+            simplifications.no_plate_modes(),
+            simplifications.no_patches(case.patches),
+            simplifications.no_figures(),
+        )
+        return plan_of(case, step, *whole)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
+        """Compute all bands at every wavevector of the path."""
+        from pipeline.models.bands import solve_bands
+
+        choice = plan.steps[0].choice
+        assert choice
+        solved = solve_bands(case, choice, run, shapes=run.shapes, every_gap=run.detailed)
+        run.meshes += solved.meshes
+        run.arrays |= solved.shapes
+        run.solved["lattice"] = solved.lattice
+        return BandsResult.of_solved(solved)

@@ -1,0 +1,275 @@
+"""Questions that can be asked of a case: one file each, with options, plan, computation and one result.
+
+A question declares its options (`option`) and what it computes (`pipeline.questions.result`). Its command, its method of a
+plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `pipeline.measures.asked`).
+Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field, fields
+from inspect import cleandoc
+from math import inf
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, dataclass_transform, get_args
+
+from pipeline.errors import InputError
+from pipeline.questions.result import Origin, Result
+from pipeline.records.part import ABOUT, Axis, plain
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.logs import Log
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+    from pipeline.records.record import MeshRecord
+
+T = TypeVar("T")
+R = TypeVar("R", bound=Result)
+Pair = tuple[float, float]
+KHZ = 1e3  # Hz
+QUESTIONS: dict[str, type[Question[Any]]] = {}
+
+
+# -- declarations ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Option:
+    """What an option means and its limits; name, type and default are those of the field that it is declared for."""
+
+    help: str
+    unit: str = ""
+    at_least: float = -inf
+    at_most: float = inf
+
+    def fault(self, value: Any) -> str:
+        """Return what a value of this option must be, or '' for a good one."""
+        pair = isinstance(value, tuple)
+        numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
+        if not all(self.at_least <= each <= self.at_most for each in numbers):
+            ends = f"from {self.at_least:g} to {self.at_most:g}" if self.at_most < inf else f"{self.at_least:g} or more"
+            return f"must be {ends}"
+        return "must be two rising numbers" if pair and len(numbers) == 2 and numbers[0] >= numbers[1] else ""
+
+
+def option(
+    *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, kw_only: bool = True
+) -> Any:
+    """Declare an option of a question.
+
+    Parameters
+    ----------
+    default
+        Its value where none is given.
+    help
+        What it is, in the help of the command, the method and the reference.
+    unit
+        Its unit, in which its name ends (`band_kHz`); its flag on the command line does not (`--band`).
+    at_least, at_most
+        Limits of the number, or of each end of a band.
+    kw_only
+        False for an option that the method also takes by position.
+    """
+    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most)})
+
+
+# -- runs --------------------------------------------------------------------------------------------------------------
+
+
+class Cancelled(Exception):
+    """Raised at the next step of a computation that was cancelled."""
+
+
+class Run:
+    """What a computation uses of its surroundings: a log, steps at which it can be cancelled, work shared with others.
+
+    detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
+    page will show moving shapes. meshes, arrays: what was meshed, and arrays that are kept beside the record.
+    solved: what one question has solved and another of the same case can go on from, by name.
+    """
+
+    def __init__(
+        self, log: Log, *, detailed: bool = True, shapes: bool = False, cancelled: Callable[[], bool] = lambda: False
+    ) -> None:
+        self.log, self.detailed, self.shapes, self.cancelled = log, detailed, shapes, cancelled
+        self.warnings: list[str] = []
+        self.meshes: list[MeshRecord] = []
+        self.arrays: dict[str, Any] = {}
+        self.solved: dict[str, Any] = {}
+        self._made: dict[Any, Any] = {}
+
+    def info(self, text: str, id: str = "") -> None:
+        """Log a fact."""
+        self.log.info(text, id)
+
+    def left_out(self, what: str, why: str) -> None:
+        """Log what the case does not need."""
+        self.log.left_out(what, why)
+
+    def warning(self, id: str, text: str) -> None:
+        """Log a warning and keep it with the result."""
+        self.warnings.append(f"{id}: {text}")
+        self.log.warning(id, text)
+
+    def step(self, name: str) -> AbstractContextManager[None]:
+        """Time a step. Raises Cancelled instead of beginning it."""
+        if self.cancelled():
+            raise Cancelled(name)
+        return self.log.step(name)
+
+    def once(self, make: Callable[..., T], case: Case, *about: Any) -> T:
+        """Return make(case, run, *about), made once in this run: a plate that several questions drive, another's answer."""
+        key = (make, id(case), about)
+        if key not in self._made:
+            self._made[key] = make(case, self, *about)
+        made: T = self._made[key]
+        return made
+
+    def answer(self, case: Case, question: Question[R]) -> R:
+        """Return the answer to another question, computed once in this run."""
+        return self.once(_answer, case, question)
+
+
+# -- questions ---------------------------------------------------------------------------------------------------------
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, field))
+class _Declared:
+    """Makes a frozen dataclass of each question, for type checkers, too."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        dataclass(frozen=True, kw_only=True)(cls)
+
+
+class Question(_Declared, Generic[R]):
+    """A question: options, plan and computation of one result. Its docstring is the help of command and method.
+
+    Questions are values: equal options make equal questions. progress: whether the method reports on standard error; None: in a
+    terminal or a notebook. Class keywords:
+
+    needs : tables and keys that a case must have.
+    example : a command line.
+    drives : whether it drives the plate.
+    pictures : functions that draw a study's case from several answers together, in the place of the result's own.
+    """
+
+    name: ClassVar[str]
+    needs: ClassVar[Axis]
+    example: ClassVar[str]
+    drives: ClassVar[bool]
+    pictures: ClassVar[Axis]
+    result: ClassVar[type[Result]]
+    options: ClassVar[dict[str, Option]]
+    progress: bool | None = field(default=None, compare=False, repr=False)
+
+    def __init_subclass__(
+        cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = ()
+    ) -> None:
+        super().__init_subclass__()
+        cls.name, cls.needs, cls.drives, cls.pictures = cls.__name__.lower(), needs, drives, pictures
+        cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
+        cls.example = example or f"{cls.name} studies/three-rows.toml"
+        cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
+        cls.result.question, cls.result.title = cls.name, cls.summary()
+        QUESTIONS[cls.name] = cls
+
+    def __post_init__(self) -> None:
+        faults = {f"{n} = {getattr(self, n)}": each.fault(getattr(self, n)) for n, each in self.options.items()}
+        if any(faults.values()):
+            raise InputError([f"{given}: {fault}" for given, fault in faults.items() if fault])
+
+    @classmethod
+    def summary(cls) -> str:
+        """Return the first paragraph of the docstring, without its full stop."""
+        return " ".join(cleandoc(cls.__doc__ or "").partition("\n\n")[0].split()).removesuffix(".")
+
+    def given(self) -> dict[str, Any]:
+        """Return the options by name, as JSON has them."""
+        return {name: plain(getattr(self, name)) for name in self.options}
+
+    def digest(self, case: Case) -> str:
+        """Return the name of this question of this case: a stored answer of another name is out of date."""
+        asked = [self.name, self.given(), case.to_dict()]
+        return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
+
+    # what subclasses say
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
+        case.require(*self.needs, command=self.name)
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why a study does not ask this of a case, None where it does."""
+        return None
+
+    def plan(self, case: Case) -> Plan:
+        """Return what `compute` will do, what it leaves out and what that takes. Nothing is meshed or solved."""
+        from pipeline.planning.plan import Plan, plain_step
+
+        return Plan(case.name, (plain_step(self.name, self.summary(), ""),), ())
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> R:
+        """Return the answer, by the decisions of the plan."""
+        raise NotImplementedError
+
+
+def ask(case: Case, question: Question[R], log: Log | Run) -> R:
+    """Return the answer of a case to a question.
+
+    Parameters
+    ----------
+    case
+        The case.
+    question
+        The question with its options.
+    log
+        Where progress goes; a `Run` is shared by several questions of one case.
+
+    Raises
+    ------
+    InputError
+        Where the case lacks what the question needs.
+    SolverError
+        Where a result could not be trusted.
+    """
+    from importlib.metadata import version
+
+    from solvers.threads import one_thread
+
+    run = log if isinstance(log, Run) else Run(log)
+    question.check(case)
+    plan = question.plan(case)
+    _announce(plan, run)
+    before = len(run.warnings)
+    with one_thread():
+        result = question.compute(case, plan, run)
+    seconds, warnings = dict(getattr(run.log, "seconds", {})), tuple(run.warnings[before:])
+    origin = Origin(case.name, case.to_dict(), version("antinode"), question.given(), warnings, seconds)
+    object.__setattr__(result, "origin", origin)
+    return result
+
+
+def _answer(case: Case, run: Run, question: Question[R]) -> R:
+    return ask(case, question, run)
+
+
+def _announce(plan: Plan, run: Run) -> None:
+    """Log what each step leaves out and takes. Raises InputError where this machine cannot hold a step."""
+    from pipeline.planning.foresight import announce
+
+    for step in plan.steps:
+        for each in step.left_out:
+            run.left_out(each.what, each.why)
+    for name, demand in plan.demands.items():
+        announce(name, demand, run)
+
+
+def hz(band_kHz: Pair | None) -> Pair | None:
+    """Return a band in Hz."""
+    return None if band_kHz is None else (KHZ * band_kHz[0], KHZ * band_kHz[1])

@@ -1,0 +1,186 @@
+"""The answer to a question: a part with a main table and figures, from which all else that can be done with it follows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
+
+from pipeline.records.part import Axis, Part, rows_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from matplotlib.axes import Axes
+
+    from pipeline.plots.style import ReportFigure
+
+SCHEMA = 1  # of JSON documents
+T = TypeVar("T")
+
+
+class Figure(Generic[T]):
+    """A property that answers in one number: a column of every sweep, a headline of every report."""
+
+    def __init__(self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: str) -> None:
+        self.of, self.heading, self.unit, self.name, self.error = of, heading, unit, name, error
+        self.__doc__ = of.__doc__
+
+    @overload
+    def __get__(self, result: None, owner: type) -> Self: ...
+    @overload
+    def __get__(self, result: object, owner: type) -> T: ...
+    def __get__(self, result: object, owner: type) -> Self | T:
+        return self if result is None else self.of(result)
+
+
+def figure(
+    heading: str, unit: str | None = "", *, name: str = "", error: str = ""
+) -> Callable[[Callable[[Any], T]], Figure[T]]:
+    """Declare a figure of a result: a property, None where it has no meaning.
+
+    Parameters
+    ----------
+    heading, unit
+        What readers of a table see; None for words, "" for a number without unit.
+    name
+        Its column in table.csv; the question's name and its own by default.
+    error
+        The property with the half-width of its error bar, relative for a frequency, else in the unit.
+    """
+    return lambda of: Figure(of, heading, unit, name, error)
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What a result answers: case with defaults, the question's options, version, warnings, seconds of each step."""
+
+    case: str
+    with_defaults: dict[str, Any]
+    version: str
+    options: dict[str, Any]
+    warnings: tuple[str, ...]
+    seconds: dict[str, float]
+
+
+class Result(Part):
+    """The answer to a question: declared columns and figures, which subclasses also describe and draw.
+
+    Class keywords: `axes` of the main table, which --csv writes and `to_dataframe` returns, the slowest first; `table`, the
+    field whose items run along the first of them. A column of an item stands in the table when all its axes are among these, as
+    does a list of the result itself.
+    """
+
+    title: ClassVar[str] = ""  # the question in words; set by the question
+    table: ClassVar[str] = ""
+    axes: ClassVar[Axis] = ()
+    figures: ClassVar[dict[str, Figure[Any]]] = {}
+    origin: ClassVar[Origin | None] = None  # of each result by itself, set where it is computed or read
+
+    def __init_subclass__(cls, *, axes: Axis, table: str = "") -> None:
+        super().__init_subclass__()
+        cls.table, cls.axes = table, axes
+        cls.figures = {name: each for name, each in vars(cls).items() if isinstance(each, Figure)}
+
+    # what subclasses say
+
+    def lines(self) -> Iterator[str]:
+        """Yield the result in words, as the terminal and the report say it."""
+        yield from ()
+
+    def details(self) -> Iterator[str]:
+        """Yield what --verbose adds to the lines."""
+        yield from ()
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the result into matplotlib axes."""
+        raise NotImplementedError
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the pictures of a report and of --out: what `draw` draws, unless a subclass has more."""
+        from pipeline.plots import style
+
+        return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
+
+    # what follows
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the main table: a dictionary of plain values a row, units in the names."""
+        return rows_of(self, self.table, self.axes)
+
+    def array(self, name: str) -> np.ndarray:
+        """Return a column as an array over the main table's axes; NaN for what is missing."""
+        import numpy as np
+
+        items = getattr(self, self.table) if self.table else [self]
+        values = [getattr(item, name) for item in items]
+        sizes = next((len(value) for value in values if isinstance(value, list)), 0)
+        filled = [[np.nan] * sizes if value is None and sizes else value for value in values]
+        return np.array(filled if self.table else filled[0], dtype=float)
+
+    def to_dataframe(self) -> Any:
+        """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
+        from pipeline.records.frames import frame
+
+        return frame(self.rows())
+
+    def to_xarray(self) -> Any:
+        """Return the main table as an xarray Dataset over its axes, `units` in the attributes.
+
+        Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
+        """
+        from pipeline.records.frames import dataset
+
+        rows = self.rows()
+        held = [axis for axis in self.axes if rows and axis in rows[0]]
+        return dataset(rows, held)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the JSON document that --json writes: the declared fields, and the case and the version that they answer."""
+        about = self.origin
+        if about is None:
+            return {"schema": SCHEMA, "kind": self.question, **self.values()}
+        head = {"case": about.case, "with_defaults": about.with_defaults, "version": about.version}
+        more = {"options": about.options, "warnings": list(about.warnings), "seconds": about.seconds}
+        return {"schema": SCHEMA, "kind": self.question, **head, **self.values(), **more}
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> Self:
+        """Return the result of a document that `to_dict` or --json wrote. Raises pydantic.ValidationError for a damaged one."""
+        read = cls.from_dict({name: document[name] for name in cls.declared if name in document})
+        head = {name: document.get(name) for name in ("case", "with_defaults", "version")}
+        more = {"options": document.get("options") or {}, "seconds": document.get("seconds") or {}}
+        object.__setattr__(read, "origin", Origin(**head, **more, warnings=tuple(document.get("warnings") or ())))  # type: ignore[arg-type]
+        return read
+
+    def save(self, path: str | Path) -> Path:
+        """Write the document as JSON, whole or not at all; `antinode.open` reads it back."""
+        from pipeline.records.outputs import write_file
+
+        write_file(Path(path), (json.dumps(self.to_dict(), indent=1, allow_nan=False) + "\n").encode())
+        return Path(path)
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw into matplotlib axes, new ones where none are given, and return them."""
+        from pipeline.plots import style
+
+        with style.style():
+            drawn: Axes = style.panels(3.6)[1] if ax is None else ax
+            self.draw(drawn)
+        return drawn
+
+    def as_figure(self) -> Any:
+        """Return what `plot` draws as a matplotlib figure of its own."""
+        return self.plot().figure
+
+    def _repr_html_(self) -> str:
+        """Return the result in words and its picture, for a notebook."""
+        import base64
+        import io
+        from html import escape
+
+        out, words = io.BytesIO(), escape(repr(self))
+        self.as_figure().savefig(out, format="png", dpi=110, bbox_inches="tight")
+        data = base64.b64encode(out.getvalue()).decode()
+        return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">'

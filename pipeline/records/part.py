@@ -1,0 +1,212 @@
+"""Parts of answers, declared once: `column` says what each field means, from which tables, documents and readers follow.
+
+A part is a frozen dataclass of plain values, laid out as its JSON document. Only the standard library is imported here, so that
+the help of a command stays quick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from functools import cache
+from itertools import product
+from math import isfinite
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transform
+
+if TYPE_CHECKING:
+    pass
+
+ABOUT = "about"
+T = TypeVar("T")
+Axis = tuple[str, ...]
+
+
+# -- declarations ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a field means, its unit, the axes that its lists run along, and how it stands in tables.
+
+    name: of its column in tables, its own by default. error: the field with the half-width of its error bar. parts: names of
+    the columns that hold the entries of a last axis of its own, such as the real and the imaginary part.
+    """
+
+    about: str
+    unit: str = ""
+    along: Axis = ()
+    name: str = ""
+    error: str = ""
+    parts: Axis = ()
+
+
+def column(
+    about: str, unit: str = "", *, along: str | Axis = (), name: str = "", error: str = "", parts: Axis = (),
+    default: Any = MISSING, default_factory: Any = MISSING,
+) -> Any:  # fmt: skip
+    """Declare a field of a part.
+
+    Parameters
+    ----------
+    about, unit
+        What it is, for the reference and for xarray's attributes.
+    along
+        Axes of its lists, the slowest first. A field that is named like its axis holds the axis's own values.
+    name
+        Name of its column in tables, where that differs from the field's.
+    error
+        The field that holds the half-width of its error bar.
+    parts
+        Names in tables of the entries of one more axis, such as the real and the imaginary part.
+    default, default_factory
+        As `dataclasses.field` takes them: None for what some models do not have.
+    """
+    axes = (along,) if isinstance(along, str) else along
+    given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
+    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts)})
+
+
+def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
+    """Declare a field that lives in memory alone: shapes, a solved model. A result that was read from a file lacks it."""
+    given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
+    return field(**given, compare=False, repr=False)
+
+
+# -- parts -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(column, live))
+class Part:
+    """A part of a result: frozen fields of plain values. NaN becomes None, arrays lists, complex numbers pairs."""
+
+    question: ClassVar[str] = ""  # that it answers; set by the question
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}  # type: ignore[misc]
+    declared: ClassVar[dict[str, Column]] = {}
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
+        cls.declared = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}  # type: ignore[arg-type]
+
+    def __post_init__(self) -> None:
+        for name in self.declared:
+            object.__setattr__(self, name, plain(getattr(self, name)))
+
+    @classmethod
+    def of(cls, source: Any, **more: Any) -> Self:
+        """Return the part with the fields that an object of the same names holds, and more."""
+        known = {name: getattr(source, name) for name in cls.declared if name not in more and hasattr(source, name)}
+        return cls(**known, **more)
+
+    @classmethod
+    def from_dict(cls, given: Mapping[str, Any]) -> Self:
+        """Return the part that `to_dict` wrote. Raises pydantic.ValidationError for fields that are not its own."""
+        read: Self = _reader(cls).validate_python(dict(given))  # type: ignore[arg-type]
+        return read
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the declared fields as JSON has them."""
+        return self.values()
+
+    def values(self) -> dict[str, Any]:
+        """Return the declared fields as JSON has them."""
+        return {name: _written(getattr(self, name)) for name in self.declared}
+
+
+@cache
+def _reader(kind: type[Part]) -> Any:
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
+
+
+def plain(given: Any) -> Any:
+    """Return a value as JSON has it, parts as they are: None for numbers that are none, lists, pairs for complex numbers."""
+    if isinstance(given, str | bool | int | Part) or given is None:
+        return given
+    if isinstance(given, float):
+        return float(given) if isfinite(given) else None
+    if hasattr(given, "tolist"):
+        return plain(given.tolist())
+    if isinstance(given, complex):
+        return [given.real, given.imag]
+    if isinstance(given, Mapping):
+        return {key: plain(value) for key, value in given.items()}
+    return [plain(each) for each in given] if isinstance(given, Sequence) else given
+
+
+def _written(value: Any) -> Any:
+    if isinstance(value, Part):
+        return value.values()
+    if isinstance(value, list):
+        return [_written(each) for each in value]
+    return {key: _written(each) for key, each in value.items()} if isinstance(value, dict) else value
+
+
+# -- tables ------------------------------------------------------------------------------------------------------------
+
+
+def rows_of(whole: Part, table: str, axes: Axis) -> list[dict[str, Any]]:
+    """Return a table as dictionaries of plain values, one a row.
+
+    Parameters
+    ----------
+    whole
+        The part whose table it is.
+    table
+        The field whose items run along the first axis; "" where its own lists run along the axes.
+    axes
+        Axes of the table, the slowest first. A column of an item stands in the table when all its axes are among these, and so
+        does a list of the whole. An axis without a column of its name is counted from 1.
+    """
+    items: list[Part] = getattr(whole, table) if table else [whole]
+    inner = axes[1:] if table else axes
+    shared = [each for each in _table_columns(whole, inner) if each[1].along] if table else []
+    rows = []
+    for number, item in enumerate(items, start=1):
+        columns = [*((whole, *each) for each in shared), *((item, *each) for each in _table_columns(item, inner))]
+        numbered = {axes[0]: number} if table and axes[0] not in {name for _, name, _ in columns} else {}
+        rows += [numbered | row for row in _expanded(columns, inner)]
+    return rows
+
+
+def _table_columns(part: Part, inner: Axis) -> list[tuple[str, Column]]:
+    """Return the columns of a part that stand in a table over these axes: not its parts, nor lists along other axes."""
+    return [(name, each) for name, each in part.declared.items() if _fits(getattr(part, name), each, set(inner))]
+
+
+def _fits(value: Any, about: Column, axes: set[str]) -> bool:
+    if not set(about.along) <= axes:
+        return False
+    single = about.along or about.parts
+    return not isinstance(value, Part | dict) and (bool(single) or not isinstance(value, list))
+
+
+def _expanded(columns: list[tuple[Part, str, Column]], inner: Axis) -> Iterator[dict[str, Any]]:
+    """Yield the rows of one item: what runs along an axis a row an entry, what does not repeated."""
+    sizes: dict[str, int] = {}
+    for part, name, about in columns:
+        value = getattr(part, name)
+        for axis in about.along:
+            if value is not None:
+                sizes.setdefault(axis, len(value))
+                value = value[0] if value else None
+    named = {name for _, name, _ in columns}
+    for index in product(*(range(sizes.get(axis, 0)) for axis in inner)):
+        at = dict(zip(inner, index, strict=True))
+        row: dict[str, Any] = {}
+        for part, name, about in columns:
+            row |= {axis: at[axis] + 1 for axis in about.along if axis not in named and axis not in row}
+            row |= _cells(_entry(getattr(part, name), [at[axis] for axis in about.along]), name, about)
+        yield row
+
+
+def _entry(value: Any, index: Sequence[int]) -> Any:
+    for place in index:
+        value = None if value is None else value[place]
+    return value
+
+
+def _cells(value: Any, name: str, about: Column) -> dict[str, Any]:
+    if not about.parts:
+        return {about.name or name: value}
+    return dict(zip(about.parts, value or [None] * len(about.parts), strict=True))

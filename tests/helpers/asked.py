@@ -1,0 +1,29 @@
+"""Questions asked of a case in a test."""
+
+from __future__ import annotations
+
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.models.bands import SolvedBands
+from pipeline.planning.plan import Plan
+from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.crosstalk import Crosstalk, CrosstalkResult
+from pipeline.questions.question import Run, ask
+
+
+def bands_of(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> BandsResult:
+    """The bands of a case."""
+    return ask(case, Bands(), Run(log, detailed=every_gap, shapes=shapes))
+
+
+def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> SolvedBands:
+    """What the bands of a case were made from."""
+    solved: SolvedBands = bands_of(case, log, shapes, every_gap).solved
+    return solved
+
+
+def crosstalk_of(case: Case, log: Log, points: int = 401) -> CrosstalkResult:
+    """The cross-talk of a case, computed without its forecast."""
+    question = Crosstalk(points=points)
+    question.check(case)
+    return question.compute(case, Plan(case.name, (), ()), Run(log))
