@@ -19,22 +19,22 @@ if TYPE_CHECKING:
         Attenuation,
         Broadband,
         Hybrid,
-        Mode,
-        Modes,
         Predesign,
         Response,
         Search,
         Tolerance,
         Touch,
         Travel,
-        Wanted,
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
     from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
+    from pipeline.models.mode_parts import ModeRecord as Mode
+    from pipeline.models.mode_parts import WantedRecord as Wanted
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
+    from pipeline.questions.modes import ModesResult as Modes
     from solvers.errors import SolverError
 
 HOMES = {
@@ -43,15 +43,12 @@ HOMES = {
         "Attenuation",
         "Broadband",
         "Hybrid",
-        "Mode",
-        "Modes",
         "Predesign",
         "Response",
         "Search",
         "Tolerance",
         "Touch",
         "Travel",
-        "Wanted",
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
@@ -70,7 +67,11 @@ HOMES = {
     "pipeline.errors": ("InputError",),
     "solvers.errors": ("SolverError",),
 }
-ANSWERS = ("Bands", "Crosstalk")  # results of questions
+ANSWERS = {  # results of questions, and their parts
+    **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ("Bands", "Crosstalk", "Modes")},
+    "Mode": "pipeline.models.mode_parts:ModeRecord",
+    "Wanted": "pipeline.models.mode_parts:WantedRecord",
+}
 __all__ = [
     "Array",
     "Attenuation",
@@ -114,7 +115,8 @@ def __getattr__(name: str) -> Any:
 
         return version("antinode")
     if name in ANSWERS:
-        return getattr(import_module(f"pipeline.questions.{name.lower()}"), f"{name}Result")
+        home, _, own = ANSWERS[name].partition(":")
+        return getattr(import_module(home), own)
     for home, names in HOMES.items():
         if name in names:
             return getattr(import_module(home), name)

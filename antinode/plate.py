@@ -37,6 +37,7 @@ from pipeline.questions import registered
 from pipeline.questions.bands import Bands
 from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.method import asks
+from pipeline.questions.modes import MeshModes, Modes
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
         Attenuation,
         Broadband,
         Hybrid,
-        Modes,
         Predesign,
         Response,
         Search,
@@ -152,40 +152,8 @@ class Plate(Frozen):
         self._case.require("plate", "zone", command="predesign")
         return Predesign(predesign.run(self._case)[0] | self._about)
 
-    def modes(
-        self,
-        band_kHz: Pair | None = None,
-        part: str = "plate",
-        *,
-        near_kHz: float | None = None,
-        count: int | None = None,
-        symmetry: str | None = None,
-        progress: bool | None = None,
-    ) -> Modes:
-        """Compute the modes of plate, zone or pillar in a band (low, high) in kHz, or `count` of them near a frequency in kHz.
-
-        symmetry: one class of SS, SA, AS, AA. The result's arrays are (modes,), in Hz and dB. Raises InputError for what
-        the case lacks, SolverError for what could not be trusted.
-
-        >>> import antinode
-        >>> antinode.load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=2).frequency_hz.shape
-        (2,)
-        """
-        from antinode.results import Modes
-        from pipeline.analysis.modes import solve_modes
-        from pipeline.planning.request import Request
-
-        needed = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
-        if part not in needed:
-            raise InputError(f"part = {part!r}: must be plate, zone or pillar")
-        self._case.require(*needed[part], command=f"modes of the {part}")
-        if part == "plate":
-            self._case.require_plate(command="modes of the plate")
-        near = None if near_kHz is None else KHZ * near_kHz
-        query = Request(part, _hz(band_kHz), near, count, symmetry)
-        part_modes = solve_modes(self._case, query, self._log(progress))
-        return Modes(part_modes.record.to_dict() | self._about, part_modes, self._case)
-
+    modes = asks(Modes)
+    mesh_modes = asks(MeshModes)
     bands = asks(Bands)
     crosstalk = asks(Crosstalk)
 

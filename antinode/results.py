@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, fields
-from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
-from pipeline.quantity import figure, frequency, interval, level, signed
+from pipeline.quantity import figure, frequency, level, signed
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pipeline.analysis.modes import PartModes
-    from pipeline.case.model import Case
     from pipeline.records.record import (
         HybridMethod,
         LoadedModeRecord,
@@ -114,152 +109,6 @@ class Result(Frozen):
     def _rows_html(self) -> str:
         """Rows that a notebook shows beneath the picture; none for curves."""
         return ""
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None.
-
-    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode and as driven by the patches (None
-    without any); rivals of a split mode as dictionaries of the same figures.
-
-    >>> import antinode
-    >>> antinode.Wanted("single", 34.6e3, 0.97, 0.62, 12.1, None, ()).confinement_db
-    12.1
-    """
-
-    status: str
-    frequency_hz: float | None
-    mac: float | None
-    strength: float | None
-    confinement_db: float | None
-    driven_confinement_db: float | None
-    rivals: tuple[dict[str, float], ...]
-
-
-@dataclass(frozen=True)
-class Mode:
-    """One mode: frequency in Hz, symmetry class (SS, SA, AS, AA or None), measures (None without meaning), relative error.
-
-    `mac`, `zone_share` and `strength` run from 0 to 1, `confinement_db` is in dB, `error` the half-width of the frequency's
-    error bar over the frequency, `confinement_error_db` that of the level's in dB; the other errors are those of their measure.
-
-    >>> import antinode
-    >>> mode = antinode.load("examples/small.toml", accuracy=0.1).modes(part="pillar", count=1)[0]
-    >>> 38e3 < mode.frequency_hz < 41e3, mode.to_pyvista()["displacement"].shape[1]
-    (True, 3)
-    """
-
-    frequency_hz: float
-    symmetry: str | None
-    mac: float | None
-    zone_share: float | None
-    confinement_db: float | None
-    strength: float | None
-    residual: float
-    error: float | None
-    _owner: Modes = field(repr=False, compare=False)
-    confinement_error_db: float | None = None
-    zone_share_error: float | None = None
-    mac_error: float | None = None
-    strength_error: float | None = None
-
-    def to_pyvista(self) -> Any:
-        """The closed outer surface of the whole body in m, with `displacement` (points, 3) of unit modal mass as point data.
-
-        Raises ValueError for modes that were read from a file: their shapes are not in it.
-        """
-        return self._owner._surface(self)
-
-
-class Modes(Result, Sequence[Mode]):
-    """Modes in ascending order, proven complete by a count; a sequence of Mode, arrays of shape (modes,).
-
-    >>> import antinode
-    >>> pillar = antinode.load("examples/small.toml", accuracy=0.02).modes(part="pillar", count=2)
-    >>> len(pillar), round(pillar[0].frequency_hz, -2)
-    (2, 39100.0)
-    """
-
-    kind = "modes"
-    _dimensions = ("mode",)
-
-    def __init__(self, document: dict[str, Any], solved: PartModes | None = None, case: Case | None = None) -> None:
-        super().__init__(document)
-        self._solved, self._case = solved, case
-
-    @cached_property
-    def _modes(self) -> tuple[Mode, ...]:
-        names = [each.name for each in fields(Mode) if not each.name.startswith("_")]
-        return tuple(Mode(**{name: mode.get(name) for name in names}, _owner=self) for mode in self._document["modes"])
-
-    error: FloatArray = column(
-        "error",
-        "modes",
-        doc="Half-width of each frequency's error bar (modes,), relative; NaN where none was calibrated.",
-    )
-    frequency_hz: FloatArray = column("frequency_hz", "modes", doc="Frequencies (modes,) in Hz.")
-
-    @property
-    def wanted(self) -> Wanted | None:
-        """The verdict on the wanted mode; None for a part or symmetry class that has none."""
-        verdict = self._document.get("wanted")
-        if verdict is None:
-            return None
-        keys = ("status", "frequency_hz", "mac", "strength", "confinement_db", "driven_confinement_db")
-        return Wanted(**{key: verdict.get(key) for key in keys}, rivals=tuple(verdict.get("rivals") or ()))
-
-    @property
-    def rigid_count(self) -> int:
-        """Rigid-body modes, which are counted and not listed."""
-        return int(self._document["rigid_count"])
-
-    @overload
-    def __getitem__(self, index: int) -> Mode: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Mode, ...]: ...
-    def __getitem__(self, index: int | slice) -> Mode | tuple[Mode, ...]:
-        return self._modes[index]
-
-    def __len__(self) -> int:
-        return len(self._modes)
-
-    def __iter__(self) -> Iterator[Mode]:
-        return iter(self._modes)
-
-    def __repr__(self) -> str:
-        ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []
-        span = f", {interval(*(hz for hz, _ in ends), *(error for _, error in ends))}" if ends else ""
-        return f"<antinode.Modes of the {self._document.get('part', 'plate')}: {len(self)}{span}>"
-
-    def to_pyvista(self, mode: int | Mode | None = None) -> Any:
-        """The closed surface of a mode, by its number or itself, in m as Mode.to_pyvista gives it; None: of the wanted mode.
-
-        Raises ValueError where no mode is the wanted one, and for modes that were read from a file.
-        """
-        if mode is None:
-            at = self.wanted.frequency_hz if self.wanted else None
-            if at is None:
-                raise ValueError("none of these modes is the wanted one: name a mode by its number")
-            mode = int(np.argmin(np.abs(self.frequency_hz - at)))
-        return (self[mode] if isinstance(mode, int) else mode).to_pyvista()
-
-    def _rows_html(self) -> str:
-        from pipeline.records.frames import html_table
-        from pipeline.records.reading import filled
-
-        levels = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength")
-        names = ("frequency_hz", "error", "symmetry", *levels, "zone_share_error", "mac_error", "strength_error")
-        wanted = self.wanted.frequency_hz if self.wanted else None
-        shown = filled(names, [[getattr(mode, name) for name in names] for mode in self])
-        return html_table(*shown, [i for i, mode in enumerate(self) if mode.frequency_hz == wanted])
-
-    def _surface(self, mode: Mode) -> Any:
-        if self._solved is None or self._case is None:
-            raise ValueError("these modes were read from a file, which holds no shapes: compute them again")
-        from antinode.surfaces import closed_surface
-
-        return closed_surface(self._solved, self._case, self._modes.index(mode))
 
 
 def _over(result: Result, f: FloatArray) -> str:
@@ -567,7 +416,6 @@ class Search(Result):
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
-        Modes,
         Attenuation,
         Broadband,
         Response,

@@ -13,7 +13,6 @@ from pipeline.questions.result import Result as Answer
 from pipeline.records import store
 
 MARKS = {
-    "modes": "modes",
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
     "touch": "states",
@@ -63,7 +62,7 @@ def _answer(path: str | Path, kind: type[Answer], document: dict[str, Any]) -> A
 def _kind(document: dict[str, Any]) -> str | None:
     if document.get(KIND) in KINDS or document.get(KIND) in registered():
         return str(document[KIND])
-    answers = {"bands": {"points", "gaps"}, "crosstalk": {"zones"}}
+    answers = {"bands": {"points", "gaps"}, "crosstalk": {"zones"}, "modes": {"modes", "count_check"}}
     for name, marks in answers.items():
         if marks <= document.keys():
             return name

@@ -11,9 +11,9 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.layout import Design, region_materials
-from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
 from pipeline.models.parts import tet_cell
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules

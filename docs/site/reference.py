@@ -60,10 +60,9 @@ def answers() -> dict[str, type[declared.Part]]:
 
 
 def meaning(part: type[BaseModel], name: str) -> str:
-    """What a field means: as its class says it, or one that it stems from, else as everywhere; '' where nothing does."""
+    """What a field means: as its class says it, else as everywhere; '' where nothing does."""
     known = field_meanings()
-    owners = [*(base.__name__ for base in inspect.getmro(part)), "any"]
-    return next((known[owner][name] for owner in owners if name in known.get(owner, {})), "")
+    return next((known[owner][name] for owner in (part.__name__, "any") if name in known.get(owner, {})), "")
 
 
 def unexplained() -> list[str]:

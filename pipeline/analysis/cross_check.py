@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 from geometry.elements import FloatArray
-from pipeline.analysis import mode_fields, mode_rows, modes
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models import mode_fields, mode_rows, modes
 from pipeline.planning import calibration
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed

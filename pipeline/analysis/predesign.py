@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from geometry.layout import SHORT, Design
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency, percent, percentage
@@ -53,18 +53,6 @@ def _read(document: dict[str, Any], design: Design) -> list[str]:
             f"{beside + better if abs(off) >= TUNED else 'where the zone does'}"
         )
     return lines
-
-
-def short_wave(design: Design) -> str | None:
-    """Warn of a wanted mode whose half-wavelength is short beside the thickness; None where it is not."""
-    if not design.is_short_wave:
-        return None
-    half = design.half_wavelength_m or design.width_m
-    return (
-        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
-        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:g} mm each): plate theory, the pre-design and windows chosen by "
-        "them mean little; lower zone.nodal_lines or plate.thickness_mm"
-    )
 
 
 def expected_errors(part: str, design: Design) -> dict[str, float]:

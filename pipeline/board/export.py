@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from firmware.table_format import CHANNELS, RATE_HZ
-from pipeline.analysis.modes import PartModes
 from pipeline.board import table_file
 from pipeline.board.table_file import Mode, ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.modes import PartModes
 from pipeline.quantity import figure, frequency
 from pipeline.records.fingerprint import canonical_json, code_hash
 from pipeline.records.store import write_atomic

@@ -1,10 +1,10 @@
-"""Materials unlike any solid: allowed, but most often a slip of units, such as g/cm3 for kg/m3."""
+"""What is allowed and most often meant otherwise: materials unlike any solid, waves too short for plate theory."""
 
 from __future__ import annotations
 
 from math import sqrt
 
-from geometry.layout import Design
+from geometry.layout import SHORT, Design
 from geometry.materials import Material
 from pipeline.logs import Log
 from pipeline.quantity import figure
@@ -26,6 +26,18 @@ def warn_of_doubts(design: Design, log: Log) -> None:
     """A warning for each of them: whoever reads a case for a computation says so."""
     for doubt in doubts(design):
         log.warning("MATERIAL", doubt)
+
+
+def short_wave(design: Design) -> str | None:
+    """Warn of a wanted mode whose half-wavelength is short beside the thickness; None where it is not."""
+    if not design.is_short_wave:
+        return None
+    half = design.half_wavelength_m or design.width_m
+    return (
+        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
+        f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:g} mm each): plate theory, the pre-design and windows chosen by "
+        "them mean little; lower zone.nodal_lines or plate.thickness_mm"
+    )
 
 
 def _doubt(material: Material) -> list[str]:

@@ -7,7 +7,7 @@ from typing import Any
 
 from pipeline.case.model import Case, load_case
 from pipeline.case.plausible import warn_of_doubts
-from pipeline.case.quantities import parse_band, parse_frequency
+from pipeline.case.quantities import parse_band
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.quantity import figure, frequency_with_bar, interval, percent, with_bar
@@ -30,7 +30,8 @@ def _read(arguments: Namespace, *overrides: str) -> tuple[Case, TerminalLog, Ban
 
 def predesign(arguments: Namespace) -> int:
     """Size zone and pillar analytically."""
-    from pipeline.analysis.predesign import run, short_wave
+    from pipeline.analysis.predesign import run
+    from pipeline.case.plausible import short_wave
 
     case, log, _ = _read(arguments)
     case.require("plate", "zone", command="predesign")
@@ -39,78 +40,6 @@ def predesign(arguments: Namespace) -> int:
     document, text = run(case)
     rows = [list(row.values()) for row in ROWS["predesign"](document)]
     return emit(arguments, "predesign", Answer(document, [text], ("part", "quantity", "value"), rows))
-
-
-def modes(arguments: Namespace) -> int:
-    """Compute the modes of a part."""
-    _refuse_options_without_effect(arguments)
-    case, log, band = _read(arguments)
-    near = parse_frequency(arguments.near, "--near") if arguments.near else None
-    from pipeline.planning.request import Request
-
-    query = Request(arguments.part, band, near, arguments.count, arguments.symmetry)
-    if not arguments.mesh_file:
-        _require_part(case, arguments.part)
-    if arguments.explain:
-        return _explained(arguments, "of_modes", case, query)
-    from pipeline.analysis import mode_fields, wanted_text
-    from pipeline.analysis.mode_rows import widest_bar
-    from pipeline.analysis.modes import solve_modes
-    from pipeline.records import store
-
-    if arguments.mesh_file:
-        from pipeline.exchange import user_mesh
-
-        held = (arguments.clamp, arguments.support)
-        file = user_mesh.UserMesh(arguments.mesh_file, arguments.unit or "m", *held, arguments.merge)
-        solved = user_mesh.solve(case, file, query, log)
-    else:
-        solved = solve_modes(case, query, log)
-    measures = ("zone_share", "confinement_db", "confinement_error_db", "mac", "strength", "residual")
-    bars = ("zone_share_error", "mac_error", "strength_error")
-    head = ("frequency_hz", "error", "symmetry", *measures, *bars)
-    rows = [[getattr(row, key) for key in head] for row in solved.rows]
-    plural = "s" * (solved.rigid_count != 1)
-    about = f"{solved.model.name}, {solved.dof} degrees of freedom, {solved.rigid_count} rigid-body mode{plural}"
-    document = solved.record.to_dict()
-    widest = widest_bar(solved.rows)
-    widest.warn(case, log)
-    lines = [about, _modes_table(head, rows, document), widest.text(), *wanted_text.lines(solved, case.design)]
-    emit(arguments, "modes", Answer(document, lines, head, rows), log)
-    if arguments.save_all_fields:
-        store.save_arrays(outputs.folder(arguments.out), mode_fields.full_fields(solved), store.FIELDS)
-    return 0
-
-
-def _modes_table(head: tuple[str, ...], rows: list[list[Any]], document: dict[str, Any]) -> str:
-    """Modes for reading: without residuals, the wanted one with a star."""
-    wanted = (document.get("wanted") or {}).get("frequency_hz")
-    marked = [number for number, row in enumerate(rows) if wanted is not None and row[0] == wanted]
-    return reading_table(*filled(head, rows), marked)
-
-
-def _refuse_options_without_effect(arguments: Namespace) -> None:
-    """Raise InputError for options of `modes` that would have no effect beside the others, or lack what they need."""
-    lines = []
-    if arguments.near and arguments.band:
-        without = "must be left out beside --band, which asks for every mode between its ends"
-        lines.append(f"--near = {arguments.near}: {without}")
-    if not arguments.mesh_file:
-        if arguments.unit:
-            lines.append(f"--unit = {arguments.unit}: needs --mesh-file FILE, whose lengths it is for")
-        if arguments.merge is not None:
-            lines.append(f"--merge = {arguments.merge:g}: needs --mesh-file FILE, whose nodes it joins")
-        lines += [
-            f"{option} = {name}: needs --mesh-file FILE, one of whose groups it names"
-            for option, names in (("--clamp", arguments.clamp), ("--support", arguments.support))
-            for name in names
-        ]
-    elif arguments.explain:
-        lines.append("--explain: must be left out beside --mesh-file, whose mesh is solved whole as it is")
-    if arguments.save_all_fields and not (arguments.out or arguments.explain):
-        lines.append("--save-all-fields: needs --out DIR, the folder that fields.npz goes to")
-    if lines:
-        raise InputError(lines)
 
 
 def _require_part(case: Case, part: str, command: str = "") -> None:

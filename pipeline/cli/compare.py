@@ -156,12 +156,13 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
 
 def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The wanted mode and the gaps of a case, and its bands where it has one cell."""
-    from pipeline.analysis.modes import solve_modes
+    from pipeline.models.modes import solve_modes
     from pipeline.planning.request import of_case
     from pipeline.questions.bands import Bands
     from pipeline.questions.question import Run, ask
 
-    wanted = solve_modes(case, of_case(case), log).record.to_dict()["wanted"] or {}
+    found = solve_modes(case, of_case(case), log).wanted_part()
+    wanted = found.to_dict() if found else {}
     quantities = {"wanted": {key: value for key, value in wanted.items() if not isinstance(value, list)}}
     if "array.pitch_mm" not in case.given or case.design.is_graded:
         return quantities, None

@@ -6,10 +6,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.analysis import wanted_text
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models import wanted_text
 from pipeline.quantity import figure, percentage, signed
 from pipeline.records import outputs
 from pipeline.records.record import GeometryRecord
@@ -154,8 +154,8 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
     from geometry.formats.vtu import write_vtu
     from geometry.mesh import Mesh
-    from pipeline.analysis.modes import Request, solve_modes
-    from pipeline.analysis.wanted_text import warn_of_wanted
+    from pipeline.models.modes import Request, solve_modes
+    from pipeline.models.wanted_text import warn_of_wanted
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
@@ -175,9 +175,9 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
 def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     """Mode table of the wanted mode and its neighbours; `force` takes the most similar mode where none is the wanted one."""
-    from pipeline.analysis.modes import solve_modes
-    from pipeline.analysis.wanted_text import warn_of_wanted
     from pipeline.board.export import write_table
+    from pipeline.models.modes import solve_modes
+    from pipeline.models.wanted_text import warn_of_wanted
     from pipeline.planning.request import of_case
 
     part_modes = solve_modes(case, of_case(case), log).whole_window

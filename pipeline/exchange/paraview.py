@@ -27,7 +27,7 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
     (k, p, 3) of its modes. Raises InputError where the band holds none.
     """
     from geometry.closed import closed_surface
-    from pipeline.analysis.modes import solve_modes
+    from pipeline.models.modes import solve_modes
     from pipeline.planning.request import Request
 
     solved = solve_modes(case, Request("plate"), log)

@@ -19,10 +19,10 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
 from pipeline import quantity
-from pipeline.analysis.modes import Request, with_defaults
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import parts
+from pipeline.models.modes import Request, with_defaults
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_model
 from solvers.fem.eigen import factor_near, modes_near

@@ -427,7 +427,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
 
     case = scene.at(given)
     case = replace(case, solve=replace(case.solve, model="auto"))
-    from pipeline.analysis import modes
+    from pipeline.models import modes
 
     solved = modes.solve_modes(case, of_case(case), log)
     row, bar = solved.wanted.row if solved.wanted else None, solved.bar

@@ -10,14 +10,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import Case
+from pipeline.models.mode_parts import WantedMode
 from pipeline.questions.question import Run
-from pipeline.records.record import MeshRecord, WantedMode
+from pipeline.records.record import MeshRecord
 from pipeline.records.tables import Column
 
 if TYPE_CHECKING:
     from pipeline.planning.plan import Step
     from pipeline.planning.simplifications import Simplification
     from pipeline.plots.style import ReportFigure
+    from pipeline.questions.modes import ModesResult
     from pipeline.records.run_log import RunLog
     from pipeline.records.study import StoredCase
 
@@ -52,7 +54,7 @@ class Work:
     @property
     def wanted(self) -> WantedMode | None:
         """The wanted mode, where the modes were measured before and there is one."""
-        modes = self.record.get("modes")
+        modes: ModesResult | None = self.record.get("modes")
         return modes.wanted if modes and isinstance(modes.wanted, WantedMode) else None
 
     def keep(self, meshes: Iterable[MeshRecord] = (), arrays: Mapping[str, Any] | None = None, **result: Any) -> None:

@@ -6,30 +6,32 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.measures.measure import Measure, Work
+from pipeline.models.mode_parts import RivalRecord
 from pipeline.planning import plan
 from pipeline.planning.request import of_case
 from pipeline.quantity import HZ, frequency_figure
 from pipeline.questions.bands import BandsResult
-from pipeline.records.record import Record, RivalRecord
+from pipeline.questions.modes import ModesResult
+from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
 from solvers.measures.levels import CONFINED_DB
 
 if TYPE_CHECKING:
-    from pipeline.analysis.modes import PartModes
+    from pipeline.models.modes import PartModes
 
 FIELDS = tuple(f"plots.fields.{name}" for name in ("touch_face", "side_view", "pillars_in_plane", "neighbours"))
 SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 
 
 def _compute(work: Work) -> None:
-    from pipeline.analysis import mode_fields, modes
-    from pipeline.analysis.wanted_text import warn_of_wanted
     from pipeline.board.export import write_table
+    from pipeline.models import mode_fields, modes
+    from pipeline.models.wanted_text import warn_of_wanted
     from pipeline.records import store
 
     case, log = work.case, work.log
     result = modes.solve_modes(case, of_case(case), log).whole_window
-    work.keep(result.meshes, modes=result.record)
+    work.keep(result.meshes, modes=ModesResult.of_solved(result, case))
     assert result.wanted
     work.solved["modes"] = result
     index = result.index(result.wanted.row)

@@ -25,7 +25,8 @@ from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
-ASKED = {name: of_question(kind()) for name, kind in registered().items()}
+WRITTEN = {"modes"}  # questions whose measure keeps more than their result: its module has it
+ASKED = {name: of_question(kind()) for name, kind in registered().items() if name not in WRITTEN}
 MEASURES: tuple[Measure, ...] = (
     *(MODES, ASKED["bands"], ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, ASKED["crosstalk"]),
     *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),
@@ -34,7 +35,7 @@ MEASURES: tuple[Measure, ...] = (
 
 def measures() -> tuple[Measure, ...]:
     """Every measure, those of questions that other modules have defined last."""
-    others = (of_question(kind()) for name, kind in registered().items() if name not in ASKED)
+    others = (of_question(kind()) for name, kind in registered().items() if name not in ASKED.keys() | WRITTEN)
     return (*MEASURES, *others)
 
 

@@ -127,16 +127,6 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
-def of_modes(case: Case, request: Request) -> Plan:
-    """Plan of `antinode modes`."""
-    whole = (
-        simplifications.no_patches(case.patches),
-        simplifications.no_response(),
-        simplifications.no_figures(),
-    )
-    return _plan(case, [modes_step(case, request)], whole)
-
-
 def of_attenuation(
     case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int, drawn: bool
 ) -> Plan:

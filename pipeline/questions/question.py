@@ -14,7 +14,19 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields
 from inspect import cleandoc
 from math import inf
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, dataclass_transform, get_args
+from types import NoneType
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Generic,
+    Literal,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 from pipeline.errors import InputError
 from pipeline.questions.result import Origin, Result
@@ -32,6 +44,7 @@ R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
 KHZ = 1e3  # Hz
 QUESTIONS: dict[str, type[Question[Any]]] = {}
+VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
 
 
 # -- declarations ------------------------------------------------------------------------------------------------------
@@ -45,20 +58,22 @@ class Option:
     unit: str = ""
     at_least: float = -inf
     at_most: float = inf
+    metavar: str = ""
 
     def fault(self, value: Any) -> str:
         """Return what a value of this option must be, or '' for a good one."""
         pair = isinstance(value, tuple)
         numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
         if not all(self.at_least <= each <= self.at_most for each in numbers):
-            ends = f"from {self.at_least:g} to {self.at_most:g}" if self.at_most < inf else f"{self.at_least:g} or more"
-            return f"must be {ends}"
+            most = f", at most {self.at_most:g}" if self.at_most < inf else ""
+            return f"must be {self.at_least:g} or more{most}"
         return "must be two rising numbers" if pair and len(numbers) == 2 and numbers[0] >= numbers[1] else ""
 
 
 def option(
-    *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, kw_only: bool = True
-) -> Any:
+    *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, metavar: str = "",
+    kw_only: bool = True,
+) -> Any:  # fmt: skip
     """Declare an option of a question.
 
     Parameters
@@ -71,10 +86,12 @@ def option(
         Its unit, in which its name ends (`band_kHz`); its flag on the command line does not (`--band`).
     at_least, at_most
         Limits of the number, or of each end of a band.
+    metavar
+        What stands for its value in the help of the command.
     kw_only
         False for an option that the method also takes by position.
     """
-    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most)})
+    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar)})
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
@@ -156,6 +173,7 @@ class Question(_Declared, Generic[R]):
     example : a command line.
     drives : whether it drives the plate.
     pictures : functions that draw a study's case from several answers together, in the place of the result's own.
+    instead_of, by : the question whose command asks this one where its option `by` is given.
     """
 
     name: ClassVar[str]
@@ -163,25 +181,40 @@ class Question(_Declared, Generic[R]):
     example: ClassVar[str]
     drives: ClassVar[bool]
     pictures: ClassVar[Axis]
+    instead_of: ClassVar[str]
+    by: ClassVar[str]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(
-        cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = ()
-    ) -> None:
+        cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
+        by: str = "",
+    ) -> None:  # fmt: skip
         super().__init_subclass__()
-        cls.name, cls.needs, cls.drives, cls.pictures = cls.__name__.lower(), needs, drives, pictures
+        cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
+        cls.instead_of, cls.by = instead_of, by
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
+        if instead_of:
+            VARIANTS[cls.name] = cls
+            return
         cls.result.question, cls.result.title = cls.name, cls.summary()
         QUESTIONS[cls.name] = cls
 
     def __post_init__(self) -> None:
-        faults = {f"{n} = {getattr(self, n)}": each.fault(getattr(self, n)) for n, each in self.options.items()}
+        faults = {f"{n} = {getattr(self, n)!r}": self._fault(n) for n in self.options}
         if any(faults.values()):
             raise InputError([f"{given}: {fault}" for given, fault in faults.items() if fault])
+
+    def _fault(self, name: str) -> str:
+        """Return what an option must be, or '' where it is so."""
+        value, kind = getattr(self, name), kind_of(type(self), name)
+        if get_origin(kind) is Literal and value is not None and value not in get_args(kind):
+            *first, last = get_args(kind)
+            return f"must be {', '.join(first)} or {last}"
+        return self.options[name].fault(value)
 
     @classmethod
     def summary(cls) -> str:
@@ -268,6 +301,16 @@ def _announce(plan: Plan, run: Run) -> None:
             run.left_out(each.what, each.why)
     for name, demand in plan.demands.items():
         announce(name, demand, run)
+
+
+def kind_of(question: type[Question[Any]], name: str) -> Any:
+    """Return the type of an option, without None."""
+    hint = get_type_hints(question)[name]
+    return next(each for each in get_args(hint) if each is not NoneType) if NoneType in get_args(hint) else hint
+
+
+def _snake_case(name: str) -> str:
+    return "".join(f"_{each.lower()}" if each.isupper() else each for each in name).lstrip("_")
 
 
 def hz(band_kHz: Pair | None) -> Pair | None:

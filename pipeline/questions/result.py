@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
-from pipeline.records.part import Axis, Part, rows_of
+from pipeline.records.part import Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -108,6 +108,14 @@ class Result(Part):
     def rows(self) -> list[dict[str, Any]]:
         """Return the main table: a dictionary of plain values a row, units in the names."""
         return rows_of(self, self.table, self.axes)
+
+    @classmethod
+    def heading(cls) -> list[str]:
+        """Return the columns of a main table without a row: those of its items."""
+        kind = part_of(cls, cls.table) if cls.table else cls
+        inner = set(cls.axes[1:] if cls.table else cls.axes)
+        own = [each.name or name for name, each in kind.declared.items() if each.table and set(each.along) <= inner]
+        return [*cls.axes[:1], *own] if cls.table and cls.axes[0] not in own else own
 
     def array(self, name: str) -> np.ndarray:
         """Return a column as an array over the main table's axes; NaN for what is missing."""

@@ -11,13 +11,9 @@ from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from itertools import product
 from math import isfinite
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, dataclass_transform
-
-if TYPE_CHECKING:
-    pass
+from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
 ABOUT = "about"
-T = TypeVar("T")
 Axis = tuple[str, ...]
 
 
@@ -29,7 +25,8 @@ class Column:
     """What a field means, its unit, the axes that its lists run along, and how it stands in tables.
 
     name: of its column in tables, its own by default. error: the field with the half-width of its error bar. parts: names of
-    the columns that hold the entries of a last axis of its own, such as the real and the imaginary part.
+    the columns that hold the entries of a last axis of its own, such as the real and the imaginary part. table: whether
+    it does.
     """
 
     about: str
@@ -38,11 +35,12 @@ class Column:
     name: str = ""
     error: str = ""
     parts: Axis = ()
+    table: bool = True
 
 
 def column(
     about: str, unit: str = "", *, along: str | Axis = (), name: str = "", error: str = "", parts: Axis = (),
-    default: Any = MISSING, default_factory: Any = MISSING,
+    table: bool = True, default: Any = MISSING, default_factory: Any = MISSING,
 ) -> Any:  # fmt: skip
     """Declare a field of a part.
 
@@ -58,12 +56,14 @@ def column(
         The field that holds the half-width of its error bar.
     parts
         Names in tables of the entries of one more axis, such as the real and the imaginary part.
+    table
+        Whether it stands in tables.
     default, default_factory
         As `dataclasses.field` takes them: None for what some models do not have.
     """
     axes = (along,) if isinstance(along, str) else along
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
-    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts)})
+    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts, table)})
 
 
 def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
@@ -117,6 +117,12 @@ def _reader(kind: type[Part]) -> Any:
     from pydantic import TypeAdapter
 
     return TypeAdapter(kind)
+
+
+def part_of(kind: type[Part], name: str) -> type[Part]:
+    """Return the class of the items of a list of parts."""
+    held: type[Part] = get_args(get_type_hints(kind)[name])[0]
+    return held
 
 
 def plain(given: Any) -> Any:
@@ -175,7 +181,7 @@ def _table_columns(part: Part, inner: Axis) -> list[tuple[str, Column]]:
 
 
 def _fits(value: Any, about: Column, axes: set[str]) -> bool:
-    if not set(about.along) <= axes:
+    if not about.table or not set(about.along) <= axes:
         return False
     single = about.along or about.parts
     return not isinstance(value, Part | dict) and (bool(single) or not isinstance(value, list))

@@ -27,7 +27,7 @@ from pipeline.records import part, store
 from pipeline.units import NM
 from solvers.measures.levels import CONFINED_DB
 
-BY_TETRAHEDRA = "tet_"  # before the name of a question that was answered by tetrahedra as well
+ALIKE = {"tet_bands": "bands", "zone_modes": "modes", "pillar_modes": "modes"}  # further answers to the same questions
 R = TypeVar("R", bound=part.Part)
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
 
@@ -179,107 +179,6 @@ class MeshRecord(Part):
     sha256: str
     worst_jacobian_ratio: float | None = None
     volume_error: float | None = None
-
-
-class ModeRecord(Part):
-    """One mode; parity tells its symmetry class as signs, error the half-width of its frequency's bar, relative, and
-    confinement_error_db that of its level's; the other errors have the unit of their figure.
-
-    frequency_hz is the best value, computed_hz that of the finest mesh alone.
-    """
-
-    frequency_hz: float
-    residual: float
-    parity: str | None
-    zone_share: float | None
-    confinement_db: float | None
-    mac: float | None
-    strength: float | None
-    symmetry: str | None = None
-    computed_hz: float | None = None
-    error: float | None = None
-    confinement_error_db: float | None = None
-    zone_share_error: float | None = None
-    mac_error: float | None = None
-    strength_error: float | None = None
-
-
-class CountRecord(Part):
-    """Modes expected by inertia and found between two frequencies; of what, and how many more the meshes may have."""
-
-    low_hz: float
-    high_hz: float
-    expected: int
-    found: int
-    counts: str | None = None
-    more_in_mesh_at_most: int | None = None
-
-    @property
-    def holds(self) -> bool:
-        """Whether as many were found as expected."""
-        return self.expected == self.found
-
-
-class RivalRecord(Part):
-    """Another mode that carries the wanted shape."""
-
-    frequency_hz: float
-    strength: float | None
-    mac: float | None
-    confinement_db: float | None
-    error: float | None = None
-    confinement_error_db: float | None = None
-    mac_error: float | None = None
-    strength_error: float | None = None
-
-
-class WantedRecord(Part):
-    """The outcome of the search for the wanted mode in a window; every figure None where there is none.
-
-    share: of the shape, among all modes of the window. index: among the modes listed, None beyond them.
-    """
-
-    status: Literal["single", "split", "none"]
-    frequency_hz: float | None
-    mac: float | None
-    strength: float | None
-    confinement_db: float | None
-    zone_share: float | None = None
-    symmetry: str | None = None
-    driven_confinement_db: float | None = None
-    share: float | None = None
-    rivals: list[RivalRecord] = []
-    window_hz: tuple[float, float] | None = None
-    index: int | None = None
-    extension_db: float | None = None
-    frequency_error: float | None = None
-    confinement_error_db: float | None = None
-    zone_share_error: float | None = None
-    mac_error: float | None = None
-    strength_error: float | None = None
-    pillar_energy_share: float | None = None
-
-
-class WantedMode(WantedRecord):
-    """The same where there is a mode."""
-
-    frequency_hz: float
-
-
-class ModesRecord(Part):
-    """The modes of a part in ascending order, their count, and the wanted one among them."""
-
-    model: str
-    part: str
-    dof: int
-    rigid_count: int
-    modes: list[ModeRecord]
-    count_check: CountRecord
-    wanted: WantedMode | WantedRecord | None = Field(None, union_mode="left_to_right")
-    reduction_error: float | None = None
-    expected_error: float | None = None
-    error_bar: dict[str, float | None] | None = None  # of the wanted mode: frequency, relative, and confinement_db
-    widest_bar: dict[str, Any] | None = None
 
 
 class ShapesRecord(Part):
@@ -1071,7 +970,6 @@ class Record(Checked):
     plan: PlanRecord | None = None
     design: DesignRecord | None = None
     meshes: list[MeshRecord] = []
-    modes: ModesRecord | None = None
     shapes: ShapesRecord | None = None
     attenuation: AttenuationRecord | None = None
     broadband: BroadbandRecord | None = None
@@ -1085,8 +983,6 @@ class Record(Checked):
     travel: TravelRecord | None = None
     board: BoardRecord | BoardFault | None = None
     predesign: PredesignRecord | None = None
-    zone_modes: ModesRecord | None = None
-    pillar_modes: ModesRecord | None = None
     geometry: GeometryRecord | None = None
     tet_modes: TetModesRecord | None = None
     answers: dict[str, Any] = {}
@@ -1139,10 +1035,15 @@ class Record(Checked):
         return self.status in STATUSES
 
     @property
-    def wanted(self) -> WantedMode | None:
+    def modes(self) -> Any:
+        """The answer about the plate's modes; None where it was not asked."""
+        return self.answers.get("modes")
+
+    @property
+    def wanted(self) -> Any:
         """The wanted mode; None where there is none or none was looked for."""
-        result = self.modes.wanted if self.modes else None
-        return result if isinstance(result, WantedMode) else None
+        found = self.modes.wanted if self.modes else None
+        return found if found and found.is_found else None
 
     @property
     def wanted_status(self) -> str | None:
@@ -1191,12 +1092,22 @@ class Record(Checked):
         return next((mesh for mesh in self.meshes if (mesh.what, mesh.kind) == (what, kind)), None)
 
 
+class PartFault(Exception):
+    """An answer that does not fit its declaration, by its place."""
+
+
+def _first(error: ValidationError) -> str:
+    """The place of the first fault, and what it is."""
+    first = error.errors()[0]
+    return f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}"
+
+
 def kind_of(name: str) -> type[part.Part] | None:
     """The kind of result that a part of a record holds; None where it is no answer to a question.
 
     Questions know records, not the other way round: they are found when a record is read.
     """
-    question = import_module("pipeline.questions").registered().get(name.removeprefix(BY_TETRAHEDRA))
+    question = import_module("pipeline.questions").registered().get(ALIKE.get(name, name))
     kind: type[part.Part] | None = question.result if question else None
     return kind
 
@@ -1205,16 +1116,18 @@ def answer_of(name: str, given: Any) -> part.Part:
     """An answer as it was computed, or read from what `to_dict` wrote of it."""
     kind = kind_of(name)
     assert kind
-    return given if isinstance(given, part.Part) else kind.from_dict(given)
+    if isinstance(given, part.Part):
+        return given
+    try:
+        return kind.from_dict(given)
+    except ValidationError as error:
+        raise PartFault(f"{name}.{_first(error)}") from error
 
 
 def read(folder: Path) -> Record:
     """Record of a case. Raises store.BadRecord when it is missing, torn, edited, another case's or of another version."""
     try:
         return Record.model_validate(store.read_record(folder))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise store.BadRecord(
-            f"{store.RECORD} is no record of schema {store.SCHEMA}: {place}: {first['msg']}"
-        ) from error
+    except (ValidationError, PartFault) as error:
+        fault = _first(error) if isinstance(error, ValidationError) else str(error)
+        raise store.BadRecord(f"{store.RECORD} is no record of schema {store.SCHEMA}: {fault}") from error

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from pipeline.records.record import ShapesRecord, WantedMode
+from pipeline.records.record import ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import lines_along, main_key
 from solvers.measures.mode_tracking import Shapes, follow
 
-Line = list[tuple[StoredCase, WantedMode, ShapesRecord]]
+Line = list[tuple[StoredCase, Any, ShapesRecord]]
 
 
 @dataclass(frozen=True)

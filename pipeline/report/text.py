@@ -13,9 +13,10 @@ from typing import Any
 from pipeline import quantity
 from pipeline.case.overrides import toml_text
 from pipeline.measures import registry
+from pipeline.models.mode_parts import ModeRecord, WantedMode
 from pipeline.paths import RESULTS, ROOT, STUDIES
 from pipeline.questions.bands import BandsResult
-from pipeline.records.record import ModeRecord, Record, WantedMode
+from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare

@@ -76,7 +76,12 @@ def confinement_words(mode_db: float | None, driven_db: float | None, error_db: 
 
 def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]:
     """A figure in Hz, or the verdict, and the half-width of its bar, relative."""
-    wanted, bands, zone, pillar = record.wanted, record.of(BandsResult), record.zone_modes, record.pillar_modes
+    wanted, bands, zone, pillar = (
+        record.wanted,
+        record.of(BandsResult),
+        record.held("zone_modes"),
+        record.held("pillar_modes"),
+    )
     gap = bands.gaps[0] if bands and bands.gaps else None
     peak = record.response.wanted_peak if record.response else None
     sizes = record.predesign.zone if record.predesign else None

@@ -250,7 +250,7 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
-    from pipeline.analysis import modes
+    from pipeline.models import modes
 
     solve = replace(case.solve, model="auto")
     if fidelity == SOLID:

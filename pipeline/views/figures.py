@@ -7,8 +7,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
-import numpy as np
-
 from geometry.files import written_whole
 from pipeline.plots import attenuation as of_rows
 from pipeline.plots import response as of_response
@@ -26,7 +24,6 @@ from pipeline.records.record import (
     TravelRecord,
 )
 from pipeline.units import KHZ
-from solvers.measures.levels import CONFINED_DB
 
 Document = dict[str, Any]
 P = TypeVar("P", bound=Part)
@@ -56,24 +53,6 @@ def save(figure: Any, place: Path) -> None:
     """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
-
-
-def modes(ax: Any, document: Document) -> None:
-    """Confinement of each mode over its frequency, the wanted mode marked; frequencies alone where nothing is passive."""
-    khz = np.array([mode["frequency_hz"] for mode in document["modes"]]) / KHZ
-    level = np.array([mode["confinement_db"] for mode in document["modes"]], dtype=float)
-    if not np.isfinite(level).any():
-        ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
-        ax.set(xlabel="mode", ylabel="frequency (kHz)")
-        return
-    ax.plot(khz, level, "o", color=style.BLUE, ms=4)
-    ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {CONFINED_DB:g} dB")
-    wanted = document.get("wanted") or {}
-    if wanted.get("frequency_hz") is not None and wanted.get("confinement_db") is not None:
-        at = wanted["frequency_hz"] / KHZ, wanted["confinement_db"]
-        ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"wanted mode ({wanted['status']})")
-    ax.legend()
-    ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
 
 
 def attenuation(ax: Any, document: Document) -> None:
@@ -136,7 +115,6 @@ def differences(ax: Any, rows: list[Document]) -> None:
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
     for each in (
-        modes,
         attenuation,
         broadband,
         response,

@@ -9,11 +9,6 @@ Document = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
-def modes(document: Document) -> Rows:
-    """One row a mode."""
-    return [dict(mode) for mode in document["modes"]]
-
-
 def attenuation(document: Document) -> Rows:
     """One row a frequency."""
     return [{key: point.get(key) for key in ("frequency_hz", "db_per_row", "db_error")} for point in document["points"]]
@@ -103,7 +98,6 @@ def search(document: Document) -> Rows:
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
-        modes,
         attenuation,
         broadband,
         response,

@@ -126,7 +126,7 @@ def foreseen(name: str) -> Demand:
             parse_frequency(near, "--near") if near else None,
             int(count) if count else None,
         )
-        planned = plan.of_modes(case, request)
+        planned = plan.plan_of(case, plan.modes_step(case, request))
     (demand,) = planned.demands.values()
     return demand
 

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 QUESTIONS = sorted(registered())
 HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps")),
          *(f"pipeline.questions.{name}" for name in QUESTIONS),
-         "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
+         "pipeline.models.mode_parts", "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
 SLOW = {  # a second and more, run by `make test-all`

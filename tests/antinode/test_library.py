@@ -18,6 +18,7 @@ from antinode import sweeps
 from pipeline.batch.study_file import load_study
 from pipeline.cli import explore
 from pipeline.cli.main import main
+from tests.helpers import synthetic
 from tests.helpers.at_once import sweep_here
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -176,12 +177,15 @@ def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, sett
         plate.search(**settings)
 
 
+NONE = antinode.Wanted(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
+
+
 def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
     sizes = plate.predesign()
     row = antinode.SweepTable([{"case": "a", "level_db": 1.0}], Path())
     driven = antinode.Response({"wanted_peak": {"frequency_hz": 34e3, "quality_factor": 300.0}})
     for frozen, name in ((plate, "name"), (plate, "colour"), (sizes, "zone_hz"), (sizes, "kind"), (row, "swept"),
-                         (driven, "frequency_hz"), (antinode.Wanted("none", *[None] * 5, ()), "mac")):  # fmt: skip
+                         (driven, "frequency_hz"), (NONE, "mac")):  # fmt: skip
         with pytest.raises(AttributeError):
             setattr(frozen, name, 1.0)
     with pytest.raises(TypeError):
@@ -197,12 +201,12 @@ def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
 def test_a_notebook_sees_the_plate_its_modes_and_its_table(plate: antinode.Plate) -> None:
     assert "<svg" in plate._repr_html_() and "56 × " in plate._repr_html_()
     assert "<svg" not in antinode.Plate(pillar=antinode.Pillar(side_mm=2.0, height_mm=6.0))._repr_html_()
-    modes = [
-        {"frequency_hz": hz, "symmetry": "SS", "mac": 0.9, "zone_share": 0.5, "confinement_db": level, "strength": 0.2}
+    both = [
+        antinode.Mode(frequency_hz=hz, symmetry="SS", mac=0.9, confinement_db=level, strength=0.2, residual=1e-12)
         for hz, level in ((30e3, 2.0), (34e3, None))
     ]
-    wanted = {"status": "single", "frequency_hz": 34e3, "confinement_db": 11.0}
-    page = antinode.Modes({"modes": modes, "wanted": wanted})._rows_html()
+    found = {"frequency_hz": 34e3, "mac": 0.9, "strength": 0.2, "confinement_db": 11.0}
+    page = synthetic.modes(antinode.Wanted(status="single", **found), both)._repr_html_()
     assert "<td><b>34.0 *</b></td>" in page and "<td>30.0</td>" in page and "(kHz)" in page
 
 

@@ -94,14 +94,11 @@ def test_every_field_of_a_json_document_has_a_meaning(
     site: dict[str, ModuleType], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reference = site["reference"]
-    assert reference.meaning(reference.record.WantedMode, "rivals").startswith(
-        "The other modes"
-    )  # of the class above it
     known = deepcopy(reference.field_meanings())
-    del known["any"]["dof"], known["TipRecord"]["side_m"]
+    del known["any"]["model"], known["TipRecord"]["side_m"]
     monkeypatch.setattr(reference, "field_meanings", lambda: known | {"WaveRecord": {"colour": "Its paint."}})
     left = reference.unexplained()
-    assert {"ModesRecord.dof", "TipRecord.side_m", "WaveRecord.colour", "WaveRecord.ky_re_per_m"} <= set(left)
+    assert {"AttenuationRecord.model", "TipRecord.side_m", "WaveRecord.colour", "WaveRecord.ky_re_per_m"} <= set(left)
 
 
 def test_documents_hold_what_their_page_says(
@@ -125,7 +122,7 @@ def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType
     assert "| `confinement_db` |" in text["reference/columns.md"] and "| `tracked_hz` |" in text["reference/columns.md"]
     assert (
         "### ModeRecord" in text["reference/json.md"]
-        and "| `strength` | Share of the wanted shape" in text["reference/json.md"]
+        and "| `strength` | share of the wanted shape" in text["reference/json.md"]
         and "### `antinode search --json FILE`" in text["reference/json.md"]
         and "### `antinode active dq --json FILE`" in text["reference/json.md"]
     )

@@ -11,29 +11,25 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, WantedMode, WantedRecord
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
+from pipeline.questions.modes import ModesResult
 from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
     AttenuationPoint,
     AttenuationRecord,
     BoardRecord,
-    CountRecord,
     DesignRecord,
     GeometryRecord,
     MeshRecord,
-    ModeRecord,
-    ModesRecord,
     PeakRecord,
     PillarRecord,
     PredictionRecord,
     Record,
     ResponseRecord,
-    RivalRecord,
     TetModesRecord,
     Transmission,
-    WantedMode,
-    WantedRecord,
     WaveRecord,
 )
 from pipeline.records.study import StoredCase
@@ -303,10 +299,10 @@ def wanted(level_db: float | None, frequency_hz: float = 31500.0, **more: Any) -
 NO_MODE = WantedRecord(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
 
 
-def modes(one: WantedRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesRecord:
+def modes(one: WantedRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesResult:
     """The modes of a plate with its wanted one."""
     about = {"model": "solid", "part": "plate", "dof": dof, "rigid_count": 6, "count_check": count(4, 4)}
-    return ModesRecord(**{**about, **more}, modes=list(result), wanted=one)
+    return ModesResult(**{**about, **more}, modes=list(result), wanted=one)
 
 
 def case(case_id: str, sweep: dict[str, Any] | None = None, status: str = "OK", **sections: Any) -> StoredCase:

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import case_from_dict
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import solve_modes
 from pipeline.planning.request import Request
 
 

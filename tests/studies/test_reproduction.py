@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
+from pipeline.models.mode_parts import WantedMode
 from pipeline.questions.crosstalk import CrosstalkResult, DrivenZone
 from pipeline.records.record import (
     PillarRecord,
     TipRecord,
     TouchRecord,
     TouchStateRecord,
-    WantedMode,
 )
 from studies import reproduction
 from tests.helpers.synthetic import design

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import load_case
 from pipeline.explore import alike
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import solve_modes
 from pipeline.models.parametric import cell_model
 from pipeline.planning.request import Request
 from tests.helpers.exploring import SMALL

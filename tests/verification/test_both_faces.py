@@ -15,10 +15,10 @@ from geometry.cad.solids import cell_solid, plate_solid
 from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.mesh import cell_volumes, check_mesh
 from geometry.piezo_materials import PIEZO_MATERIALS
-from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
 from tests.helpers.asked import solve_bands
 
 CASE = Path(__file__).resolve().parents[2] / "studies" / "three-rows.toml"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometry.materials import MATERIALS
-from pipeline.analysis.modes import PartModes, solve_modes
 from pipeline.case.model import Case, case_from_dict
+from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request
 from studies.ritz_blocks import free_block_hz

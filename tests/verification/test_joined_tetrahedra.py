@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.analysis.modes import PartModes, Request, solve_modes
 from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import PartModes, Request, solve_modes
 
 PLATE = """name = "small"
 material = "aluminium"

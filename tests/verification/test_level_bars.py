@@ -10,9 +10,9 @@ import pytest
 
 from geometry.elements import FloatArray
 from pipeline.analysis import attenuation
-from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import Case, load_case
 from pipeline.models.broadband import broadband
+from pipeline.models.modes import Request, solve_modes
 from pipeline.paths import ROOT
 from pipeline.planning import mesh_rules
 from solvers.superelement.interface import Interface, ReductionSettings

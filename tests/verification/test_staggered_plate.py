@@ -11,11 +11,11 @@ import pytest
 from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.mesh import cell_volumes
 from pipeline.analysis.attenuation import solve
-from pipeline.analysis.modes import solve_modes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.broadband import broadband
+from pipeline.models.modes import solve_modes
 from pipeline.planning.foresight import pillar_count
 from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.request import Request

@@ -19,9 +19,9 @@ from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from geometry.tet.scenes import tet_panel, tet_plate
-from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
 from solvers.driven.crosstalk import zones_of
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import TouchField, measure

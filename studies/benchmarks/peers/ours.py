@@ -7,9 +7,9 @@ import sys
 from typing import Any
 
 from geometry.hex.boxes import HexSettings, hex_mesh
-from pipeline.analysis.modes import Request, solve_modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.modes import Request, solve_modes
 from pipeline.paths import STUDIES
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.analysis import band_errors
+from pipeline.models import band_errors
 from solvers.waves.brillouin import Path
 from solvers.waves.gaps import DirectionalGap, Gap, complete_gaps
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis import cross_check, modes, wanted_search
+from pipeline.analysis import cross_check
 from pipeline.case.model import load_case
+from pipeline.models import modes, wanted_search
 from pipeline.paths import ROOT
 from pipeline.planning.mesh_rules import PLATE_TETRAHEDRA
 from pipeline.planning.request import Expected

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from pipeline.analysis.modes import PartModes, solve_modes
 from pipeline.case.model import Case, load_case
 from pipeline.models import parts
+from pipeline.models.modes import PartModes, solve_modes
 from pipeline.models.patched_plate import driven, forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request, of_case

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis.modes import PartModes, solve_modes
-from pipeline.analysis.wanted_text import lines
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
+from pipeline.models.modes import PartModes, solve_modes
+from pipeline.models.wanted_text import lines
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request
 from tests.helpers import coarse_cells

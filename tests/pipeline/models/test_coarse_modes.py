@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from pipeline.analysis import modes
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
+from pipeline.models import modes
 from pipeline.models.coarse_modes import OFF, CoarseModes, coarse_modes
 from pipeline.paths import ROOT
 from pipeline.planning.model_choice import ModelChoice, model_choice_of

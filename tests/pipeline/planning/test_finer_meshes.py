@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from pipeline.analysis import modes
 from pipeline.case.model import Case, case_from_dict
+from pipeline.models import modes
 from pipeline.planning import foresight, mesh_rules, refinement
 from pipeline.planning.calibration import MeshLevel
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of

@@ -177,7 +177,8 @@ def test_a_case_of_a_study_is_refused_before_its_first_step(tmp_path: Path, monk
 
 
 def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    (demand,) = plan.of_modes(load_case(SMALL), Request("zone")).demands.values()
+    demand = plan.modes_step(load_case(SMALL), Request("zone")).demand
+    assert demand
     needed = MEMORY_RANGE[1] * demand.memory_bytes / 2**30
     monkeypatch.setenv(memory.STATED, f"{1.01 * needed}")
     assert too_much(demand) is None
@@ -289,7 +290,8 @@ def test_peaks_of_driven_plates_lie_where_they_are_foreseen(name: str) -> None:
 def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
     """K and M of every class joined with the patches stay, and those of the last one's coarser mesh beside them."""
     case = load_case(REFERENCE, ["tolerance.height_mm=0.05"])
-    (modes,) = plan.of_modes(case, Request("plate", band_hz=case.solve.band_hz)).demands.values()
+    modes = plan.modes_step(case, Request("plate", band_hz=case.solve.band_hz)).demand
+    assert modes
     response, tolerance = plan.response_step(case, None, 11).demand, plan.tolerance_step(case).demand
     one = load_case(REFERENCE, ["patches.centres_mm=[[0.0, 0.0]]", "patches.sensors=[]"])
     own = plan.response_step(one, None, 11).demand

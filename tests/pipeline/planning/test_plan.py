@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
-from pipeline.analysis import attenuation, modes, response
+from pipeline.analysis import attenuation, response
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
 from pipeline.case.overrides import read_toml
 from pipeline.cli.main import main
 from pipeline.measures import registry
+from pipeline.models import modes
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
@@ -248,7 +249,7 @@ def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
 )
 def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Request) -> None:
     scene, heard = small(*overrides), RecordingLog()
-    planned = plan.of_modes(scene, request_)
+    planned = plan.plan_of(scene, plan.modes_step(scene, request_), simplifications.no_patches(scene.patches))
     (step,) = planned.steps
     result = modes.solve_modes(scene, request_, heard)
     assert step.model.startswith(result.model.name)

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis import modes
 from pipeline.case.model import Case, case_from_dict
+from pipeline.models import modes
 from pipeline.planning import mesh_rules, refinement
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import Request

@@ -56,7 +56,7 @@ def test_it_is_a_command_with_help_limits_and_a_plan(toy: ModuleType, capsys: py
     assert "Share out the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
     with pytest.raises(SystemExit) as refused:
         main(["mass", CASE, "--strips", "0"])
-    assert refused.value.code == 2 and "must be from 1 to 100" in capsys.readouterr().err
+    assert refused.value.code == 2 and "must be 1 or more, at most 100" in capsys.readouterr().err
     assert main(["mass", CASE, "--explain"]) == 0
     assert "1. Share out the mass of the plate beneath the zone" in capsys.readouterr().out
 
@@ -67,7 +67,7 @@ def test_it_is_a_method_with_signature_documentation_and_limits(toy: ModuleType)
     assert inspect.signature(method).parameters["strips"].default == 4
     assert "Parameters\n----------\nstrips\n    number of strips." in method.__doc__ and "mass" in dir(plate)
     assert method(strips=2).total_g == pytest.approx(grams())
-    with pytest.raises(antinode.InputError, match="strips = 0: must be from 1 to 100"):
+    with pytest.raises(antinode.InputError, match="strips = 0: must be 1 or more, at most 100"):
         method(strips=0)
     with pytest.raises(AttributeError):
         plate.weight  # type: ignore[attr-defined]  # noqa: B018

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis import mode_fields, modes
 from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
+from pipeline.models import mode_fields, modes
 from pipeline.models.cell_cache import MatrixCache
 from pipeline.paths import STUDIES
 from pipeline.planning.request import Request

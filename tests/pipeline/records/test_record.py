@@ -10,8 +10,10 @@ import pytest
 from pydantic import ValidationError
 
 from pipeline.batch import runner
+from pipeline.models.mode_parts import WantedMode
+from pipeline.questions.modes import ModesResult
 from pipeline.records import fingerprint, record, store
-from pipeline.records.record import ModesRecord, PeakRecord, Record, WantedMode
+from pipeline.records.record import PeakRecord, Record
 from tests.helpers import fake_study, synthetic
 
 
@@ -67,7 +69,7 @@ def test_no_number_is_none_where_that_is_allowed_and_refused_elsewhere() -> None
 
 
 def test_without_a_wanted_mode_no_figure_of_it_is_claimed() -> None:
-    modes = ModesRecord.model_validate(json.loads(json.dumps(synthetic.modes(synthetic.NO_MODE).to_dict())))
+    modes = ModesResult.from_document(json.loads(json.dumps(synthetic.modes(synthetic.NO_MODE).to_dict())))
     result = Record(case_id="c", status="OK", modes=modes)
     assert result.wanted is None and result.wanted_status == "none" and result.confined is None
     assert modes.to_dict()["wanted"]["frequency_hz"] is None

@@ -1,4 +1,5 @@
 import csv
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -117,7 +118,7 @@ def test_a_signed_number_is_no_formula():
 
 def test_a_count_that_does_not_hold_is_told(study: Path):
     modes = synthetic.record_of(study / "b").modes
-    synthetic.change(study / "b", modes=modes.model_copy(update={"count_check": synthetic.count(7, 6)}))
+    synthetic.change(study / "b", modes=replace(modes, count_check=synthetic.count(7, 6)))
     assert read(registry.write_table(study))[0]["count_check"] == "6 of 7"
 
 

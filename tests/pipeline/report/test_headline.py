@@ -106,7 +106,7 @@ def test_designs_with_patches_are_ranked_as_driven() -> None:
 
 
 def test_without_a_wanted_mode_nothing_is_claimed() -> None:
-    record = plate(4, 3, 12.0).record.model_copy(update={"modes": synthetic.modes(synthetic.NO_MODE)})
+    record = plate(4, 3, 12.0).record.with_parts(modes=synthetic.modes(synthetic.NO_MODE))
     assert record.wanted is None and record.confined is None and record.wanted_status == "none"
     assert set(cards(StoredStudy(Path("s"), {}, (StoredCase(Path("none"), record),)))) == {"Cases"}
     json.dumps(record.to_dict(), allow_nan=False)
@@ -161,9 +161,7 @@ def test_the_sketch_has_every_pillar_and_the_dimensions(study: StoredStudy) -> N
 
 def test_words_have_the_digits_of_their_bars() -> None:
     """Of a mode known to 12 % and 4 dB, and of ten plates that spread by 200 Hz and 2 dB."""
-    known = synthetic.wanted(12.24, 35.21e3, mac=0.98).model_copy(
-        update={"frequency_error": 0.12, "confinement_error_db": 4.0}
-    )
+    known = synthetic.wanted(12.24, 35.21e3, mac=0.98, frequency_error=0.12, confinement_error_db=4.0)
     case = synthetic.case("one", {}, modes=synthetic.modes(known))
     about = mode_shapes._words(case, 35.21e3, wanted=True)["about"]
     assert "at 35 kHz, 12 dB" in about and ": 12 dB (at" in level_text(case)

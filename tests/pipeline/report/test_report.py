@@ -135,8 +135,8 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
     (place / "touch_face.png").rename(place / "lost")
     assert gallery.kept_pictures(case) is None  # a lost file, and:
     (place / "lost").rename(place / "touch_face.png")
-    modes = case.record.modes.model_copy(update={"wanted": synthetic.wanted(3.0)})
-    changed = replace(case, record=case.record.model_copy(update={"modes": modes}))
+    modes = replace(case.record.modes, wanted=synthetic.wanted(3.0))
+    changed = replace(case, record=case.record.with_parts(modes=modes))
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
@@ -186,7 +186,7 @@ def test_a_long_study_draws_its_best_case(tmp_path: Path):
     study = read_study(folder)
     for case in study.cases:
         if case.record.answered:
-            synthetic.change(case.folder, modes=case.record.modes.model_copy(update={"wanted": synthetic.wanted(12.0)}))
+            synthetic.change(case.folder, modes=replace(case.record.modes, wanted=synthetic.wanted(12.0)))
     study = read_study(folder)
     best = text.best_case(study)
     assert best and all(best in report_page.chosen(study, most) for most in range(2, 9))
@@ -255,12 +255,8 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1,))
     whole = synthetic.record_of(folder / "pitch_mm=4,rows=1")
     arrays = store.load_arrays(folder / "pitch_mm=4,rows=1")
-    once = whole.model_copy(
-        update={"case_id": "base", "sweep": {}, "answers": {"tet_bands": whole.answers["tet_bands"]}, "modes": None}
-    )
-    unchecked = whole.model_copy(
-        update={"tet_modes": None, "geometry": None, "answers": {"bands": whole.answers["bands"]}}
-    )
+    once = whole.with_parts(case_id="base", sweep={}, bands=None, modes=None)
+    unchecked = whole.with_parts(tet_modes=None, geometry=None, tet_bands=None)
     (folder / "base").mkdir()
     store.save_arrays(folder / "base", {k: v for k, v in arrays.items() if k.startswith("tet_")})
     store.seal(folder / "base", once.to_dict())
@@ -304,14 +300,14 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
 def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
     """Within 15 MB: what grows with the cases is measured, what does not has its own bound."""
     record = synthetic.record("c", {}, synthetic.design(1, 0.004, 0.005), 12.0)
-    forty = record.modes.model_copy(update={"modes": record.modes.modes * 10})
+    forty = replace(record.modes, modes=record.modes.modes * 10)
     sizes = []
     for count in (20, 60):
         folder = tmp_path / str(count)
         names = [f"c{number}" for number in range(count)]
         for number, name in enumerate(names):
             (folder / name).mkdir(parents=True)
-            own = record.model_copy(update={"case_id": name, "sweep": {"n": number}, "modes": forty})
+            own = record.with_parts(case_id=name, sweep={"n": number}, modes=forty)
             store.seal(folder / name, own.to_dict())
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
         store.write_sealed(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from geometry.layout import Design
-from pipeline.analysis.mode_rows import ModeRow
-from pipeline.analysis.modes import PartModes
-from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models.mode_rows import ModeRow
+from pipeline.models.modes import PartModes
+from pipeline.models.wanted_search import Wanted
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
 from solvers.measures.wanted_mode import CLEAR
 

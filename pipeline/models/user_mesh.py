@@ -14,15 +14,15 @@ from geometry.formats.reader import MeshFile, read_mesh
 from geometry.layout import region_materials
 from geometry.materials import Material
 from geometry.mesh import AnyMesh
-from pipeline.analysis.mode_rows import ModeRow, mode_rows
-from pipeline.analysis.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
-from pipeline.analysis.wanted_search import look_among
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case
 from pipeline.errors import InputError
-from pipeline.exchange.touch_frame import touch_frame
 from pipeline.logs import Log
+from pipeline.models.mode_rows import ModeRow, mode_rows
+from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
 from pipeline.models.parts import mesh_record, warn_of_locking
+from pipeline.models.touch_frame import touch_frame
+from pipeline.models.wanted_search import look_among
 from pipeline.units import MM
 from solvers.fem.constraints import AXES
 from solvers.fem.eigen import Modes, modes_in_band, modes_near

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from geometry.layout import Design
-from pipeline.analysis.modes import PartModes
+from pipeline.case.model import Case
+from pipeline.models.modes import PartModes
 from pipeline.records.record import ShapesRecord
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
@@ -72,3 +73,25 @@ def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
         share=[1.0 if row.zone_share is None else row.zone_share for row in rows],
         coefficients=shapes.tolist(),
     )
+
+
+def closed_surface(part_modes: PartModes, case: Case, index: int) -> Any:
+    """Return a pyvista PolyData in m of the whole body in one mode; `displacement` (points, 3) has unit modal mass."""
+    import pyvista
+
+    from geometry import closed
+
+    row = part_modes.rows[index]
+    skin = _skin(part_modes, index).unfolded(row.symmetry)
+    kept, triangles = closed.closed_surface(
+        skin.points, skin.facets, case.design.thickness_m if part_modes.part == "plate" else None
+    )
+    size = np.full((len(triangles), 1), 3)
+    surface = pyvista.PolyData(np.asarray(skin.points[kept], dtype=float), np.hstack([size, triangles]).ravel())
+    surface.point_data["displacement"] = skin.displacement[0, kept]
+    if surface.n_open_edges:  # such as a clamped foot
+        surface = surface.fill_holes(10.0 * surface.length)
+    surface = surface.compute_normals(point_normals=False, auto_orient_normals=True)  # facets turned outwards
+    surface.cell_data.clear()
+    surface.field_data["frequency_hz"] = np.array([row.frequency_hz])
+    return surface

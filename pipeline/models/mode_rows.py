@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 
-from pydantic import Field
-
+from pipeline.models.mode_parts import ModeRecord
 from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.request import SIGNS
 from pipeline.quantity import frequency
-from pipeline.records.record import ModeRecord
+from pipeline.records.part import live
 from solvers.fem.eigen import Modes
 from solvers.measures.confinement import Confinement
 
@@ -17,9 +17,9 @@ from solvers.measures.confinement import Confinement
 class ModeRow(ModeRecord):
     """One mode: its record, where its vector is (class and column), and what its bar is made of (relative)."""
 
-    column: int = Field(exclude=True)
-    extension_db: float | None = Field(None, exclude=True)
-    error_parts: dict[str, float] = Field({}, exclude=True)
+    column: int = live()
+    extension_db: float | None = live()
+    error_parts: dict[str, float] = live(default_factory=dict)
 
 
 def widest_bar(rows: Sequence[ModeRow]) -> WidestBar:
@@ -47,7 +47,11 @@ def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, 
             confinement_error_db=None,
             column=first + i,
             error_parts={},
-            **{name: float(getattr(measures, name)[i]) if measures else None for name in MEASURES},
+            **{name: _number(getattr(measures, name)[i]) if measures else None for name in MEASURES},
         )
         for i, frequency in enumerate(modes.frequency_hz)
     ]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if isfinite(value) else None

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.analysis import wanted_search
-from pipeline.analysis.mode_rows import ModeRow, mode_rows, widest_bar
-from pipeline.analysis.predesign import short_wave
-from pipeline.analysis.wanted_search import Wanted
 from pipeline.case.model import Case
+from pipeline.case.plausible import short_wave
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import parts
+from pipeline.models import parts, wanted_search
 from pipeline.models.coarse_modes import CoarseModes, coarse_modes
+from pipeline.models.mode_parts import CountRecord, WantedRecord
+from pipeline.models.mode_rows import ModeRow, mode_rows
 from pipeline.models.parts import MeshErrorSource, PartModel
+from pipeline.models.wanted_search import Wanted
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
@@ -45,7 +45,7 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
-from pipeline.records.record import CountRecord, MeshRecord, ModesRecord, WantedRecord
+from pipeline.records.record import MeshRecord
 from solvers.fem.coarser import largest
 from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
@@ -122,16 +122,7 @@ class PartModes:
         """The count by inertia and what was found."""
         return CountRecord.of(self.count, counts=self.counts, more_in_mesh_at_most=self.more_in_mesh)
 
-    @cached_property
-    def record(self) -> ModesRecord:
-        """The result as a command and a study keep it."""
-        bar = self.bar.to_dict() if self.bar else None
-        wanted = self._wanted_record()
-        widest = widest_bar(self.rows).to_dict()
-        rows = list(self.rows)
-        return ModesRecord.of(self, model=self.model.name, modes=rows, wanted=wanted, error_bar=bar, widest_bar=widest)
-
-    def _wanted_record(self) -> WantedRecord | None:
+    def wanted_part(self) -> WantedRecord | None:
         """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
         row = self.wanted.row if self.wanted else None
         if self.wanted is None or row is None:
@@ -150,17 +141,40 @@ class PartModes:
 
 
 @one_thread()
-def solve_modes(case: Case, request: Request, log: Log) -> PartModes:
-    """Solve a part's modes. Raises SolverError (not trusted), MeshError, InputError (a class the part does not have)."""
+def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | None = None) -> PartModes:
+    """Solve a part's modes.
+
+    Parameters
+    ----------
+    case
+        The case.
+    request
+        What to look for.
+    log
+        Where progress goes.
+    choice
+        Model and mesh of a plan that was announced; None: they are chosen and announced here.
+
+    Raises
+    ------
+    SolverError
+        For modes that could not be trusted.
+    MeshError
+        For a part that cannot be meshed.
+    InputError
+        For a symmetry class that the part does not have.
+    """
     query = with_defaults(case, request)
-    choice = model_choice_of(case, query.part, model_high_hz(case, query))
-    foresight.announce(f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log)
+    if choice is None:
+        choice = model_choice_of(case, query.part, model_high_hz(case, query))
+        foresight.announce(
+            f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log
+        )
+        unpatched = simplifications.no_patches(case.patches) if query.part == "plate" and case.patches else None
+        others = simplifications.other_classes(choice.classes, query.symmetry)
+        simplifications.log_all((*choice.left_out, unpatched, others), log)
     if query.part != "pillar" and (short := short_wave(case.design)):
         log.warning("SHORT_WAVE", short)
-    unpatched = simplifications.no_patches(case.patches) if query.part == "plate" and case.patches else None
-    simplifications.log_all(
-        (*choice.left_out, unpatched, simplifications.other_classes(choice.classes, query.symmetry)), log
-    )
     (part_modes, errors), choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
     estimate = _error_estimate(part_modes, errors)
@@ -223,10 +237,8 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
         own = errors.get(row.symmetry)
         taken = float(own.taken[row.column]) if own else 0.0
         if isinstance(part_modes.model, PlateModel):
-            return row.model_copy(update={"computed_hz": row.frequency_hz * (1.0 + taken)})
-        return row.model_copy(
-            update={"computed_hz": row.frequency_hz, "frequency_hz": row.frequency_hz * (1.0 - taken)}
-        )
+            return replace(row, computed_hz=row.frequency_hz * (1.0 + taken))
+        return replace(row, computed_hz=row.frequency_hz, frequency_hz=row.frequency_hz * (1.0 - taken))
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_both)
     return replace(part_modes, rows=tuple(sorted(map(with_both, part_modes.rows), key=_place)), wanted=wanted)
@@ -250,9 +262,9 @@ def _with_errors(choice: ModelChoice, part_modes: PartModes, errors: dict[str | 
     def with_error(row: ModeRow) -> ModeRow:
         mesh, truncation = _mesh_error(row, errors), _truncation(choice, row, errors) or 0.0
         if mesh is None:
-            return row.model_copy(update={"error": None})
+            return replace(row, error=None)
         parts = {"mesh": mesh, "truncation": truncation}
-        return row.model_copy(update={"error": mesh + truncation, "error_parts": parts})
+        return replace(row, error=mesh + truncation, error_parts=parts)
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_error)
     return replace(part_modes, rows=tuple(map(with_error, part_modes.rows)), wanted=wanted)
@@ -265,7 +277,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
     if share is None or all(row.confinement_db is None for row in known.values()):
         return part_modes
-    bars: dict[tuple[str | None, int], dict[str, float | None]] = {}
+    bars: dict[tuple[str | None, int], dict[str, Any]] = {}
     for symmetry in {key[0] for key in known}:
         rows = sorted((row for key, row in known.items() if key[0] == symmetry), key=_place)
         touch = part_modes.model.touch(symmetry, part_modes.vectors[symmetry][:, [row.column for row in rows]])
@@ -282,7 +294,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
     def with_bar(row: ModeRow) -> ModeRow:
         own = bars.get((row.symmetry, row.column), {})
         share_bar = share_error(row.zone_share, own.get("confinement_error_db"))
-        return row.model_copy(update=own | {"zone_share_error": share_bar})
+        return replace(row, **own, zone_share_error=share_bar)
 
     wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
     return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)

@@ -10,14 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from pipeline.models.mode_parts import RivalRecord, WantedMode, WantedRecord
 from pipeline.planning.request import Expected
-from pipeline.records.record import RivalRecord, WantedMode, WantedRecord
 from solvers.fem.eigen import Count
 from solvers.measures.wanted_mode import NONE, Status, Verdict, verdict
 from solvers.measures.wanted_search import Largest, leaves_room, measures, missing_strength, search, weights
 
 if TYPE_CHECKING:
-    from pipeline.analysis.mode_rows import ModeRow
+    from pipeline.models.mode_rows import ModeRow
 
 ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
 SURE = (
@@ -74,7 +74,7 @@ class Wanted:
         """The mode, its rivals, the window, and the mode's part of the shape in it."""
         rivals = [RivalRecord.of(rival) for rival in self.rivals]
         more |= {"status": self.status, "share": self.verdict.share, "rivals": rivals}
-        more |= {"window_hz": (self.low_hz, self.high_hz), "driven_confinement_db": None}
+        more |= {"window_hz": [self.low_hz, self.high_hz], "driven_confinement_db": None}
         if self.row is None:
             return WantedRecord(frequency_hz=None, mac=None, strength=None, confinement_db=None, **more)
         return WantedMode.of(self.row, **more)
