@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         Attenuation,
         Broadband,
         Hybrid,
-        Predesign,
         Response,
         Search,
         Tolerance,
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from pipeline.questions.modes import ModesResult as Modes
+    from pipeline.questions.predesign import PredesignResult as Predesign
     from solvers.errors import SolverError
 
 HOMES = {
@@ -43,7 +43,6 @@ HOMES = {
         "Attenuation",
         "Broadband",
         "Hybrid",
-        "Predesign",
         "Response",
         "Search",
         "Tolerance",
@@ -68,7 +67,9 @@ HOMES = {
     "solvers.errors": ("SolverError",),
 }
 ANSWERS = {  # results of questions, and their parts
-    **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ("Bands", "Crosstalk", "Modes")},
+    **{
+        name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ("Bands", "Crosstalk", "Modes", "Predesign")
+    },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",
 }

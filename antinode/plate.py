@@ -38,6 +38,7 @@ from pipeline.questions.bands import Bands
 from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
+from pipeline.questions.predesign import Predesign
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
         Attenuation,
         Broadband,
         Hybrid,
-        Predesign,
         Response,
         Search,
         Tolerance,
@@ -139,19 +139,7 @@ class Plate(Frozen):
         """
         return copy.deepcopy(self._raw)
 
-    def predesign(self) -> Predesign:
-        """Size zone and pillar analytically: frequencies in Hz, lengths in mm. Raises InputError without [plate] and [zone].
-
-        >>> import antinode
-        >>> round(antinode.load("examples/small.toml").predesign().zone_hz)
-        33494
-        """
-        from antinode.results import Predesign
-        from pipeline.analysis import predesign
-
-        self._case.require("plate", "zone", command="predesign")
-        return Predesign(predesign.run(self._case)[0] | self._about)
-
+    predesign = asks(Predesign)
     modes = asks(Modes)
     mesh_modes = asks(MeshModes)
     bands = asks(Bands)

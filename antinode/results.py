@@ -206,43 +206,6 @@ class Response(Result):
         return _over(self, self.frequency_hz)
 
 
-class Predesign(Result):
-    """Analytic sizing of zone and pillar: frequencies in Hz, lengths in mm.
-
-    >>> import antinode
-    >>> sizes = antinode.load("examples/small.toml").predesign()
-    >>> round(sizes.zone_hz / 1e3, 1), round(sizes.pillar_height_mm, 1)
-    (33.5, 7.0)
-    """
-
-    kind = "predesign"
-    _dimensions = ("part", "quantity")
-
-    @property
-    def zone_hz(self) -> float:
-        """Frequency of the wanted mode of the bare zone by pre-design, Hz."""
-        return float(self._document["zone"]["frequency_hz"])
-
-    @property
-    def half_wavelength_mm(self) -> float:
-        """Half a wavelength along the zone, mm."""
-        return float(self._document["zone"]["half_wavelength_mm"])
-
-    @property
-    def pillar_height_mm(self) -> float | None:
-        """Height at which the pillar resonates at the zone's frequency, mm; None without a pillar."""
-        return None if self._document.get("pillar") is None else float(self._document["pillar"]["height_mm"])
-
-    @property
-    def limits(self) -> tuple[Any, ...]:
-        """What speaks against the design."""
-        return tuple(self._document["limits"])
-
-    def __repr__(self) -> str:
-        height = "" if self.pillar_height_mm is None else f", pillar {figure(self.pillar_height_mm)} mm"
-        return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
-
-
 class Tolerance(Result):
     """How far peak and confinement of the response move when no two pillars are alike: one dictionary a plate, Hz and dB.
 
@@ -419,7 +382,6 @@ KINDS: dict[str, type[Result]] = {
         Attenuation,
         Broadband,
         Response,
-        Predesign,
         Tolerance,
         Touch,
         Hybrid,

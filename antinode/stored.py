@@ -19,7 +19,6 @@ MARKS = {
     "travel": "twr",
     "hybrid": "methods",
     "search": "evaluations",
-    "predesign": "limits",
 }
 
 
@@ -62,9 +61,8 @@ def _answer(path: str | Path, kind: type[Answer], document: dict[str, Any]) -> A
 def _kind(document: dict[str, Any]) -> str | None:
     if document.get(KIND) in KINDS or document.get(KIND) in registered():
         return str(document[KIND])
-    answers = {"bands": {"points", "gaps"}, "crosstalk": {"zones"}, "modes": {"modes", "count_check"}}
-    for name, marks in answers.items():
-        if marks <= document.keys():
+    for name, question in registered().items():
+        if question.result.required() <= document.keys():
             return name
     if "kx_per_m" in document and "points" in document:
         return "broadband" if "stopped" in document else "attenuation"

@@ -28,20 +28,6 @@ def _read(arguments: Namespace, *overrides: str) -> tuple[Case, TerminalLog, Ban
     return case, log, parse_band(band, "--band") if band else None
 
 
-def predesign(arguments: Namespace) -> int:
-    """Size zone and pillar analytically."""
-    from pipeline.analysis.predesign import run
-    from pipeline.case.plausible import short_wave
-
-    case, log, _ = _read(arguments)
-    case.require("plate", "zone", command="predesign")
-    if warning_text := short_wave(case.design):
-        log.warning("SHORT_WAVE", warning_text)
-    document, text = run(case)
-    rows = [list(row.values()) for row in ROWS["predesign"](document)]
-    return emit(arguments, "predesign", Answer(document, [text], ("part", "quantity", "value"), rows))
-
-
 def _require_part(case: Case, part: str, command: str = "") -> None:
     if part == "plate":
         case.require_plate(command=command or "modes --part plate", several=command in SOLIDS)

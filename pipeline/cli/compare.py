@@ -135,10 +135,10 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
 
 
 def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
-    from pipeline.analysis import predesign
     from pipeline.case.model import load_case
     from pipeline.case.plausible import warn_of_doubts
     from pipeline.logs import TerminalLog
+    from pipeline.questions.predesign import sized
 
     case, log = load_case(place), TerminalLog(quiet)
     warn_of_doubts(case.design, log)
@@ -146,7 +146,7 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
     design = quantities["case"]["design"]
     design |= {f"row_{number}": pillar for number, pillar in enumerate(design.pop("graded", ()), start=1)}
     if {"plate", "zone"} <= case.given:
-        quantities["predesign"] = {key: value for key, value in predesign.run(case)[0].items() if key != "limits"}
+        quantities["predesign"] = {key: value for key, value in sized(case.design).values().items() if key != "limits"}
     if not solve:
         return Design(flat(quantities))
     case.require_plate(command="compare --solve")

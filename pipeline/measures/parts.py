@@ -6,16 +6,14 @@ from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
 from pipeline.planning.request import Request
 from pipeline.questions.modes import ModesResult
-from pipeline.records.record import PredesignRecord
+from pipeline.questions.predesign import sized
 
 
 def _compute(work: Work) -> None:
     from pipeline.models.modes import solve_modes
-    from solvers.analytic.predesign import predesign
 
-    sizes = PredesignRecord.model_validate(predesign(work.case.design).to_dict())
     zone = solve_modes(work.case, Request("zone"), work.log)
-    work.keep(zone.meshes, predesign=sizes, zone_modes=ModesResult.of_solved(zone, work.case))
+    work.keep(zone.meshes, predesign=sized(work.case.design), zone_modes=ModesResult.of_solved(zone, work.case))
     if work.case.design.pillar and not work.case.design.is_graded:
         pillar = solve_modes(work.case, Request("pillar", near_hz=0.0, count=4), work.log)
         work.keep(pillar.meshes, pillar_modes=ModesResult.of_solved(pillar, work.case))

@@ -35,7 +35,8 @@ MEASURES: tuple[Measure, ...] = (
 
 def measures() -> tuple[Measure, ...]:
     """Every measure, those of questions that other modules have defined last."""
-    others = (of_question(kind()) for name, kind in registered().items() if name not in ASKED.keys() | WRITTEN)
+    listed = {measure.name for measure in MEASURES}
+    others = (of_question(kind()) for name, kind in registered().items() if name not in listed)
     return (*MEASURES, *others)
 
 

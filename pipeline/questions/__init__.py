@@ -7,7 +7,7 @@ from pkgutil import iter_modules
 from typing import Any
 
 MECHANISM = ("question", "result", "command", "method")
-IN_ORDER = ("bands", "crosstalk")  # of help and reference; what is not listed follows
+IN_ORDER = ("predesign", "modes", "bands", "crosstalk")  # of help and reference; what is not listed follows
 
 
 def registered() -> dict[str, type[Any]]:

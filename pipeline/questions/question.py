@@ -43,6 +43,7 @@ T = TypeVar("T")
 R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
 KHZ = 1e3  # Hz
+NO_PLAN: Any = None  # of a question that is answered at once
 QUESTIONS: dict[str, type[Question[Any]]] = {}
 VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
 
@@ -174,6 +175,7 @@ class Question(_Declared, Generic[R]):
     drives : whether it drives the plate.
     pictures : functions that draw a study's case from several answers together, in the place of the result's own.
     instead_of, by : the question whose command asks this one where its option `by` is given.
+    is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
     """
 
     name: ClassVar[str]
@@ -183,17 +185,18 @@ class Question(_Declared, Generic[R]):
     pictures: ClassVar[Axis]
     instead_of: ClassVar[str]
     by: ClassVar[str]
+    is_quick: ClassVar[bool]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str = "",
+        by: str = "", is_quick: bool = False,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
-        cls.instead_of, cls.by = instead_of, by
+        cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
@@ -273,19 +276,24 @@ def ask(case: Case, question: Question[R], log: Log | Run) -> R:
     """
     from importlib.metadata import version
 
-    from solvers.threads import one_thread
-
     run = log if isinstance(log, Run) else Run(log)
     question.check(case)
-    plan = question.plan(case)
-    _announce(plan, run)
     before = len(run.warnings)
-    with one_thread():
-        result = question.compute(case, plan, run)
+    result = question.compute(case, NO_PLAN, run) if question.is_quick else _planned(case, question, run)
     seconds, warnings = dict(getattr(run.log, "seconds", {})), tuple(run.warnings[before:])
     origin = Origin(case.name, case.to_dict(), version("antinode"), question.given(), warnings, seconds)
     object.__setattr__(result, "origin", origin)
     return result
+
+
+def _planned(case: Case, question: Question[R], run: Run) -> R:
+    """Return the answer by a plan that was announced."""
+    from solvers.threads import one_thread
+
+    plan = question.plan(case)
+    _announce(plan, run)
+    with one_thread():
+        return question.compute(case, plan, run)
 
 
 def _answer(case: Case, run: Run, question: Question[R]) -> R:

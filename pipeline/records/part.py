@@ -103,6 +103,12 @@ class Part:
         read: Self = _reader(cls).validate_python(dict(given))  # type: ignore[arg-type]
         return read
 
+    @classmethod
+    def required(cls) -> set[str]:
+        """Return the names of the fields that every such part has."""
+        given = {each.name: each for each in fields(cls)}  # type: ignore[arg-type]
+        return {n for n in cls.declared if given[n].default is MISSING and given[n].default_factory is MISSING}
+
     def to_dict(self) -> dict[str, Any]:
         """Return the declared fields as JSON has them."""
         return self.values()

@@ -897,21 +897,6 @@ class BoardFault(Part):
     fault: str
 
 
-class SizeRecord(Open):
-    """The zone by plate theory, or the pillar by beam theory."""
-
-    frequency_hz: float
-    formula_hz: float | None = None
-    height_mm: float | None = None
-
-
-class PredesignRecord(Open):
-    """Analytic sizing."""
-
-    zone: SizeRecord | None
-    pillar: SizeRecord | None
-
-
 class GeometryRecord(Open):
     """The print and CAD files, and what was found in the print file."""
 
@@ -982,7 +967,6 @@ class Record(Checked):
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
     board: BoardRecord | BoardFault | None = None
-    predesign: PredesignRecord | None = None
     geometry: GeometryRecord | None = None
     tet_modes: TetModesRecord | None = None
     answers: dict[str, Any] = {}

@@ -11,6 +11,7 @@ from typing import Any
 from pipeline.paths import REFERENCE
 from pipeline.quantity import Unit, frequency_figure, level
 from pipeline.questions.bands import BandsResult
+from pipeline.questions.predesign import PredesignResult
 from pipeline.records.record import DesignRecord, Record
 from pipeline.units import KHZ, MM
 from solvers.measures.levels import CONFINED_DB
@@ -84,7 +85,8 @@ def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]
     )
     gap = bands.gaps[0] if bands and bands.gaps else None
     peak = record.response.wanted_peak if record.response else None
-    sizes = record.predesign.zone if record.predesign else None
+    known = record.of(PredesignResult)
+    sizes = known.zone if known else None
     level_error, none = wanted.confinement_error_db if wanted else None, (None, None)
     figures: dict[str, Callable[[], tuple[float | str | None, float | None]]] = {
         "verdict": lambda: (confinement_words(record.confinement_db, record.driven_db, level_error), None),

@@ -12,7 +12,6 @@ from pipeline.plots import attenuation as of_rows
 from pipeline.plots import response as of_response
 from pipeline.plots import style
 from pipeline.plots import touch as of_touch
-from pipeline.records.reading import named
 from pipeline.records.record import (
     AttenuationRecord,
     BroadbandRecord,
@@ -23,7 +22,6 @@ from pipeline.records.record import (
     TouchRecord,
     TravelRecord,
 )
-from pipeline.units import KHZ
 
 Document = dict[str, Any]
 P = TypeVar("P", bound=Part)
@@ -71,18 +69,6 @@ def response(ax: Any, document: Document) -> None:
     of_response.draw_amplitudes(ax, _read(ResponseRecord, document))
 
 
-def predesign(ax: Any, document: Document) -> None:
-    """Frequencies of zone and pillar by each theory."""
-    values = {
-        f"{part}: {named(name)[0]}": value / KHZ
-        for part in ("zone", "pillar")
-        for name, value in (document.get(part) or {}).items()
-        if name.endswith("_hz") and value is not None
-    }
-    ax.barh(list(values), list(values.values()), color=style.BLUE)
-    ax.set(xlabel="frequency (kHz)")
-
-
 def tolerance(ax: Any, document: Document) -> None:
     """Peaks of the samples against their driven confinement."""
     of_response.draw_peaks(ax, _read(ToleranceRecord, document))
@@ -118,7 +104,6 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
         attenuation,
         broadband,
         response,
-        predesign,
         tolerance,
         touch,
         hybrid,

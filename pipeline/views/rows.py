@@ -38,16 +38,6 @@ def response(document: Document) -> Rows:
     ]
 
 
-def predesign(document: Document) -> Rows:
-    """One row a quantity of zone and pillar, then the expected error of each theory's frequency."""
-    rows = []
-    for part in ("zone", "pillar"):
-        sized = dict(document.get(part) or {})
-        sized |= {f"{name}_error": error for name, error in sized.pop("expected_error", {}).items()}
-        rows += [{"part": part, "quantity": key, "value": value} for key, value in sized.items()]
-    return rows
-
-
 def tolerance(document: Document) -> Rows:
     """One row a sample."""
     return [dict(sample) for sample in document["samples"]]
@@ -101,7 +91,6 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
         attenuation,
         broadband,
         response,
-        predesign,
         tolerance,
         touch,
         hybrid,

@@ -29,7 +29,7 @@ class MassResult(Result, axes=("strip",)):
         ax.bar(range(1, len(self.mass_g) + 1), self.mass_g)
 
 
-class Mass(Question[MassResult], needs=("plate", "zone"), example="mass examples/small.toml --strips 3"):
+class Mass(Question[MassResult], needs=("plate", "zone"), example="mass examples/small.toml --strips 3", is_quick=True):
     """Share out the mass of the plate beneath the zone."""
 
     strips: int = option(default=4, at_least=1, at_most=100, help="number of strips")

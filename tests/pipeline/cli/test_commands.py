@@ -15,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from pipeline import paths, process
-from pipeline.analysis import predesign
 from pipeline.batch import case_study
 from pipeline.cli import main
 from pipeline.cli.check_gap import Edge
+from pipeline.questions import predesign
 from pipeline.records import store
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -172,7 +172,7 @@ def test_the_console_script_answers(tmp_path: Path) -> None:
 def test_a_command_that_is_ended_says_so_and_leaves_the_signals_as_they_were(
     number: signal.Signals, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(predesign, "run", lambda case: os.kill(os.getpid(), number))
+    monkeypatch.setattr(predesign, "sized", lambda design: os.kill(os.getpid(), number))
     usual = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
     inherited = signal.signal(number, usual)  # under nohup SIGHUP is ignored from the start
     try:

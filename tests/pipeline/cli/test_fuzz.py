@@ -23,13 +23,13 @@ from geometry.formats.reader import load
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.pillar_shapes.registry import SHAPES
-from pipeline.analysis import predesign
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import SIZE_KEYS, known_keys
 from pipeline.errors import CommandError, InputError
 from pipeline.measured.files import read_field, read_sweep
 from pipeline.planning.model_choice import cell_model_choice
+from pipeline.questions.predesign import sized
 from pipeline.records import store
 
 CASE = (Path(__file__).parents[3] / "studies" / "three-rows.toml").read_text()
@@ -114,7 +114,9 @@ class Mutants:
             self.folder / "case.toml",
             [f"pillar.shape={shape.name}", *(f"pillar.{key}={size!r}" for key, size in sizes.items())],
         )
-        return json.dumps(predesign.run(case)[0], allow_nan=False) if self.sizes else (case, cell_model_choice(case))
+        return (
+            json.dumps(sized(case.design).values(), allow_nan=False) if self.sizes else (case, cell_model_choice(case))
+        )
 
     def override(self, draw: random.Random) -> Any:
         given = [f"{draw.choice(KEYS)}={draw.choice(ODD)}" for _ in range(draw.randint(1, 3))]
@@ -134,7 +136,7 @@ class Mutants:
     def number(self, draw: random.Random) -> Any:
         """One number of the plate between the odd and the ordinary; the slow run sizes what can be built as well."""
         case = load_case(self.folder / "case.toml", [f"{draw.choice(SIZES)}={10.0 ** draw.uniform(-4.0, 5.0)!r}"])
-        return json.dumps(predesign.run(case)[0], allow_nan=False) if self.sizes else case
+        return json.dumps(sized(case.design).values(), allow_nan=False) if self.sizes else case
 
     def quantity(self, draw: random.Random) -> Any:
         ends = [draw.choice(QUANTITIES) + draw.choice(["", "Hz", "kHz", "MHz", "k"]) for _ in range(2)]

@@ -12,11 +12,11 @@ from zipfile import ZipFile
 
 import pytest
 
-from pipeline.analysis import predesign
 from pipeline.cli import case_commands, main
 from pipeline.errors import InputError, one_line
 from pipeline.exchange import exports
 from pipeline.logs import TerminalLog
+from pipeline.questions import predesign
 from pipeline.records import outputs
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -37,7 +37,7 @@ def nothing_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     def computed(*_: object, **__: object) -> None:
         raise AssertionError("computed before the places were looked at")
 
-    monkeypatch.setattr(predesign, "run", computed)
+    monkeypatch.setattr(predesign, "sized", computed)
     monkeypatch.setattr(exports, "_cad", computed)
     monkeypatch.setattr(exports, "_vtu", computed)
     monkeypatch.setattr(exports, "_table", computed)

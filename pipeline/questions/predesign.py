@@ -1,0 +1,201 @@
+"""Analytic sizing of zone and pillar by plate and beam theory, and how far the theories can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pipeline.questions.question import Question, Run
+from pipeline.questions.result import Result
+from pipeline.records.part import Part, column
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.layout import Design
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+
+THEORIES = {  # what the result and what the calibration call them
+    "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
+    "pillar": {"given_euler_hz": "euler", "given_timoshenko_hz": "timoshenko"},
+}
+TUNED = 0.005  # of the zone's frequency: a pillar no farther off needs no other height
+EXPECTED = (
+    "expected error of each frequency compared with a solid with clamped faces, relative; None without a calibration"
+)
+
+
+class ZoneSizes(Part):
+    """The zone's mode (0, N); the last three frequencies are None beyond 40 nodal lines."""
+
+    nodal_lines: int = column("nodal lines along x of the mode")
+    frequency_hz: float = column("exact thin plate with pinned sides (Levy)", "Hz")
+    half_wavelength_mm: float | None = column("half a wavelength along the zone", "mm")
+    formula_hz: float = column("free-free beam function between pinned sides", "Hz")
+    node_spacing_mm: float | None = column("distance of two nodal lines in the zone's middle", "mm")
+    pinned_hz: float | None = column("plate with shear (Mindlin) and pinned sides", "Hz")
+    thin_clamped_hz: float | None = column("thin plate (Kirchhoff) with clamped sides", "Hz")
+    clamped_hz: float | None = column("plate with shear (Mindlin) and clamped sides", "Hz")
+    expected_error: dict[str, float | None] = column(EXPECTED, default_factory=dict)
+
+
+class PillarSizes(Part):
+    """The pillar whose first bending on its clamped foot meets the zone's frequency, and the case's own pillar."""
+
+    height_mm: float = column("height that meets the zone's frequency by Euler-Bernoulli's theory", "mm")
+    frequency_hz: float = column("frequency that it meets", "Hz")
+    timoshenko_height_mm: float = column("height that meets it by Timoshenko's theory", "mm")
+    given_height_mm: float = column("height of the case's pillar", "mm")
+    given_euler_hz: float = column("first bending of the case's pillar by Euler-Bernoulli's theory", "Hz")
+    given_timoshenko_hz: float = column("first bending of the case's pillar by Timoshenko's theory", "Hz")
+    given_second_hz: float = column("second bending of the case's pillar by Timoshenko's theory", "Hz")
+    expected_error: dict[str, float | None] = column(EXPECTED, default_factory=dict)
+
+
+class PredesignResult(Result, axes=("part", "quantity")):
+    """Analytic sizing of zone and pillar: frequencies in Hz, lengths in mm; the main table has a row a quantity.
+
+    >>> import antinode
+    >>> sizes = antinode.load("examples/small.toml").predesign()
+    >>> round(sizes.zone_hz / 1e3, 1), round(sizes.pillar_height_mm, 1)
+    (33.5, 7.0)
+    """
+
+    zone: ZoneSizes | None = column("the zone; None without one")
+    pillar: PillarSizes | None = column("the pillar; None without one")
+    limits: list[str] = column("what limits the worth of these figures, in words")
+
+    @property
+    def zone_hz(self) -> float:
+        """Frequency of the target mode of the bare zone, Hz."""
+        assert self.zone
+        return self.zone.frequency_hz
+
+    @property
+    def half_wavelength_mm(self) -> float | None:
+        """Half a wavelength along the zone, mm."""
+        return self.zone.half_wavelength_mm if self.zone else None
+
+    @property
+    def pillar_height_mm(self) -> float | None:
+        """Height at which the pillar resonates at the zone's frequency, mm; None without a pillar."""
+        return self.pillar.height_mm if self.pillar else None
+
+    @property
+    def _sizes(self) -> dict[str, dict[str, Any]]:
+        parts: dict[str, Part | None] = {"zone": self.zone, "pillar": self.pillar}
+        return {name: part.values() for name, part in parts.items() if part}
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a quantity of zone and pillar, then the expected error of each theory's frequency."""
+        rows = []
+        for part, sizes in self._sizes.items():
+            errors = {f"{name}_error": error for name, error in sizes.pop("expected_error").items()}
+            rows += [{"part": part, "quantity": name, "value": value} for name, value in (sizes | errors).items()]
+        return rows
+
+    def lines(self) -> Iterator[str]:
+        """Yield what is proposed and given, how the given pillar stands to the zone, and what the theories may be off by."""
+        from pipeline.quantity import percent
+        from pipeline.records.reading import named, reading_table
+
+        rows = [[*row.values()] for row in self.rows() if not row["quantity"].endswith("_error")]
+        yield reading_table(("part", "quantity", "value"), rows)
+        yield from self._tuning()
+        for part, sizes in self._sizes.items():
+            errors = sizes["expected_error"]
+            known = [f"{named(name)[0]} {percent(error)}" for name, error in errors.items() if error is not None]
+            unknown = [named(name)[0] for name, error in errors.items() if error is None]
+            if known:
+                yield f"{part}, expected error compared with a solid with clamped faces: {', '.join(known)}"
+            if unknown:
+                yield f"{part}, theory without an error estimate: {', '.join(unknown)}"
+        yield from (f"note: {text}" for text in self.limits)
+
+    def _tuning(self) -> Iterator[str]:
+        """Yield how the case's pillar stands to the zone."""
+        from pipeline.quantity import figure, frequency, percentage
+
+        if not self.zone or not self.pillar:
+            return
+        target, given = self.zone.frequency_hz, self.pillar.given_timoshenko_hz
+        known = self.pillar.expected_error.get("given_timoshenko_hz")
+        off = given / target - 1.0
+        apart = f"{percentage(abs(off), known)} {'above' if off > 0.0 else 'below'} the zone's {frequency(target)}"
+        better = f"; {figure(self.pillar.timoshenko_height_mm)} mm of height would meet it"
+        where = apart + better if abs(off) >= TUNED else "where the zone does"
+        yield f"the pillar as given resonates at {frequency(given, known)}, {where}"
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the frequencies of zone and pillar by each theory."""
+        from pipeline.plots import style
+        from pipeline.records.reading import named
+
+        values = {
+            f"{part}: {named(name)[0]}": value / 1e3
+            for part, sizes in self._sizes.items()
+            for name, value in sizes.items()
+            if name.endswith("_hz") and value is not None
+        }
+        ax.barh(list(values), list(values.values()), color=style.BLUE)
+        ax.set(xlabel="frequency (kHz)")
+
+    def __repr__(self) -> str:
+        from pipeline.quantity import figure, frequency
+
+        height = "" if self.pillar_height_mm is None else f", pillar {figure(self.pillar_height_mm)} mm"
+        return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
+
+
+class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=True):
+    """Size zone and pillar analytically: frequencies in Hz, lengths in mm.
+
+    >>> import antinode
+    >>> round(antinode.load("examples/small.toml").predesign().zone_hz)
+    33494
+    """
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> PredesignResult:
+        """Size zone and pillar by beam and plate theory."""
+        from pipeline.case.plausible import short_wave
+
+        if text := short_wave(case.design):
+            run.warning("SHORT_WAVE", text)
+        return sized(case.design)
+
+
+def sized(design: Design) -> PredesignResult:
+    """Return the analytic sizes of a design, each theory with its expected error."""
+    from solvers.analytic.predesign import predesign
+
+    known = predesign(design).to_dict()
+    parts = {
+        name: known[name] and known[name] | {"expected_error": _expected(name, known[name], design)}
+        for name in THEORIES
+    }
+    return PredesignResult(
+        zone=ZoneSizes(**parts["zone"]) if parts["zone"] else None,
+        pillar=PillarSizes(**parts["pillar"]) if parts["pillar"] else None,
+        limits=known["limits"],
+    )
+
+
+def _expected(part: str, sizes: dict[str, Any], design: Design) -> dict[str, float | None]:
+    errors = expected_errors(part, design)
+    return {name: errors.get(name) for name, value in sizes.items() if name.endswith("_hz") and value is not None}
+
+
+def expected_errors(part: str, design: Design) -> dict[str, float]:
+    """Return the expected relative error of each theory's frequency compared with the solid; {} without a calibration."""
+    from pipeline.planning import calibration
+
+    slender = design.nodal_lines * design.thickness_m / design.length_m
+    if part == "pillar":
+        if not design.pillar or not design.pillar.is_square_prism:
+            return {}
+        slender = design.pillar.base_m / design.pillar.height_m
+    elif design.nodal_lines < 2:
+        return {}
+    errors = {name: calibration.by_theory(part, theory, slender) for name, theory in THEORIES[part].items()}
+    return {name: error for name, error in errors.items() if error is not None}
