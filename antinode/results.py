@@ -121,8 +121,8 @@ class Result(Frozen):
 class Wanted:
     """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None.
 
-    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode and as driven by the patches (None
-    without any); rivals of a split mode as dictionaries of the same figures.
+    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode (driven_confinement_db is None: `response`
+    has the driven one at its wanted_peak); rivals of a split mode as dictionaries of the same figures.
 
     >>> import antinode
     >>> antinode.Wanted("single", 34.6e3, 0.97, 0.62, 12.1, None, ()).confinement_db

@@ -215,7 +215,12 @@ def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
     return waves
 
 
-def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db: float | None) -> PredictionRecord:
+def prediction(
+    attenuation: AttenuationRecord,
+    frequency_hz: float,
+    extension_db: float | None,
+    extension_error_db: float | None = None,
+) -> PredictionRecord:
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level,
     dB.
     """
@@ -231,6 +236,7 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
         transmission_db=nearest.taken_db if passes else None,
         transmission_error_db=nearest.taken_error_db if passes else None,
         zone_to_extension_db=extension_db,
+        zone_to_extension_error_db=extension_error_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
 

@@ -17,9 +17,8 @@ from pipeline.quantity import frequency, frequency_with_bar, level_with_bar
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import MM
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
-from solvers.driven.curve_bars import Doubts, changes, doubts, half_widths, in_parts, with_peak
+from solvers.driven.curve_bars import Doubts, doubts, rms, rms_bars, with_peak
 from solvers.driven.error_bars import frequency_error, frequency_errors
-from solvers.driven.forms import forms
 from solvers.measures.levels import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
 from solvers.threads import one_thread
@@ -79,22 +78,7 @@ def _curve_bars(zones: Zones, volts: FloatArray, tones: FloatArray, known: Doubt
     forced, count = zones.forced, zones.forced.design.zones
     if known is None:
         return np.full((len(volts), count, len(tones)), np.nan)
-
-    def bars(part: FloatArray) -> FloatArray:
-        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(part)
-        out = []
-        for fed in volts[:, forced.drivers]:
-            each = np.broadcast_to(fed.astype(complex), (len(part), len(fed)))
-            alone = own.fed(each)
-            out.append(half_widths(_rms(alone.squares), changes(known, own, at, each), [alone], _rms))
-        return np.array(out)
-
-    return in_parts(bars, tones)
-
-
-def _rms(squares: ComplexArray) -> FloatArray:
-    """Of one voltage's forms (k, ..., 1, 1)."""
-    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
+    return rms_bars(known, forced, zones.grams[:count], tones, volts[:, forced.drivers].astype(complex))
 
 
 def _peak_bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
@@ -104,8 +88,8 @@ def _peak_bars(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: 
     grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
 
     def figures(squares: ComplexArray) -> FloatArray:
-        rms = _rms(squares)
-        return np.concatenate([rms[:-1], ratio_db(rms[:-1], rms[zone]), rms[-1:] ** 2 / rms[zone] ** 2])
+        each = rms(squares)
+        return np.concatenate([each[:-1], ratio_db(each[:-1], each[zone]), each[-1:] ** 2 / each[zone] ** 2])
 
     half = np.full(2 * parts + 1, np.nan)
     if known is not None:

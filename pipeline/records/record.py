@@ -247,6 +247,7 @@ class WantedRecord(Part):
     extension_db: float | None = None
     frequency_error: float | None = None
     confinement_error_db: float | None = None
+    extension_error_db: float | None = None
     zone_share_error: float | None = None
     mac_error: float | None = None
     strength_error: float | None = None
@@ -566,8 +567,8 @@ class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
     rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
-    db_error, rows_error_db, transmission_error_db: half-widths of the bars of the decay per row, of all rows' and of the
-    power's, dB.
+    db_error, rows_error_db, transmission_error_db, zone_to_extension_error_db: half-widths of the bars of the decay per row, of
+    all rows', of the power's and of the plate's, dB.
     """
 
     frequency_hz: float
@@ -578,6 +579,7 @@ class PredictionRecord(Part):
     transmission_db: float | None
     transmission_error_db: float | None = None
     zone_to_extension_db: float | None
+    zone_to_extension_error_db: float | None = None
     rows_needed: int | None
 
 
@@ -593,6 +595,7 @@ class LiveRecord(Part):
     confinement_db: float | None = None
     confinement_error_db: float | None = None
     zone_to_extension_db: float | None = None
+    zone_to_extension_error_db: float | None = None
     mac: float | None = None
     gap_hz: tuple[float, float] | None
     gap_error: float | None
@@ -605,7 +608,7 @@ class LiveRecord(Part):
         """The figures of the document that the explorer's page shows."""
         plate, rows = answer["plate"], answer["rows"]
         widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
-        names = {"zone_to_extension_db": "extension_db"}
+        names = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
         figures = {
             name: plate.get(names.get(name, name)) for name in cls.model_fields if names.get(name, name) in plate
         }
@@ -652,7 +655,10 @@ class PeakRecord(Part):
 
 
 class ResponseRecord(Part):
-    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all."""
+    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all.
+
+    zone_rms_error_m_per_V, passive_rms_error_m_per_V: half-widths of the curves' bars at each frequency, the damping given.
+    """
 
     model: str
     dof: int
@@ -670,6 +676,8 @@ class ResponseRecord(Part):
     wanted_peak: PeakRecord | None
     highest_peak: PeakRecord
     widest_bar: dict[str, Any] | None = None
+    zone_rms_error_m_per_V: list[float] | None = None
+    passive_rms_error_m_per_V: list[float] | None = None
 
     @property
     def peak(self) -> PeakRecord:

@@ -46,12 +46,11 @@ def broadband(document: Document) -> Rows:
 
 def response(document: Document) -> Rows:
     """One row a frequency."""
-    frequencies = document["frequency_hz"]
-    passive = document["passive_rms_m_per_V"] or [None] * len(frequencies)
-    columns = zip(frequencies, document["zone_rms_m_per_V"], passive, strict=True)
+    names = ("zone_rms_m_per_V", "passive_rms_m_per_V", "zone_rms_error_m_per_V", "passive_rms_error_m_per_V")
+    known = {name: document.get(name) for name in names}
     return [
-        {"frequency_hz": frequency, "zone_rms_m_per_V": zone, "passive_rms_m_per_V": outside}
-        for frequency, zone, outside in columns
+        {"frequency_hz": frequency} | {name: values and values[place] for name, values in known.items()}
+        for place, frequency in enumerate(document["frequency_hz"])
     ]
 
 

@@ -154,6 +154,39 @@ def half_widths(
     return np.asarray(np.sqrt(squares))
 
 
+def rms_bars(
+    known: Doubts, forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray, volts: ComplexArray
+) -> FloatArray:
+    """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
+
+    Parameters
+    ----------
+    known : Doubts
+    forced : ForcedPlate
+    grams : ndarray, shape (k, columns, columns)
+        Means over the parts, as of `forms`.
+    frequency_hz : ndarray, shape (t,)
+    volts : ndarray, shape (f, d)
+        Of the drivers, f ways to feed them.
+    """
+
+    def bars(part: FloatArray) -> FloatArray:
+        own, at = forms(forced, grams, part), forced.plate.scale.eigenvalue(part)
+        out = []
+        for fed in volts:
+            each = np.broadcast_to(fed, (len(part), len(fed)))
+            alone = own.fed(each)
+            out.append(half_widths(rms(alone.squares), changes(known, own, at, each), [alone], rms))
+        return np.array(out)
+
+    return in_parts(bars, frequency_hz)
+
+
+def rms(squares: ComplexArray) -> FloatArray:
+    """Of one voltage's forms (k, ..., 1, 1)."""
+    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
+
+
 def with_peak(
     known: Doubts, forced: ForcedPlate, grams: FloatArray, peak_hz: float, volts: ComplexArray,
     figures: Callable[[ComplexArray], FloatArray],

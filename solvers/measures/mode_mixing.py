@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
-from solvers.measures.confinement import TouchField, shape_at
+from solvers.measures.confinement import NEGLIGIBLE, TouchField, shape_at
 
 DECIBELS = 20.0 / log(10.0)
 
@@ -45,6 +45,14 @@ class Overlaps:
         """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
         active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
         return cls(active, passive)
+
+    @classmethod
+    def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
+        """The same with the plate beyond the last row in the passive face's place; None without any."""
+        active, beyond = touch.is_active(design), touch.is_beyond_rows(design)
+        if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
+            return None
+        return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
 
     def _mixed(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...]) -> FloatArray:
         """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode, one at most."""

@@ -1,4 +1,4 @@
-"""Bars of the curves of cross-talk and hybrid on a coarse mesh against whole solves on finer ones."""
+"""Bars of the curves of response, cross-talk and hybrid on a coarse mesh against whole solves on finer ones."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.analysis import response
 from pipeline.case.model import case_from_dict
 from pipeline.driven import crosstalk, hybrid
 from pipeline.logs import TerminalLog
@@ -71,3 +72,22 @@ def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypa
                 assert held.mean() >= 0.95, (coarse.method, name)
                 assert records[0].wanted_place is not None and held[records[0].wanted_place]
         assert inside(coarse.volts_per_um, coarse.volts_error_per_um, fine.volts_per_um).mean() >= 0.95
+
+
+@pytest.mark.slow
+def test_both_curves_of_a_response_lie_within_their_bars_of_finer_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At tones of the finer one: each has more about its own peak."""
+    coarse, fine = (each.record for each in both(FOUR, response, monkeypatch))
+    tones = sorted(set(coarse.frequency_hz) & set(fine.frequency_hz))
+    assert len(tones) >= 61
+    for part in ("zone", "passive"):
+        value, bar, true = (
+            [figures[record.frequency_hz.index(tone)] for tone in tones]
+            for record, figures in (
+                (coarse, getattr(coarse, f"{part}_rms_m_per_V")),
+                (coarse, getattr(coarse, f"{part}_rms_error_m_per_V")),
+                (fine, getattr(fine, f"{part}_rms_m_per_V")),
+            )
+        )
+        assert inside(value, bar, true).mean() >= 0.95
+        assert np.median(np.array(bar) / np.array(value)) < 0.5

@@ -92,9 +92,9 @@ def test_the_prediction_is_rows_times_the_decay() -> None:
     points = [
         AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=transmission) for f in (30e3, 40e3)
     ]
-    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0)
+    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0, 0.4)
     assert text.rows_db == 15.0 and text.transmission_db == pytest.approx(20.0) and text.rows_needed == 2
-    assert text.zone_to_extension_db == 12.0
+    assert (text.zone_to_extension_db, text.zone_to_extension_error_db) == (12.0, 0.4)
 
 
 def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None:

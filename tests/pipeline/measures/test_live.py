@@ -46,6 +46,7 @@ def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) 
     plate, rows = page["plate"], page["rows"]
     assert live.frequency_hz == plate["frequency_hz"] and live.frequency_error == plate["frequency_error"]
     assert live.confinement_db == plate["confinement_db"] and live.zone_to_extension_db == plate["extension_db"]
+    assert live.zone_to_extension_error_db == plate["extension_error_db"] is not None
     near = int(np.argmin(np.abs(np.array(rows["frequency_hz"]) - live.frequency_hz)))
     around = [level for level in rows["db_per_row"][max(near - 1, 0) : near + 2] if level is not None]
     assert min(around) <= live.db_per_row <= max(around)  # type: ignore[operator]

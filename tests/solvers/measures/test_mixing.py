@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -36,6 +38,23 @@ def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
     moved = level(values[:, 0] + share * values[:, 1]) - level(values[:, 0])
     result = mixing_db(face(values), tones, 0, DESIGN, error)
     assert result == pytest.approx(abs(moved), rel=10.0 * share)
+
+
+def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_share_does() -> None:
+    """Of 4 mm with rows of 4 mm between: the level over the whole passive face moves otherwise."""
+    design = replace(DESIGN, rows=2, extension_m=4e-3)
+    values, error = fields(2), 1e-5
+    share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
+    mixed = np.column_stack([values[:, 0], values[:, 0] + share * values[:, 1]])
+    before, after = measure(face(mixed, design.half_span_m), design, None).extension_db
+    touch = face(values, design.half_span_m)
+    overlaps = Overlaps.of_extension(touch, design)
+    assert overlaps and overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(abs(after - before), rel=10.0 * share)
+    assert overlaps.mixing_db(TONES[:2], 0, error) != pytest.approx(
+        mixing_db(touch, TONES[:2], 0, design, error), rel=0.1
+    )
+    short = replace(design, extension_m=0.0)
+    assert Overlaps.of_extension(face(values, short.half_span_m), short) is None
 
 
 def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> None:
