@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import chain
 
 import numpy as np
@@ -52,7 +53,8 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
     far, near = 0.0, list(variations(forced, errors, peak.frequency_hz, share))
     if ends is not None:
         far, near = _parted(width_rates(forced, top, ends), near)
-    half = half_widths(nominal, chain(near, louder(forced, np.nan if load is None else load)), again)
+    rest: Iterable[tuple[Variation | Louder, ...]] = chain(near, louder(forced, np.nan if load is None else load))
+    half = half_widths(nominal, rest, again)
     error = float(np.hypot(half[0], far * nominal[0]) + abs(nominal[0] - peak.quality_factor))
     return error if np.isfinite(error) else None
 

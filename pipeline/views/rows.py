@@ -96,9 +96,13 @@ def hybrid(document: Document) -> Rows:
 
 
 def travel(document: Document) -> Rows:
-    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size, m."""
-    places = zip(document["x_m"], document["field_m"], strict=True)
-    return [{"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im))} for x, (re, im) in places]
+    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size and its bar, m."""
+    errors = document.get("field_error_m") or [None] * len(document["x_m"])
+    places = zip(document["x_m"], document["field_m"], errors, strict=True)
+    return [
+        {"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im)), "size_error_m": error}
+        for x, (re, im), error in places
+    ]
 
 
 def crosstalk(document: Document) -> Rows:
