@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from math import inf
 
 import numpy as np
@@ -53,7 +53,7 @@ from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
 from solvers.measures.levels import share_error
-from solvers.measures.mode_mixing import Overlaps
+from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
@@ -136,10 +136,7 @@ class PartModes:
         row = self.wanted.row if self.wanted else None
         if self.wanted is None or row is None:
             return self.wanted.record() if self.wanted else None
-        share = None
-        if self.part == "plate":
-            vector = self.vectors[row.symmetry][:, [row.column]]
-            share = float(self.model.pillar_share(row.symmetry, vector)[0])
+        share, error = self._pillar_share(row) if self.part == "plate" else (None, None)
         return self.wanted.record(
             index=self.index(row),
             extension_db=row.extension_db,
@@ -147,7 +144,20 @@ class PartModes:
             confinement_error_db=self.bar.confinement_db if self.bar else None,
             extension_error_db=self.bar.extension_db if self.bar else None,
             pillar_energy_share=share,
+            pillar_energy_share_error=error,
         )
+
+    def _pillar_share(self, row: ModeRow) -> tuple[float, float | None]:
+        """The pillars' share of the wanted mode's kinetic energy, and its bar by neighbours that mix into it."""
+        assert self.wanted is not None
+        own, mixing = partial(self.model.pillar_share, row.symmetry), calibration.mixing()
+        vectors, siblings = self.vectors[row.symmetry], list(self.wanted.rows)
+        half = self.bar.frequency if self.bar else None
+        if half is None or mixing is None or row not in siblings:
+            return float(own(vectors[:, [row.column]])[0]), None
+        place = siblings.index(row)
+        mixed = mixing * mixed_shares(np.array([each.frequency_hz for each in siblings]), place, half)
+        return mixed_energy(own, vectors[:, [each.column for each in siblings]], place, mixed)
 
 
 @one_thread()

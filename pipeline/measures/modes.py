@@ -97,7 +97,13 @@ COLUMNS = (
     ),
     Column("mac", "MAC", _wanted(lambda w: w.mac), "", _wanted(lambda w: w.mac_error)),
     Column("zone_share", "zone share", _wanted(lambda w: w.zone_share), "", _wanted(lambda w: w.zone_share_error)),
-    Column("pillar_share", "pillars' share of energy", _wanted(lambda w: w.pillar_energy_share), ""),
+    Column(
+        "pillar_share",
+        "pillars' share of energy",
+        _wanted(lambda w: w.pillar_energy_share),
+        "",
+        _wanted(lambda w: w.pillar_energy_share_error),
+    ),
     Column(
         "strength",
         "strength in the wanted shape",

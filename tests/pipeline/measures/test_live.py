@@ -50,6 +50,11 @@ def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) 
     near = int(np.argmin(np.abs(np.array(rows["frequency_hz"]) - live.frequency_hz)))
     around = [level for level in rows["db_per_row"][max(near - 1, 0) : near + 2] if level is not None]
     assert min(around) <= live.db_per_row <= max(around)  # type: ignore[operator]
+    known = np.array(
+        [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
+    )
+    for end in (1.0 - live.frequency_error, 1.0 + live.frequency_error):
+        assert abs(np.interp(end * live.frequency_hz, *known.T) - live.db_per_row) <= live.db_error * (1.0 + 1e-9)
     widest = max(page["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
     assert live.gap_hz == (widest and (widest["lower_hz"], widest["upper_hz"]))
     assert not log.warnings and live.warnings == []

@@ -11,7 +11,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.measures.confinement import TouchField, measure, strength_force
 from solvers.measures.levels import share_error
-from solvers.measures.mode_mixing import Overlaps, mixing_db
+from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixing_db
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])
@@ -156,3 +156,12 @@ def test_a_class_that_lacks_the_shape_has_no_strength_at_any_scale(mass_kg: floa
     force = strength_force(light, DESIGN, None)
     strength = measure(light, DESIGN, None).strength
     assert (force @ touch.values) ** 2 == pytest.approx(strength, rel=1e-12)
+
+
+def test_a_share_of_energy_moves_as_its_mixed_modes_do() -> None:
+    """By the worse sign of each neighbour, not to first order alone: a part that one mode leaves still has a bar."""
+    part, vectors, mixed = np.diag([1.0, 0.0, 0.5, 0.0]), np.eye(4)[:, [1, 0, 2]], np.array([0.0, 0.2, 0.1])
+    share_of = lambda moved: np.einsum("ik,ik->k", moved, part @ moved)  # noqa: E731
+    alone = [0.2**2 / (1.0 + 0.2**2), 0.5 * 0.1**2 / (1.0 + 0.1**2)]
+    assert mixed_energy(share_of, vectors, 0, mixed) == pytest.approx((0.0, np.hypot(*alone)), rel=1e-12)
+    assert mixed_energy(share_of, vectors[:, :1], 0, mixed[:1]) == (0.0, 0.0)
