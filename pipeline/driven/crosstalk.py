@@ -13,7 +13,7 @@ from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.planning.plan import RESPONSE_POINTS
-from pipeline.quantity import frequency, frequency_with_bar, level_with_bar
+from pipeline.quantity import figure, frequency, frequency_with_bar, level_with_bar
 from pipeline.records.record import CrosstalkRecord, DrivenZone, MeshRecord
 from pipeline.units import MM
 from solvers.driven.crosstalk import Zones, zone_volts, zones_of
@@ -41,8 +41,6 @@ def solve(
         curves = _curve_bars(zones, volts, tones, known)
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
-            mac = zones.mac(fed, peak, zone)
-            _warn_of_shape(zone, peak, mac, log)
             (at,) = zones.rms(fed, np.array([peak]))
             over = zones.rms(fed, tones)
             driven.append(
@@ -53,13 +51,14 @@ def solve(
                     rms_m_per_V=at[:-1].tolist(),
                     level_db=ratio_db(at[:-1], at[zone]).tolist(),
                     passive_db=None if np.isnan(at[-1]) else float(ratio_db(at[-1], at[zone])),
-                    mac=mac,
+                    mac=zones.mac(fed, peak, zone),
                     over_rms_m_per_V=over[:, :-1].T.tolist(),
                     over_rms_error_m_per_V=_numbers(curves[zone]),
                     peak_error=frequency_error(forced, peak, errors),
                     **_peak_bars(zones, fed, zone, peak, known),
                 )
             )
+            _warn_of_shape(zone, driven[-1], log)
     record = CrosstalkRecord(
         model=f"{forced.plate.name} with {patches.count} patches",
         dof=sum(group.pencil.dof for group in forced.plate.groups),
@@ -108,12 +107,12 @@ def _numbers(values: FloatArray) -> list[Any]:
     return [_numbers(each) if np.ndim(each) else None if np.isnan(each) else float(each) for each in values]
 
 
-def _warn_of_shape(zone: int, peak_hz: float, mac: float, log: Log) -> None:
-    if mac < SIMILAR:
+def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:
+    if zone.mac is not None and zone.mac < SIMILAR:
         log.warning(
             "OTHER_PEAK",
-            f"zone {zone + 1} moves most at {frequency(peak_hz)}, but not in the wanted shape (MAC {mac:.2f}): the levels are "
-            "another mode's; give a --band around the wanted one",
+            f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the wanted shape "
+            f"(MAC {figure(zone.mac, zone.mac_error)}): the levels are another mode's; give a --band around the wanted one",
         )
 
 
@@ -137,7 +136,7 @@ def check(case: Case) -> None:
 def lines(record: CrosstalkRecord) -> list[str]:
     """The table in words: a line a driven zone."""
     between = f"{record.shared_rows} rows" if record.shared_rows else "no row"
-    head = f"{len(record.zones)} zones, {record.gap_m / MM:.2f} mm and {between} between two of them"
+    head = f"{len(record.zones)} zones, {record.gap_m / MM:g} mm and {between} between two of them"
     return [head if len(record.zones) > 1 else "one zone", *map(_of_zone, record.zones)]
 
 
@@ -148,4 +147,4 @@ def _of_zone(zone: DrivenZone) -> str:
     if zone.passive_db is not None:
         passive = f"; passive face {level_with_bar(zone.passive_db, zone.passive_error_db)}"
     tone = frequency_with_bar(zone.peak_hz, zone.peak_error)
-    return f"driven at y = {zone.centre_m / MM:.2f} mm, {tone}: zones at {levels}{passive}"
+    return f"driven at y = {zone.centre_m / MM:g} mm, {tone}: zones at {levels}{passive}"
