@@ -166,6 +166,7 @@ def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[s
         "model": attenuation_result.model,
         "frequencies_hz": [point.frequency_hz for point in attenuation_result.points],
         "db_per_row": [point.db_per_row for point in attenuation_result.points],
+        "db_error": [point.db_error for point in attenuation_result.points],
     }
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from math import nan, pi
 from typing import Any
 
@@ -88,11 +88,11 @@ def solve(
     rows = case.design.rows
     with log.step(f"{points} frequencies"):
         samples = tuple(_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points))
-    _log_summary(samples, kx, log)
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
     with log.step("error bars of the decay"):
         error = None if expected is None else expected + model.reduction_error
         samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
+    _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, rows, tone), error, log)
     return Attenuation(
         model=model.name,
         kx_per_m=kx,
@@ -118,7 +118,7 @@ def _kept(row: KeptRow) -> KeptRow:
 def _checked_kx(case: Case, kx: float) -> float:
     edge = pi / case.design.pitch_x_m
     if not (math.isfinite(kx) and abs(kx) <= edge * (1.0 + 1e-12)):
-        text = f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:.1f} and {edge:.1f} rad/m here"
+        text = f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here"
         raise InputError(text)
     return kx
 
@@ -215,7 +215,12 @@ def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
     return waves
 
 
-def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db: float | None) -> PredictionRecord:
+def prediction(
+    attenuation: AttenuationRecord,
+    frequency_hz: float,
+    extension_db: float | None,
+    extension_error_db: float | None = None,
+) -> PredictionRecord:
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level,
     dB.
     """
@@ -231,6 +236,7 @@ def prediction(attenuation: AttenuationRecord, frequency_hz: float, extension_db
         transmission_db=nearest.taken_db if passes else None,
         transmission_error_db=nearest.taken_error_db if passes else None,
         zone_to_extension_db=extension_db,
+        zone_to_extension_error_db=extension_error_db,
         rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
     )
 
@@ -253,13 +259,29 @@ def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
     return [f"{khz}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"]
 
 
-def _log_summary(points: tuple[AttenuationPoint, ...], kx: float, log: Log) -> None:
-    converted = [p.transmission.shear + p.transmission.longitudinal for p in points if p.transmission]
-    if converted and max(converted) < 1e-9:
+def _log_converted(
+    points: tuple[AttenuationPoint, ...],
+    kx: float,
+    through: Callable[[float], Transmission | None],
+    error: float | None,
+    log: Log,
+) -> None:
+    """Say how much of a flexural wave's power passes as in-plane waves at most, its bar by the relative one of frequencies."""
+    known = [(_converted(p.transmission), p.frequency_hz) for p in points if p.transmission]
+    if not known:
+        return
+    most, tone = max(known)
+    if most < 1e-9:
         log.info(
-            f"at kx = {kx:.1f} rad/m shear and longitudinal waves of the plate decay: nothing is converted into them"
+            f"at kx = {kx:g} rad/m shear and longitudinal waves of the plate decay: nothing is converted into them"
         )
-    elif converted:
-        log.info(
-            f"at most {100.0 * max(converted):.2g} % of an incoming flexural wave's power passes as in-plane waves"
-        )
+        return
+    ends = [] if error is None else [through(tone * (1.0 + sign * error)) for sign in (-1.0, 1.0)]
+    moved = [abs(_converted(each) - most) for each in ends if each]
+    bar = max(moved) if len(moved) == 2 else None
+    share = with_bar(100.0 * most, None if bar is None else 100.0 * bar, "%")
+    log.info(f"at most {share} of an incoming flexural wave's power passes as in-plane waves, at {frequency(tone)}")
+
+
+def _converted(shares: Transmission) -> float:
+    return shares.shear + shares.longitudinal

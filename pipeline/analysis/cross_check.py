@@ -58,7 +58,7 @@ def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar:
         return part_modes.meshes, {}, {}
     own_bar = _own_bar(part_modes)
     agrees = _agrees(row.frequency_hz, structured.frequency_hz, bar, own_bar, log)
-    mixing = modes.confinement_bar_db(case, own, bar + own_bar)
+    mixing = modes.level_bars_db(case, own, bar + own_bar)[0]
     if mixing is not None and row.confinement_db is not None:
         log.info(
             f"its confinement by tetrahedra {level(row.confinement_db, mixing)}, structured "

@@ -1,7 +1,8 @@
-"""Error bars of what is read from a response's peak: its quality factor, its level over the passive face."""
+"""Error bars of a response: of its curves, and of a peak's quality factor and level over the passive face."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import chain
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from pipeline.planning import calibration
 from solvers.control.resonance import half_power_points
-from solvers.driven.curve_bars import doubts, with_peak
+from solvers.driven.curve_bars import doubts, rms_bars, with_peak
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, louder, variations
 from solvers.driven.forms import face_grams
 from solvers.driven.peak_width import WidthRates, width_rates
@@ -52,7 +53,8 @@ def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
     far, near = 0.0, list(variations(forced, errors, peak.frequency_hz, share))
     if ends is not None:
         far, near = _parted(width_rates(forced, top, ends), near)
-    half = half_widths(nominal, chain(near, louder(forced, np.nan if load is None else load)), again)
+    rest: Iterable[tuple[Variation | Louder, ...]] = chain(near, louder(forced, np.nan if load is None else load))
+    half = half_widths(nominal, rest, again)
     error = float(np.hypot(half[0], far * nominal[0]) + abs(nominal[0] - peak.quality_factor))
     return error if np.isfinite(error) else None
 
@@ -73,6 +75,19 @@ def level_error_db(forced: ForcedPlate, peak: Peak) -> float | None:
     fed = forced.signs[forced.drivers].astype(complex)
     error = float(with_peak(known, forced, face_grams(forced), peak.frequency_hz, fed, level)[0])
     return error if np.isfinite(error) else None
+
+
+def curve_errors(forced: ForcedPlate, curve: Curve) -> FloatArray | None:
+    """Compute the half-widths of the bars of a curve's rms at its own frequencies, zone and passive face, (1 or 2, n) in m/V.
+
+    None where they are not known, as where a charge feeds the drivers.
+    """
+    known = doubts(forced, calibration.mixing())
+    if known is None or forced.circuit != "short":
+        return None
+    fed = forced.signs[forced.drivers].astype(complex)
+    (half,) = rms_bars(known, forced, face_grams(forced), curve.frequency_hz, fed[None])
+    return half if np.isfinite(half).all() else None
 
 
 def _parted(rates: WidthRates, every: list[tuple[Variation, ...]]) -> tuple[float, list[tuple[Variation, ...]]]:

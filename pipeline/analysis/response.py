@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.analysis.peak_bars import level_error_db, quality_error
+from pipeline.analysis.peak_bars import curve_errors, level_error_db, quality_error
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
@@ -71,7 +71,8 @@ class Response:
     def record(self) -> ResponseRecord:
         """The result as a command and a study keep it."""
         curve, shift = self.curve, self.circuit
-        passive = curve.passive_rms_m_per_v
+        passive, bars = curve.passive_rms_m_per_v, curve_errors(self.forced, curve)
+        zone_error, passive_error = [None, None] if bars is None else [*bars.tolist(), None][:2]
         first = curve.sensor_v_per_v[:, 0] if self.sensors else None
         circuit = {key: getattr(shift, key, None) for key in ("short_hz", "open_hz", "coupling")}
         wanted = _peak(self.wanted, self.forced) if self.wanted else None
@@ -80,6 +81,8 @@ class Response:
             frequency_hz=curve.frequency_hz.tolist(),
             zone_rms_m_per_V=curve.zone_rms_m_per_v.tolist(),
             passive_rms_m_per_V=None if passive is None else passive.tolist(),
+            zone_rms_error_m_per_V=zone_error,
+            passive_rms_error_m_per_V=passive_error,
             sensor_V_per_V=None if first is None else np.column_stack([first.real, first.imag]).tolist(),
             polarisation_signs=self.signs,
             circuit={"drivers": self.forced.circuit, **circuit},

@@ -12,13 +12,13 @@ import numpy as np
 from geometry.elements import ComplexArray
 from geometry.fingertips import Fingertip
 from pipeline.analysis.response import driven_hz
-from pipeline.analysis.touch_bars import with_bars
+from pipeline.analysis.touch_bars import with_bars, with_map_bars
 from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
-from pipeline.quantity import frequency, frequency_with_bar, interval, level_with_bar, signed, with_bar
+from pipeline.quantity import figure, frequency, frequency_with_bar, interval, level_with_bar, signed, with_bar
 from pipeline.records.record import (
     LoadedModeRecord,
     LoopRecord,
@@ -34,7 +34,7 @@ from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
 from solvers.threads import one_thread
 from solvers.touch.loaded_mode import loaded_mode
-from solvers.touch.touch_map import TouchMap, lattice, needed_bytes, touch_map
+from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 
@@ -97,13 +97,13 @@ def _map(session: Session, loop: LoopRecord | None, log: Log, mapped: bool) -> T
     points = lattice(session.case.design, session.touched)
     needed, room = needed_bytes(session.touched, points), room_bytes()
     if not mapped or needed > room:
-        lack = (
-            f"{len(points.points_m)} points of its contacts need {needed / GIB:.1f} GiB, {room / GIB:.1f} GiB are free"
-        )
+        takes, free = (f"{figure(each / GIB)} GiB" for each in (needed, room))
+        lack = f"{len(points.points_m)} points of its contacts need {takes}, {free} are free"
         log.left_out("the map of the touch face", lack if mapped else "not asked for")
         return None
     with log.step(f"the finger at {' x '.join(str(len(each)) for each in points.places)} places"):
-        return _map_record(session, loop, touch_map(session.touched, points, session.peak_hz))
+        places = Places.of(session.touched, points, session.peak_hz)
+        return with_map_bars(_map_record(session, loop, places.map()), session, places, calibration.mixing())
 
 
 def _map_record(session: Session, loop: LoopRecord | None, mapped: TouchMap) -> TouchMapRecord:
@@ -161,9 +161,9 @@ def lines(record: TouchRecord) -> list[str]:
 
 def _of_finger(record: TouchRecord) -> str:
     real, imaginary = record.impedance_N_s_m
-    place = f"({record.at_m[0] / MM:.1f}, {record.at_m[1] / MM:.1f}) mm"
+    place = f"({figure(record.at_m[0] / MM, 0.0)}, {figure(record.at_m[1] / MM, 0.0)}) mm"
     return (
-        f"fingertip {record.fingertip}: {real:.3g} {'-' if imaginary < 0.0 else '+'} {abs(imaginary):.3g}i N s/m "
+        f"fingertip {record.fingertip}: {figure(real)} {'-' if imaginary < 0.0 else '+'} {figure(abs(imaginary))}i N s/m "
         f"on a radius of {record.radius_m / MM:g} mm at {place}"
     )
 
@@ -177,7 +177,7 @@ def _of_mode(record: TouchRecord) -> Iterator[str]:
         share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%")
         mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
         yield (
-            f"wanted mode from {before} to {under} ({shift}), quality factor from {record.quality_factor_given:.0f} to "
+            f"wanted mode from {before} to {under} ({shift}), quality factor from {record.quality_factor_given:g} to "
             f"{quality}, by its complex eigenvalue f^2 (1 + i/Q); it keeps {share} of its shape{mixed}"
         )
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from math import sqrt
+from typing import Any
 
 import numpy as np
 
-from geometry.elements import FloatArray
-from pipeline.analysis.touch_states import Session, loop_of, states_of
-from pipeline.records.record import LoadedModeRecord, LoopRecord, TouchRecord, TouchStateRecord
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
+from pipeline.records.record import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchRecord, TouchStateRecord
+from solvers.driven.curve_bars import AT_ONCE, Doubts, doubts
 from solvers.driven.error_bars import (
     Louder,
     Variation,
@@ -19,12 +22,14 @@ from solvers.driven.error_bars import (
     louder,
     variations,
 )
+from solvers.driven.motions import Contacts, Motions, peak_half_widths
 from solvers.piezo.height import height_error
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.touch import disk
 from solvers.touch.loaded_mode import LoadedMode, loaded_mode
 from solvers.touch.missing_flexibility import missing_flexibility
-from solvers.touch.touched_plate import integration_error
+from solvers.touch.touch_map import Places
+from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error
 
 STATE = {
     "drive_V": "drive_error_V",
@@ -148,14 +153,111 @@ def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatAr
     by_rule = np.abs(again(replace(bare, touched=session.touched.stiffer(1.0 + error))) - values)
     motion = np.array([error if name in PER_LOAD else 0.0 for _, name in nominal]) * np.abs(values)
     rest = np.abs(again(bare, False) - values)
-    missing = _missing(session)
+    missing = _missing(session.touched, finger)
     softer = values * np.nan if missing is None else again(replace(bare, touched=session.touched.softer(missing)))
     return np.asarray(beyond + by_rule + motion + rest + np.abs(softer - values))
 
 
-def _missing(session: Session) -> FloatArray | None:
-    """The flexibility under the finger that the reduced panels lack; None where it is not known."""
-    plate = session.touched.plate
+def with_map_bars(record: TouchMapRecord, session: Session, places: Places, share: float | None) -> TouchMapRecord:
+    """The map with the half-widths of its figures' bars; without them where they are not known."""
+    free = session.free.free
+    known = doubts(free, share, free.all_modes)
+    missing = missing_at_ends(places)
+    if known is None or missing is None or free.circuit != "short":
+        return record
+    nx, ny = places.shape
+    parts = [_of_places(places, number, known, missing) for number in _some(nx * ny)]
+    first, second, needed = session.drive_v * np.concatenate(parts, axis=1).reshape(3, nx, ny)
+    update: dict[str, Any] = {"free_error_m": first.tolist(), "touched_error_m": second.tolist()}
+    if record.needed_V is not None:
+        update["needed_error_V"] = needed.tolist()
+    if record.friction is not None:
+        update["friction_error"] = _friction_errors(session, record, second)
+    return record.model_copy(update=update)
+
+
+def _of_places(places: Places, numbers: IntArray, known: Doubts, missing: float) -> FloatArray:
+    """Half-widths (3, t) of motion under the contacts, free and touched, and of the free sensor's voltage over the touched
+    plate's, per volt.
+    """
+    touched, finger, plate = places.touched, places.touched.finger, places.touched.plate
+    contacts, at = contacts_at(places, numbers), plate.scale.eigenvalue(places.frequency_hz)
+    points = len(places.points.weights)
+
+    def motions(eigenvalue: float, factor: float = 1.0, softer: float = 0.0) -> list[Motions]:
+        stiffness = factor * finger.dynamic_stiffness(float(plate.scale.frequency(np.asarray(eigenvalue))))
+        under = contacts.motions(eigenvalue, stiffness or None, softer)
+        return [contacts.motions(eigenvalue), under]
+
+    def figures(free: ComplexArray, under: ComplexArray) -> FloatArray:
+        moved = [np.linalg.norm(each[..., :points], axis=-1) for each in (free, under)]
+        heard = [np.abs(each[..., points]) if touched.sensors else np.ones_like(moved[0]) for each in (free, under)]
+        return np.array([*moved, heard[0] / heard[1]])
+
+    def of(each: list[Motions]) -> FloatArray:
+        fed = np.broadcast_to(volts, (len(numbers), len(volts)))
+        return figures(*(one.fed(fed).answers[:, None, None, :, 0] for one in each))[..., 0, 0]
+
+    volts = touched.signs[touched.drivers].astype(complex)
+    half, nominal = peak_half_widths(known, motions, at, volts, figures), of(motions(at))
+    by_rule = places.rule_error
+    stiffer, softer = (np.abs(of(motions(at, *more)) - nominal) for more in ((1.0 + by_rule, 0.0), (1.0, missing)))
+    return np.asarray(half + stiffer + softer + by_rule * nominal * np.array([[1.0], [1.0], [0.0]]))
+
+
+def contacts_at(places: Places, numbers: IntArray) -> Contacts:
+    """The plate seen from its patches and the points of the contacts at some places, loads scaled by the roots of weights."""
+    touched, plate = places.touched, places.touched.plate
+    loads, scaled = places.loads(numbers)
+    return Contacts.of(
+        scaled[:, None] * places.receptance[loads[:, :, None], loads[:, None]] * scaled,
+        plate.scale.eigenvalue(places.frequency_hz),
+        gains=(places.gains[:, loads] * scaled).swapaxes(0, 1),
+        value=np.concatenate([basis.eigenvalue for basis in touched.free.all_modes]),
+        loss=touched.loss,
+        unit=plate.stiffness_unit,
+        capacitance_f=plate.capacitance_f,
+        drivers=touched.drivers,
+        sensors=touched.sensors,
+    )
+
+
+def _some(count: int) -> Iterator[IntArray]:
+    return (np.arange(first, min(first + AT_ONCE, count)) for first in range(0, count, AT_ONCE))
+
+
+def missing_at_ends(places: Places) -> float | None:
+    """The largest flexibility under a finger that the reduced panels lack, m/N: at its own place, or at the map's corner, where
+    two free sides are near; None where one is not known.
+    """
+    touched, finger = places.touched, places.touched.finger
+    if finger.tip.is_nothing:
+        return 0.0
+    x, y = (float(each[-1]) * places.points.spacing_m for each in places.points.places)
+    found = [_missing(touched, replace(finger, at_m=at)) for at in (finger.at_m, (x, y))]
+    known = [float(np.linalg.norm(each, 2)) for each in found if each is not None]
+    return max(known) if len(known) == len(found) else None
+
+
+def _friction_errors(session: Session, record: TouchMapRecord, half_m: FloatArray) -> list[list[float | None]]:
+    """What an amplitude at either end of its bar makes of the friction; None where the relations say nothing there."""
+    assert session.touch.gap_m is not None and record.friction is not None
+    gap = sqrt(session.touch.gap_m[0] * session.touch.gap_m[1])
+
+    def error(own: float | None, amplitude: float, half: float) -> float | None:
+        ends = [
+            friction_ratio(session, gap, max(amplitude + sign * half, 0.0), record.frequency_hz) for sign in (1.0, -1.0)
+        ]
+        known = [abs(each - own) for each in ends if each is not None and own is not None]
+        return max(known) if len(known) == len(ends) else None
+
+    rows = zip(record.friction, record.touched_m, half_m.tolist(), strict=True)
+    return [[error(*each) for each in zip(*row, strict=True)] for row in rows]
+
+
+def _missing(touched: TouchedPlate, finger: Finger) -> FloatArray | None:
+    """The flexibility under a finger that the reduced panels lack; None where it is not known."""
+    plate = touched.plate
     if not isinstance(plate, PatchedPlate) or plate.beneath is None:
         return None
-    return missing_flexibility(plate.whole, plate.beneath, session.touched.finger)
+    return missing_flexibility(plate.whole, plate.beneath, finger)

@@ -122,9 +122,10 @@ def response(arguments: Namespace) -> int:
     beside = comparison.compare(case, solved, measured, log) if measured else None
     made = synthetic.write(arguments, case, solved) if arguments.synthetic_data else []
     document = solved.record.to_dict() | ({"measured": beside.record.to_dict()} if beside else {})
-    head = ("frequency_hz", "zone_rms_m_per_V", "passive_rms_m_per_V", "sensor_re", "sensor_im")
-    sensor = document["sensor_V_per_V"] or [[None, None]] * len(document["frequency_hz"])
-    rows = [[*row.values(), *pair] for row, pair in zip(ROWS["response"](document), sensor, strict=True)]
+    known = ROWS["response"](document)
+    sensor = document["sensor_V_per_V"] or [[None, None]] * len(known)
+    head = (*known[0], "sensor_re", "sensor_im")
+    rows = [[*row.values(), *pair] for row, pair in zip(known, sensor, strict=True)]
     near = sorted(rows, key=lambda row: abs(row[0] - solved.peak.frequency_hz))[:15]
     lines = [
         f"{solved.model}, {solved.dof} degrees of freedom; around the peak of "

@@ -247,7 +247,7 @@ def _plates(
     outside = design.half_span_m - design.width_m / 2.0
     bare = replace(design, rows=0, extension_m=outside, graded=(), graded_pitches_m=())
     others = {"without rows": bare}
-    others |= {f"with pillars off by {d:+.0%}": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
+    others |= {f"with pillars off by {100.0 * d:+g}%": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
     first = forced or forced_plate(case, log, band_hz, meshes, is_announced=True)
     solved = []
     for number, (name, each) in enumerate(others.items(), start=2):
@@ -302,7 +302,7 @@ def _at_wanted(record: HybridRecord) -> Iterator[str]:
         alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with the pillars' alone"
         yield (
             f"{method.method}: {level_with_bar(*level)}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
-            f"{level_with_bar(*off)} with every resonance off by {record.detuning:.0%}{alone}"
+            f"{level_with_bar(*off)} with every resonance off by {100.0 * record.detuning:g}%{alone}"
         )
 
 

@@ -16,7 +16,7 @@ from pipeline.board.table_file import ModeTable, to_bytes
 from pipeline.driven.travelling import Travelling
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.quantity import figure
+from pipeline.quantity import figure, percent
 from pipeline.records.record import BoardFault, PlayedPattern, TravelRecord
 
 NOISE = 1e-3  # of full scale, at every sensor
@@ -121,6 +121,6 @@ def lines(record: TravelRecord) -> list[str]:
     return [
         f"emulated board, {each.name}: travelling-wave ratio {figure(each.twr, record.twr_error)} where "
         f"{figure(each.twr_target, record.twr_error)} is asked for, "
-        f"drives off by {each.error:.1%}"
+        f"drives off by {percent(each.error)}"
         for each in record.board
     ]

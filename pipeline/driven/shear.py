@@ -2,50 +2,74 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from pipeline.analysis.touch_bars import contacts_at, missing_at_ends
 from pipeline.case.model import Case
 from pipeline.case.touch import Touch
 from pipeline.logs import Log
+from pipeline.quantity import figure
 from pipeline.records.record import ShearRecord
 from pipeline.units import GIB, MM
+from solvers.driven.error_bars import Louder, Variation, half_widths
+from solvers.driven.motions import Contacts
 from solvers.fem.factor.memory import room_bytes
 from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.point import face_motion
 from solvers.threads import one_thread
 from solvers.touch.shear import MAX_WAVE_SHARE, CrestMotion, crest_motion, drive_share, motion_along
 from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
-from solvers.touch.touch_map import TouchMap, lattice, needed_bytes, touch_map
+from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 Field = list[list[float | None]]
 
 
+class Driven(NamedTuple):
+    """How the patches hold a wave: volts (patches,) in V and the frequency, of the plate or of one within its bars."""
+
+    volts: ComplexArray
+    frequency_hz: float
+    each: Variation | Louder | None = None
+
+
 @one_thread()
 def solve(
-    case: Case, forced: ForcedPlate, volts: ComplexArray, frequency_hz: float, wavenumber_per_m: float, log: Log
-) -> ShearRecord | None:
-    """The case's finger at every place while the patches hold a wave; volts in V. None without [touch], or without memory."""
+    case: Case, forced: ForcedPlate, driven: Driven, wavenumber_per_m: float, log: Log,
+    varied: Sequence[tuple[Driven, ...]] = (),
+) -> ShearRecord | None:  # fmt: skip
+    """The case's finger at every place while the patches hold a wave. None without [touch], or without memory.
+
+    varied: how plates within the bars are driven, those of one source together; without them there are no bars.
+    """
     touch = case.touch
     if touch is None:
         return None
+    volts, frequency_hz, _ = driven
     touched = TouchedPlate(forced, Finger(touch.tip, touch.at_m, touch.radius_m)).driven_by(volts)
     points = lattice(case.design, touched)
     needed, room = needed_bytes(touched, points), room_bytes()
     if needed > room:
-        log.left_out("the finger on the wave", f"{needed / GIB:.1f} GiB are needed, {room / GIB:.1f} GiB are free")
+        log.left_out(
+            "the finger on the wave", f"{figure(needed / GIB)} GiB are needed, {figure(room / GIB)} GiB are free"
+        )
         return None
     with log.step("the finger on the wave"):
-        mapped = touch_map(touched, points, frequency_hz)
+        places = Places.of(touched, points, frequency_hz)
+        mapped = places.map()
         motion = _motion(case, forced.driven_by(volts), mapped)
     why = _why_not(touch, abs(wavenumber_per_m))
     low, high, missed = (None, None, None) if why else _shear(touch, mapped.touched_m, motion, frequency_hz)
     unknown = [f"net shear: {reason}" for reason in (why, missed and f"at some places {missed}") if reason]
     for reason in unknown:
         log.warning("NOT_TOLD", reason)
-    return ShearRecord(
+    record = ShearRecord(
         fingertip=touch.tip.name,
         radius_m=touch.radius_m,
         force_N=touch.force_n,
@@ -57,6 +81,90 @@ def solve(
         shear_high=high,
         unknown=unknown,
     )
+    return _with_bars(record, case, places, driven, varied) if varied else record
+
+
+def _with_bars(
+    record: ShearRecord, case: Case, places: Places, driven: Driven, varied: Sequence[tuple[Driven, ...]]
+) -> ShearRecord:
+    """The record with the half-widths of the bars of its largest crest and shears, each at its own place."""
+    fields = [record.crest_m_s, record.shear_low, record.shear_high]
+    sizes = [None if each is None else np.nan_to_num(np.abs(np.array(each, dtype=float))) for each in fields]
+    spots = [0 if size is None else int(np.argmax(size)) for size in sizes]
+    finger, missing = _Spots.of(case, places, np.array(spots)), missing_at_ends(places)
+    if missing is None:
+        return record
+    nominal, by_rule = finger.figures(driven), places.rule_error
+    half = half_widths(nominal, varied, finger.figures)
+    for more in ((1.0 + by_rule, 0.0), (1.0, missing)):
+        half = half + np.abs(finger.figures(driven, *more) - nominal)
+    known = [None if np.isnan(each) else float(each) for each in half + by_rule * np.abs(nominal)]
+    names = ("fastest_error_m_s", "shear_low_error", "shear_high_error")
+    return record.model_copy(update=dict(zip(names, known, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Spots:
+    """The finger at three places: of the fastest crest and of the largest net shear at least and at most.
+
+    rows: u_x at them per unit of the columns of the groups that are driven, (3, columns) each.
+    """
+
+    case: Case
+    places: Places
+    numbers: IntArray
+    contacts: Contacts
+    rows: list[FloatArray]
+
+    @classmethod
+    def of(cls, case: Case, places: Places, numbers: IntArray) -> _Spots:
+        i, j = np.divmod(numbers, places.shape[1])
+        x, y = (places.points.spacing_m * each for each in places.points.places)
+        at_m = np.column_stack([x[i], y[j]])
+        rows = [face_motion(basis.group, at_m, 0) @ basis.columns for basis in places.touched.free.modes]
+        return cls(case, places, numbers, contacts_at(places, numbers), rows)
+
+    def figures(self, driven: Driven, factor: float = 1.0, missing_m_n: float = 0.0) -> FloatArray:
+        """Crest speed, net shear at least and at most, (3,); NaN where one is not known."""
+        touched, points = self.places.touched, self.places.points
+        tone, root, free = driven.frequency_hz, np.sqrt(points.weights), touched.free
+        contacts, at = self._contacts(driven.each), touched.plate.scale.eigenvalue(tone)
+        stiffness = factor * touched.finger.dynamic_stiffness(tone)
+        before, motion = (
+            (contacts.motions(at, *how).answers @ driven.volts[touched.drivers])[:, : len(root)]
+            for how in ((), (stiffness or None, missing_m_n))
+        )
+        other = (driven.each.of(free) if driven.each else free).driven_by(driven.volts)
+        fed, pairs = other.volts(at), zip(free.modes, other.modes, self.rows, strict=True)
+        along = np.sum(
+            [
+                (driven.each.of_columns(own, row) if driven.each else row) @ basis.amplitudes(at, other.loss, fed)
+                for own, basis, row in pairs
+            ],
+            axis=0,
+        )
+        slope = ((motion - before) / root) @ points.slope_weights
+        crest = crest_motion((along + self.case.design.thickness_m / 2.0 * slope)[None], (motion @ root)[None], tone)
+        touch, speed = self.case.touch, float(crest.crest_m_s[0, 0])
+        assert touch is not None
+        if touch.force_n is None or touch.gap_m is None:
+            return np.array([speed, np.nan, np.nan])
+        low, high, _ = _shear(touch, np.linalg.norm(motion, axis=1)[None], crest, tone)
+        return np.array([speed, low[0][1], high[0][2]], dtype=float)
+
+    def _contacts(self, each: Variation | Louder | None) -> Contacts:
+        """Of a plate within the bars: other eigenvalues, modes mixed, louder patches."""
+        if each is None:
+            return self.contacts
+        gains, value, first = self.contacts.gains.copy(), self.contacts.value.copy(), 0
+        patches = len(self.contacts.capacitance_f)
+        for basis in self.places.touched.free.all_modes:
+            own = slice(first, first := first + len(basis.eigenvalue))
+            other = each.of_basis(basis)
+            value[own] = other.eigenvalue
+            gains[:, own, :patches] = other.gain[:, :patches]
+            gains[:, own, patches:] = each.of_columns(basis, gains[:, own, patches:].swapaxes(1, 2)).swapaxes(1, 2)
+        return replace(self.contacts, gains=gains, value=value)
 
 
 def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
@@ -73,7 +181,7 @@ def _why_not(touch: Touch, wavenumber_per_m: float) -> str | None:
         return "touch.gap_um and touch.force_N are not given"
     if 2.0 * touch.radius_m * wavenumber_per_m > MAX_WAVE_SHARE * 2.0 * pi:
         half = pi / wavenumber_per_m / MM
-        return f"the contact is {2.0 * touch.radius_m / MM:g} mm wide, more than half a wave of {half:.3g} mm"
+        return f"the contact is {2.0 * touch.radius_m / MM:g} mm wide, more than half a wave of {figure(half)} mm"
     return None
 
 

@@ -12,6 +12,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.driven import shear
+from pipeline.driven.shear import Driven
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
@@ -19,7 +20,7 @@ from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import MeshRecord, PatternMode, ShearRecord, TravelRecord
 from pipeline.units import KHZ, MM, UM
-from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, sources
+from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
 from solvers.driven.plate_table import motion_at, plate_table
 from solvers.driven.power_flow import power_flow
 from solvers.errors import SolverError
@@ -90,9 +91,9 @@ def solve(
         wave = best_pair(forced, case.design, others)
         record = _record(wave, case.design, others)
     with log.step("error bars"):
-        record = _with_bars(record, forced, case.design, others)
-    volts = wave.all_volts(wave.drives["pair+"]) * record.drive_V_at_1um
-    shear_record = shear.solve(case, forced, volts, record.frequency_hz, record.wavenumber_per_m, log)
+        record, varied = _with_bars(record, forced, case.design, others)
+    driven = _driven(wave, record)
+    shear_record = shear.solve(case, forced, driven, record.wavenumber_per_m, log, varied)
     record = record.model_copy(update={"shear": shear_record}) if shear_record else record
     for line in lines(record):
         log.info(line)
@@ -241,41 +242,69 @@ FIGURES = {
 }
 
 
-def _with_bars(record: TravelRecord, forced: ForcedPlate, design: Design, others: float) -> TravelRecord:
-    """The record with the half-widths of its figures' bars; None where they are not known."""
+LISTS = {"flow_W": "flow_error_W", "patches_W": "patches_error_W", "standing_flow_W": "standing_flow_error_W"}
+
+
+def _driven(wave: Travelling, record: TravelRecord, each: Variation | Louder | None = None) -> Driven:
+    return Driven(wave.all_volts(wave.drives["pair+"]) * record.drive_V_at_1um, record.frequency_hz, each)
+
+
+def _with_bars(
+    record: TravelRecord, forced: ForcedPlate, design: Design, others: float
+) -> tuple[TravelRecord, list[tuple[Driven, ...]]]:
+    """The record with the half-widths of its figures' bars, None where they are not known; how plates within the bars are
+    driven, those of one source together, none where one of them has no such wave.
+    """
     errors, share = frequency_errors(forced), calibration.mixing()
     if share is None or not is_known(errors):
-        return record
+        return record, []
     nominal, rows = _figures(record), motion_at(forced, _points(design)[0])
     tone, load = record.frequency_hz, height_error(forced, record.modes[0].frequency_hz)
+
+    first_hz, second_hz = (mode.frequency_hz for mode in record.modes)
+    varied: list[tuple[Variation | Louder, ...]] = [
+        *sources(forced, errors, first_hz, share, load),
+        *mixings(forced, errors, second_hz, share),
+    ]
+    driven: dict[int, Driven] = {}
 
     def again(each: Variation | Louder) -> FloatArray:
         known = [each.of_columns(basis, own) for basis, own in zip(forced.modes, rows, strict=True)]
         try:
             wave = best_pair(each.of(forced), design, others, known)
-            figures = _figures(_record(wave, design, others))
+            moved = _record(wave, design, others)
+            figures, driven[id(each)] = _figures(moved), _driven(wave, moved, each)
         except SolverError:
             figures = np.zeros(0)
         return figures if figures.shape == nominal.shape else np.full_like(nominal, np.nan)
 
-    half = half_widths(nominal, sources(forced, errors, record.modes[0].frequency_hz, share, load), again)
+    half = half_widths(nominal, varied, again)
     bars = [None if np.isnan(value) else float(value) for value in half]
     names = [name for name in FIGURES if getattr(record, name) is not None]
     update: dict[str, Any] = {FIGURES[name]: bar for name, bar in zip(names, bars, strict=False)}
-    flows, modes = bars[len(names) : len(names) + len(record.flow_W)], bars[-5:-1]
+    first, modes = len(names), bars[-5:-1]
+    for name, error in [*LISTS.items(), ("field_m", "field_error_m")]:
+        count = len(getattr(record, name))
+        update[error], first = bars[first : first + count], first + count
     pairs = zip(record.modes, modes[::2], modes[1::2], strict=True)
     update["modes"] = [
         mode.model_copy(update={"frequency_error": _times(hz, 1.0 / mode.frequency_hz), "share_error": part})
         for mode, hz, part in pairs
     ]
-    return record.model_copy(update=update | {"flow_error_W": flows, "frequency_error": _times(bars[-1], 1.0 / tone)})
+    known = [tuple(driven[id(each)] for each in source if id(each) in driven) for source in varied]
+    whole = all(len(some) == len(source) for some, source in zip(known, varied, strict=True))
+    barred = record.model_copy(update=update | {"frequency_error": _times(bars[-1], 1.0 / tone)})
+    return barred, known if whole else []
 
 
 def _figures(record: TravelRecord) -> FloatArray:
-    """Every figure that has a bar: those of FIGURES, the flows, then both modes and the wave's frequency."""
+    """Every figure that has a bar: those of FIGURES and LISTS, the field's size, both modes and the wave's frequency."""
     single = [getattr(record, name) for name in FIGURES]
     of_modes = [value for mode in record.modes for value in (mode.frequency_hz, mode.share)]
-    return np.array([value for value in single if value is not None] + record.flow_W + of_modes + [record.frequency_hz])
+    known = [value for value in single if value is not None]
+    lists = [value for name in LISTS for value in getattr(record, name)]
+    sizes = np.abs(np.array(record.field_m) @ np.array([1.0, 1j])).tolist()
+    return np.array(known + lists + sizes + of_modes + [record.frequency_hz])
 
 
 def _neighbours(design: Design) -> tuple[int, ...]:
@@ -304,7 +333,7 @@ def lines(record: TravelRecord) -> list[str]:
     lost = with_bar(1e3 * record.lost_W, _times(record.lost_error_W, 1e3), "mW")
     return [
         f"modes {modes}, held a quarter period apart at {tone}",
-        f"travelling-wave ratio {own} from {first:.1f} to {last:.1f} mm, "
+        f"travelling-wave ratio {own} from {figure(first)} to {figure(last)} mm, "
         f"{alone} by the two shapes alone, {best} with any voltages; half a wave is {wave}{level}",
         f"{drive} for 1 um rms in the zone; then {lost} are lost in the plate, {_flow_text(record)}",
         *([_of_shear(record.shear)] if record.shear else []),
@@ -322,7 +351,7 @@ def _flow_text(record: TravelRecord) -> str:
     place = max(range(len(record.flow_W)), key=lambda i: abs(record.flow_W[i]))
     error = record.flow_error_W[place] if record.flow_error_W else None
     flow = with_bar(1e3 * record.flow_W[place], _times(error, 1e3), "mW")
-    return f"{flow} flow through x = {record.flow_x_m[place] / MM:.1f} mm"
+    return f"{flow} flow through x = {figure(record.flow_x_m[place] / MM)} mm"
 
 
 def _times(error: float | None, factor: float) -> float | None:
@@ -332,12 +361,11 @@ def _times(error: float | None, factor: float) -> float | None:
 def _of_shear(record: ShearRecord) -> str:
     """The finger on the wave in words."""
     ends = [
-        max((abs(each) for row in field for each in row if each is not None), default=None)
-        for field in (record.shear_low, record.shear_high)
+        (max((abs(each) for row in field for each in row if each is not None), default=None), error)
+        for field, error in ((record.shear_low, record.shear_low_error), (record.shear_high, record.shear_high_error))
         if field
     ]
-    limits = [figure(each) for each in ends if each is not None]
+    limits = [with_bar(each, error) for each, error in ends if each is not None]
     drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
-    return (
-        f"a finger ({record.fingertip}) at rest meets crests of {figure(1e3 * record.fastest_m_s)} mm/s along x{drag}"
-    )
+    crests = with_bar(1e3 * record.fastest_m_s, _times(record.fastest_error_m_s, 1e3), "mm/s")
+    return f"a finger ({record.fingertip}) at rest meets crests of {crests} along x{drag}"

@@ -15,8 +15,8 @@ from pipeline.logs import Log
 from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
 from pipeline.planning.request import driven_band_hz
-from pipeline.quantity import figure, frequency, level, percent, percentage
-from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord, shift_in_words
+from pipeline.quantity import figure, frequency, frequency_with_bar, level, percent, percentage, with_bar
+from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
@@ -144,19 +144,20 @@ def _sweep(
     shift = theirs.frequency_hz - ours.frequency_hz
     about = {"points": len(given.frequencies_hz), "band_hz": [float(low), float(high)]}
     error = response.expected_error
+    scatter_hz = theirs.frequency_hz * ((theirs.circle and theirs.circle.frequency_error) or 0.0)
     shifts = {
         "frequency_shift_hz": shift,
         "frequency_shift": shift / ours.frequency_hz,
-        "frequency_shift_error_hz": None if error is None else error * ours.frequency_hz,
+        "frequency_shift_error_hz": None if error is None else error * ours.frequency_hz + scatter_hz,
     }
     point_mm = None if place is None else (place[0] / MM, place[1] / MM)
-    computed = _identified(ours) | {"point_mm": point_mm, "frequency_error": error}
+    computed = _identified(ours) | {"point_mm": point_mm, "frequency_error": error, "quality_error": None}
     record = MeasuredSweepRecord.model_validate(
         _source(measured) | about | _identified(theirs) | shifts | {"computed": computed}
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
     arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
-    return record, arrays, _sweep_summary(measured, theirs, ours, error)
+    return record, arrays, _sweep_summary(record)
 
 
 def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
@@ -181,19 +182,27 @@ def _identified(identified: Resonance) -> dict[str, Any]:
         "peak_hz": identified.peak_hz,
         "frequency_hz": identified.frequency_hz,
         "quality_factor": identified.quality_factor,
+        "frequency_error": circle and circle.frequency_error,
+        "quality_error": circle and _times(circle.quality_error, circle.plant.quality_factor),
         "quality_factor_half_power": identified.half_power_quality_factor,
         "circle": None if circle is None else circle.to_dict() | {"fitted_hz": [identified.low_hz, identified.high_hz]},
         "no_circle": identified.trouble,
     }
 
 
-def _sweep_summary(measured: MeasuredSweep, theirs: Resonance, ours: Resonance, error: float | None) -> str:
-    shift = shift_in_words(theirs.frequency_hz - ours.frequency_hz, ours.frequency_hz, error)
-    losses = " against ".join("none" if q is None else figure(q) for q in (theirs.quality_factor, ours.quality_factor))
+def _times(error: float | None, factor: float) -> float | None:
+    return None if error is None else error * factor
+
+
+def _sweep_summary(theirs: MeasuredSweepRecord) -> str:
+    ours, error = theirs.computed, theirs.computed.frequency_error
+    pairs = [(each.quality_factor, each.quality_error) for each in (theirs, ours)]
+    losses = " against ".join("none" if each[0] is None else with_bar(*each) for each in pairs)
     bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
     return (
-        f"{Path(measured.file).name}{_marked(measured.synthetic)}: resonance at {frequency(theirs.frequency_hz, error)}, "
-        f"computed {frequency(ours.frequency_hz, error)}: shift {shift}, {bar}; "
+        f"{theirs.file}{_marked(theirs.synthetic)}: resonance at "
+        f"{frequency_with_bar(theirs.frequency_hz, theirs.frequency_error)}, "
+        f"computed {frequency(ours.frequency_hz, error)}: shift {theirs.shift_text}, {bar}; "
         f"quality factor {losses} computed"
     )
 

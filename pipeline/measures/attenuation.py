@@ -22,7 +22,8 @@ def _compute(work: Work) -> None:
     result = attenuation.solve(work.case, work.log, points=plan.ATTENUATION_POINTS, model=lattice)
     work.keep(result.meshes, attenuation=result)
     if wanted := work.wanted:
-        prediction = attenuation.prediction(result, wanted.frequency_hz, wanted.extension_db)
+        level = wanted.extension_db, wanted.extension_error_db
+        prediction = attenuation.prediction(result, wanted.frequency_hz, *level)
         work.keep(prediction=prediction)
 
 

@@ -51,7 +51,13 @@ COLUMNS = (
     Column("live_error", "its expected error, live", _error, "%"),
     Column("live_confinement_db", "confinement, live", _live(lambda one: one.confinement_db), "dB", _level_error),
     Column("live_confinement_error_db", "its expected error, live", _level_error, "dB", _level_error),
-    Column("live_db_per_row", "decay per row, live", _live(lambda one: one.db_per_row), "dB"),
+    Column(
+        "live_db_per_row",
+        "decay per row, live",
+        _live(lambda one: one.db_per_row),
+        "dB",
+        _live(lambda one: one.db_error),
+    ),
 )
 
 LIVE = Measure("live", plan=_plan, compute=_compute, columns=COLUMNS)

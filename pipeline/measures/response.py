@@ -92,7 +92,7 @@ COLUMNS = (
         "measured resonance",
         _sweep(lambda s: s.frequency_hz),
         "Hz",
-        _sweep(lambda s: s.computed.frequency_error),
+        _sweep(_tone_error),
     ),
     Column(
         "measured_shift_hz",
@@ -103,7 +103,13 @@ COLUMNS = (
         is_difference=True,
         is_signed=True,
     ),
-    Column("measured_quality_factor", "measured quality factor", _sweep(lambda s: s.quality_factor), ""),
+    Column(
+        "measured_quality_factor",
+        "measured quality factor",
+        _sweep(lambda s: s.quality_factor),
+        "",
+        _sweep(lambda s: s.quality_error),
+    ),
     Column("measured_db", "measured confinement", _map(lambda m: m.confinement_db), "dB"),
     Column("measured_mac", "MAC, measured to computed", _map(lambda m: m.mac_operating), ""),
 )
@@ -207,6 +213,7 @@ TRAVEL = Measure(
             "crests under the finger",
             _travel(lambda t: t.shear and 1e3 * t.shear.fastest_m_s),
             "mm/s",
+            _travel(lambda t: t.shear and t.shear.fastest_error_m_s and 1e3 * t.shear.fastest_error_m_s),
         ),
     ),
     pictures=("plots.response.travelling", "plots.touch.sheared"),

@@ -87,7 +87,7 @@ class RivalRecord(Part):
 class WantedRecord(Part):
     """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None.
 
-    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode and as driven by the patches (None without any).
+    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode; as driven it is at `response`'s wanted_peak.
 
     >>> import antinode
     >>> antinode.Wanted(status="single", frequency_hz=34.6e3, mac=0.97, strength=0.62, confinement_db=12.1).confinement_db
@@ -102,7 +102,7 @@ class WantedRecord(Part):
     zone_share: float | None = column(SHARE, error="zone_share_error", default=None)
     symmetry: str | None = column("symmetry class of the wanted mode", default=None)
     driven_confinement_db: float | None = column(
-        "confinement as the patches drive it; None without any", "dB", default=None
+        "always None: `response` has the driven one at its wanted_peak", "dB", default=None
     )
     share: float | None = column(
         "part of the wanted shape that the mode carries, of all modes of the window", default=None
@@ -110,13 +110,19 @@ class WantedRecord(Part):
     rivals: list[RivalRecord] = column("the other modes that carry the shape, strongest first", default_factory=list)
     window_hz: list[float] | None = column("window in which it was searched", "Hz", default=None)
     index: int | None = column("its place among the modes listed, from 0; None beyond them", default=None)
-    extension_db: float | None = column("rms in the zone over that on the plate beyond the rows", "dB", default=None)
+    extension_db: float | None = column(
+        "rms in the zone over that on the plate beyond the rows", "dB", error="extension_error_db", default=None
+    )
+    extension_error_db: float | None = column(BAR.format("extension_db"), "dB", default=None)
     frequency_error: float | None = column(RELATIVE, default=None)
     confinement_error_db: float | None = column(BAR.format("the level"), "dB", default=None)
     zone_share_error: float | None = column(BAR.format("zone_share"), default=None)
     mac_error: float | None = column(BAR.format("mac"), default=None)
     strength_error: float | None = column(BAR.format("strength"), default=None)
-    pillar_energy_share: float | None = column("share of the kinetic energy in the pillars", default=None)
+    pillar_energy_share: float | None = column(
+        "share of the kinetic energy in the pillars", error="pillar_energy_share_error", default=None
+    )
+    pillar_energy_share_error: float | None = column(BAR.format("pillar_energy_share"), default=None)
 
     @property
     def is_found(self) -> bool:

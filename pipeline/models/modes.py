@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import inf
 from typing import Any
 
@@ -53,7 +54,7 @@ from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
 from solvers.measures.levels import share_error
-from solvers.measures.mode_mixing import Overlaps, mixing_db
+from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
 from solvers.superelement.build import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
@@ -127,17 +128,28 @@ class PartModes:
         row = self.wanted.row if self.wanted else None
         if self.wanted is None or row is None:
             return self.wanted.record() if self.wanted else None
-        share = None
-        if self.part == "plate":
-            vector = self.vectors[row.symmetry][:, [row.column]]
-            share = float(self.model.pillar_share(row.symmetry, vector)[0])
+        share, error = self._pillar_share(row) if self.part == "plate" else (None, None)
         return self.wanted.record(
             index=self.index(row),
             extension_db=row.extension_db,
             frequency_error=self.bar.frequency if self.bar else None,
             confinement_error_db=self.bar.confinement_db if self.bar else None,
+            extension_error_db=self.bar.extension_db if self.bar else None,
             pillar_energy_share=share,
+            pillar_energy_share_error=error,
         )
+
+    def _pillar_share(self, row: ModeRow) -> tuple[float, float | None]:
+        """The pillars' share of the wanted mode's kinetic energy, and its bar by neighbours that mix into it."""
+        assert self.wanted is not None
+        own, mixing = partial(self.model.pillar_share, row.symmetry), calibration.mixing()
+        vectors, siblings = self.vectors[row.symmetry], list(self.wanted.rows)
+        half = self.bar.frequency if self.bar else None
+        if half is None or mixing is None or row not in siblings:
+            return float(own(vectors[:, [row.column]])[0]), None
+        place = siblings.index(row)
+        mixed = mixing * mixed_shares(np.array([each.frequency_hz for each in siblings]), place, half)
+        return mixed_energy(own, vectors[:, [each.column for each in siblings]], place, mixed)
 
 
 @one_thread()
@@ -552,23 +564,26 @@ def _bar(
     bar = ErrorBar(_mesh_error(row, errors), _truncation(choice, row, errors))
     if bar.frequency is None:
         return bar
-    return replace(bar, confinement_db=confinement_bar_db(case, part_modes, bar.frequency))
+    levels = level_bars_db(case, part_modes, bar.frequency)
+    return replace(bar, confinement_db=levels[0], extension_db=levels[1])
 
 
-def confinement_bar_db(case: Case, part_modes: PartModes, error: float) -> float | None:
-    """What the wanted mode's confinement may be off by, dB, where frequencies may be by `error`, relative: an error mixes its
-    neighbours into it. None without a wanted mode or passive face.
+def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[float | None, float | None]:
+    """What the wanted mode's confinement and its level over the plate beyond the rows may be off by, dB, where frequencies may
+    be by `error`, relative: an error mixes its neighbours into it. None without a wanted mode or such a part.
     """
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None or part_modes.wanted is None or row.confinement_db is None:
-        return None
+        return None, None
     siblings = list(part_modes.wanted.rows)
     touch = part_modes.model.touch(
         row.symmetry, part_modes.vectors[row.symmetry][:, [each.column for each in siblings]]
     )
     tones = np.array([each.frequency_hz for each in siblings])
-    most, share = mixing_db(touch, tones, siblings.index(row), case.design, error), calibration.mixing()
-    return None if most is None or share is None else share * most
+    share, place = calibration.mixing(), siblings.index(row)
+    parts = Overlaps.of(touch, case.design), Overlaps.of_extension(touch, case.design)
+    bars = [None if part is None or share is None else share * part.mixing_db(tones, place, error) for part in parts]
+    return bars[0], bars[1]
 
 
 def _classes(model: PartModel, symmetry: str | None) -> tuple[str | None, ...]:

@@ -15,7 +15,8 @@ from pipeline.quantity import level, percent
 
 @dataclass(frozen=True)
 class ErrorBar:
-    """Half-width of a result's error: the frequency's by mesh and reduction, relative, and the confinement's in dB.
+    """Half-width of a result's error: the frequency's by mesh and reduction, relative, the confinement's and that of the
+    level over the plate beyond the rows in dB.
 
     None where nothing like the mesh was measured, the body was not reduced, or nothing is confined.
     """
@@ -23,6 +24,7 @@ class ErrorBar:
     mesh: float | None
     reduction: float | None = None
     confinement_db: float | None = None
+    extension_db: float | None = None
 
     @property
     def frequency(self) -> float | None:

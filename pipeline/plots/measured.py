@@ -125,7 +125,7 @@ def _alt(record: MeasuredRecord) -> str:
             "" if sweep.quality_factor is None else f", with a quality factor of {figure_text(sweep.quality_factor)}"
         )
         said.append(
-            f"The measured resonance{_marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.computed.frequency_error)}, "
+            f"The measured resonance{_marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.frequency_error)}, "
             f"{sweep.shift_text} from the computed one{quality_factor}"
         )
     if field := record.map:

@@ -24,6 +24,7 @@ from pipeline.units import KHZ, MM, NM, UM
 from solvers.measures.levels import CONFINED_DB
 
 FREQUENCY = "frequency (kHz)"
+BAND = 0.1  # of a value: how far down a bar is drawn that is longer
 
 
 def response(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
@@ -47,10 +48,12 @@ def curves(record: ResponseRecord, points: Any = None, shape: Any = None) -> Rep
 def draw_amplitudes(axes: Any, record: ResponseRecord) -> None:
     """Rms of zone and passive face per volt over frequency, the peaks marked."""
     tone = np.array(record.frequency_hz) / KHZ
-    axes.semilogy(tone, np.array(record.zone_rms_m_per_V) / NM, color=style.BLUE, label="zone")
-    if record.passive_rms_m_per_V is not None:
-        passive = np.array(record.passive_rms_m_per_V) / NM
-        axes.semilogy(tone, passive, color=style.VERMILION, ls="--", label="passive face")
+    zone, passive = (
+        (record.zone_rms_m_per_V, record.zone_rms_error_m_per_V),
+        (record.passive_rms_m_per_V, record.passive_rms_error_m_per_V),
+    )
+    _with_bars(axes, tone, *zone, color=style.BLUE, label="zone")
+    _with_bars(axes, tone, *passive, color=style.VERMILION, ls="--", label="passive face")
     wanted, highest = record.wanted_peak, record.highest_peak
     for peak, dashes in ((wanted, ":"), (highest, "-.")):
         if peak:
@@ -60,6 +63,18 @@ def draw_amplitudes(axes: Any, record: ResponseRecord) -> None:
     axes.set(ylabel="rms u_z (nm/V)", xlabel=FREQUENCY, title=own + other if own else other.capitalize())
     axes.grid(True)
     axes.legend(fontsize=8)
+
+
+def _with_bars(axes: Any, tone: Any, rms_m: list[float] | None, error_m: list[float] | None, **look: Any) -> None:
+    """A curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
+    if rms_m is None:
+        return
+    values = np.array(rms_m) / NM
+    axes.semilogy(tone, values, **look)
+    if error_m is not None:
+        half = np.array(error_m) / NM
+        low = np.maximum(values - half, BAND * values)
+        axes.fill_between(tone, low, values + half, color=look["color"], alpha=0.2, lw=0)
 
 
 def _sensor(axes: Any, record: ResponseRecord) -> None:

@@ -58,8 +58,9 @@ def shear_map(record: ShearRecord, width_m: float | None = None) -> ReportFigure
     for axes, (label, values) in zip(panels[:, 0], fields.items(), strict=True):
         _field(axes, record, values, label.partition(",")[0], label.capitalize())
         _borders(axes, width_m)
-    fastest = figure_text(1e3 * record.fastest_m_s)
-    alt = f"Crests under {record.fingertip} on the travelling wave: at most {fastest} mm/s along x"
+    error = record.fastest_error_m_s
+    fastest = with_bar(1e3 * record.fastest_m_s, None if error is None else 1e3 * error, "mm/s")
+    alt = f"Crests under {record.fingertip} on the travelling wave: at most {fastest} along x"
     return ReportFigure("shear", "A finger on the travelling wave", alt, figure)
 
 
@@ -108,14 +109,14 @@ def _alt(record: TouchRecord, places: TouchMapRecord) -> str:
     touched = np.array(places.touched_m) / UM
     best = np.unravel_index(int(np.argmax(touched)), touched.shape)
     there = f"({figure_text(places.x_m[best[0]] / MM)}, {figure_text(places.y_m[best[1]] / MM)}) mm"
-    state = record.state("touched")
-    here = ""
+    state, here = record.state("touched"), ""
+    half = None if places.touched_error_m is None else places.touched_error_m[best[0]][best[1]] / UM
     if state is not None:
         bar = None if state.finger_error_m is None else state.finger_error_m / UM
         here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
     return (
         f"Amplitude under {record.fingertip} at {touched.size} places of the touch face, {_tone(record, places)}: "
-        f"at most {figure_text(touched.max())} µm, at {there}{here}"
+        f"at most {with_bar(touched[best], half, 'µm')}, at {there}{here}"
     )
 
 

@@ -134,7 +134,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
         between = f"{self.shared_rows} rows" if self.shared_rows else "no row"
-        head = f"{len(self.zones)} zones, {self.gap_m / MM:.2f} mm and {between} between two of them"
+        head = f"{len(self.zones)} zones, {self.gap_m / MM:g} mm and {between} between two of them"
         yield head if len(self.zones) > 1 else "one zone"
         yield from map(_in_words, self.zones)
 
@@ -187,7 +187,7 @@ def _in_words(zone: DrivenZone) -> str:
     if zone.passive_db is not None:
         passive = f"; passive face {level_with_bar(zone.passive_db, zone.passive_error_db)}"
     peak = frequency_with_bar(zone.peak_hz, zone.peak_error)
-    return f"driven at y = {zone.centre_m / MM:.2f} mm, {peak}: zones at {levels}{passive}"
+    return f"driven at y = {zone.centre_m / MM:g} mm, {peak}: zones at {levels}{passive}"
 
 
 class Crosstalk(
@@ -266,8 +266,6 @@ class Crosstalk(
             driven = []
             for zone, fed in enumerate(volts):
                 peak = zones.peak_hz(fed, zone)
-                mac = zones.mac(fed, peak, zone)
-                _warn_of_shape(zone, peak, mac, run)
                 (at,) = zones.rms(fed, np.array([peak]))
                 driven.append(
                     DrivenZone(
@@ -277,13 +275,14 @@ class Crosstalk(
                         rms_m_per_V=at[:-1].tolist(),
                         level_db=ratio_db(at[:-1], at[zone]).tolist(),
                         passive_db=float(ratio_db(at[-1], at[zone])),
-                        mac=mac,
+                        mac=zones.mac(fed, peak, zone),
                         over_rms_m_per_V=zones.rms(fed, frequencies)[:, :-1].T.tolist(),
                         over_rms_error_m_per_V=curves[zone].tolist(),
                         peak_error=frequency_error(forced, peak, errors),
                         **peak_half_widths(zones, fed, zone, peak, known),
                     )
                 )
+                _warn_of_shape(zone, driven[-1], run)
         result = CrosstalkResult(
             model=f"{forced.plate.name} with {patches.count} patches",
             dof=sum(group.pencil.dof for group in forced.plate.groups),
@@ -297,14 +296,15 @@ class Crosstalk(
         return result
 
 
-def _warn_of_shape(zone: int, peak_hz: float, mac: float, run: Run) -> None:
+def _warn_of_shape(number: int, zone: DrivenZone, run: Run) -> None:
+    """Warn of a zone that moves most in another shape than the target's."""
     from pipeline.quantity import figure as in_digits
     from pipeline.quantity import frequency
     from solvers.measures.wanted_mode import SIMILAR
 
-    if mac < SIMILAR:
+    if zone.mac is not None and zone.mac < SIMILAR:
         run.warning(
             "OTHER_PEAK",
-            f"zone {zone + 1} moves most at {frequency(peak_hz)}, but not in the target shape (MAC {in_digits(mac)}): the "
-            "levels are another mode's; give a --band around the target mode",
+            f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the target shape "
+            f"(MAC {in_digits(zone.mac, zone.mac_error)}): the levels are another mode's; give a --band about the target mode",
         )

@@ -361,8 +361,8 @@ class PredictionRecord(Part):
     """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
 
     rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
-    db_error, rows_error_db, transmission_error_db: half-widths of the bars of the decay per row, of all rows' and of the
-    power's, dB.
+    db_error, rows_error_db, transmission_error_db, zone_to_extension_error_db: half-widths of the bars of the decay per row, of
+    all rows', of the power's and of the plate's, dB.
     """
 
     frequency_hz: float
@@ -373,6 +373,7 @@ class PredictionRecord(Part):
     transmission_db: float | None
     transmission_error_db: float | None = None
     zone_to_extension_db: float | None
+    zone_to_extension_error_db: float | None = None
     rows_needed: int | None
 
 
@@ -380,7 +381,7 @@ class LiveRecord(Part):
     """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode.
 
     frequency_error, relative: what a column may be off by, and its cells' mesh; confinement_error_db: the same of a level;
-    why_not: why there is no wanted mode.
+    db_error: what that frequency makes of the decay; why_not: why there is no wanted mode.
     """
 
     frequency_hz: float | None = None
@@ -388,10 +389,12 @@ class LiveRecord(Part):
     confinement_db: float | None = None
     confinement_error_db: float | None = None
     zone_to_extension_db: float | None = None
+    zone_to_extension_error_db: float | None = None
     mac: float | None = None
     gap_hz: tuple[float, float] | None
     gap_error: float | None
     db_per_row: float | None
+    db_error: float | None = None
     why_not: str = ""
     warnings: list[str]
 
@@ -400,7 +403,7 @@ class LiveRecord(Part):
         """The figures of the document that the explorer's page shows."""
         plate, rows = answer["plate"], answer["rows"]
         widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
-        names = {"zone_to_extension_db": "extension_db"}
+        names = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
         figures = {
             name: plate.get(names.get(name, name)) for name in cls.model_fields if names.get(name, name) in plate
         }
@@ -408,11 +411,18 @@ class LiveRecord(Part):
         at = figures.get("frequency_hz")
         tones, levels = np.array(known).reshape(-1, 2).T
         decay = float(np.interp(at, tones, levels, left=nan, right=nan)) if at and known else None
+        error = None
+        if at and known and (half := figures.get("frequency_error")) is not None:
+            ends = at * (1.0 - half), at * (1.0 + half)
+            near = levels[(tones > ends[0]) & (tones < ends[1])]
+            within = np.append(np.interp(ends, tones, levels, left=nan, right=nan), near)
+            error = float(np.abs(within - decay).max())
         return cls(
             **figures,
             gap_hz=widest and (widest["lower_hz"], widest["upper_hz"]),
             gap_error=widest and widest["error"],
             db_per_row=decay,
+            db_error=error,
             warnings=answer["warnings"],
         )
 
@@ -447,7 +457,10 @@ class PeakRecord(Part):
 
 
 class ResponseRecord(Part):
-    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all."""
+    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all.
+
+    zone_rms_error_m_per_V, passive_rms_error_m_per_V: half-widths of the curves' bars at each frequency, the damping given.
+    """
 
     model: str
     dof: int
@@ -465,6 +478,8 @@ class ResponseRecord(Part):
     wanted_peak: PeakRecord | None
     highest_peak: PeakRecord
     widest_bar: dict[str, Any] | None = None
+    zone_rms_error_m_per_V: list[float] | None = None
+    passive_rms_error_m_per_V: list[float] | None = None
 
     @property
     def peak(self) -> PeakRecord:
@@ -549,7 +564,8 @@ class ShearRecord(Part):
     """A finger at rest on a travelling wave, at 1 um rms in the free zone, over its places x_m and y_m, row by row along x.
 
     touched_m: amplitude under it; crest_m_s: speed of the face along x at the crests; shear_low, shear_high: net shear over the
-    friction at rest, positive towards +x, None where the relations do not hold.
+    friction at rest, positive towards +x, None where the relations do not hold. fastest_error_m_s, shear_low_error,
+    shear_high_error: half-widths of the bars of the largest of each, at its place.
     """
 
     fingertip: str
@@ -562,6 +578,9 @@ class ShearRecord(Part):
     shear_low: list[list[float | None]] | None
     shear_high: list[list[float | None]] | None
     unknown: list[str]
+    fastest_error_m_s: float | None = None
+    shear_low_error: float | None = None
+    shear_high_error: float | None = None
 
     @property
     def fastest_m_s(self) -> float:
@@ -575,7 +594,8 @@ class TravelRecord(Part):
     twr: within window_m; alone_twr: of the two shapes alone; best_twr: with any voltages. volts: of drivers, real and
     imaginary, the largest 1 V; patches_W negative where a patch takes. flow_W: towards +x through the sections flow_x_m;
     standing_flow_W: with all drivers in phase with the wanted mode. inner_sections: how many of the sections lie between the
-    plate's ends, where nothing flows. frequency_error is relative, the other errors have the unit of their figure.
+    plate's ends, where nothing flows. frequency_error is relative, the other errors have the unit of their figure;
+    field_error_m is that of the field's size.
     """
 
     model: str
@@ -609,6 +629,9 @@ class TravelRecord(Part):
     drive_error_V_at_1um: float | None = None
     lost_error_W: float | None = None
     flow_error_W: list[float | None] | None = None
+    patches_error_W: list[float | None] | None = None
+    standing_flow_error_W: list[float | None] | None = None
+    field_error_m: list[float | None] | None = None
     shear: ShearRecord | None = None
     board: list[PlayedPattern] | BoardFault | None = None
     tables: list[str] = []
@@ -699,7 +722,7 @@ class TouchMapRecord(Part):
     """The finger at every place of a grid, x first: amplitudes at constant voltage, m; friction at the gaps' geometric mean.
 
     displacement_m: the free plate's at each place in the phase of its largest, whose zeros are the nodes. needed_V: as
-    LoopRecord; None without a sensor.
+    LoopRecord; None without a sensor. Errors have the unit of their figure and are those of a peak that follows its mode.
     """
 
     frequency_hz: float
@@ -710,6 +733,10 @@ class TouchMapRecord(Part):
     touched_m: list[list[float]]
     friction: list[list[float | None]] | None
     needed_V: list[list[float]] | None
+    free_error_m: list[list[float]] | None = None
+    touched_error_m: list[list[float]] | None = None
+    friction_error: list[list[float | None]] | None = None
+    needed_error_V: list[list[float]] | None = None
 
 
 class TouchRecord(Part):
@@ -751,25 +778,23 @@ class FittedMode(Open):
 
 
 class ResonanceRecord(Open):
-    """A resonance as identified from a sweep; circle: None where it is the peak's. frequency_error: relative."""
+    """A resonance as identified from a sweep; circle: None where it is the peak's.
+
+    frequency_error, relative: of a measured one by the scatter of its points, of the computed one the model's; quality_error:
+    of a measured factor by that scatter.
+    """
 
     frequency_hz: float
     quality_factor: float | None
     circle: FittedMode | None
     frequency_error: float | None = None
-
-
-def shift_in_words(shift_hz: float, computed_hz: float, error: float | None) -> str:
-    """Write a shift from a computed frequency in Hz and in percent; error: relative half-width of the computed one's bar."""
-    half = None if error is None else error * computed_hz
-    moved, part = quantity.with_bar(shift_hz, half, "Hz"), quantity.percentage(shift_hz / computed_hz, error)
-    return f"{quantity.signed(moved)} ({quantity.signed(part)})"
+    quality_error: float | None = None
 
 
 class MeasuredSweepRecord(ResonanceRecord):
     """A measured sweep beside the computed response, where the measuring instrument points.
 
-    frequency_shift is the shift over the computed frequency; what is measured counts as given in both errors.
+    frequency_shift is the shift over the computed frequency; its error is by the model and by the measured points' scatter.
     """
 
     file: str
@@ -781,8 +806,11 @@ class MeasuredSweepRecord(ResonanceRecord):
 
     @property
     def shift_text(self) -> str:
-        """The shift in Hz and in percent with the digits that the model's bar allows."""
-        return shift_in_words(self.frequency_shift_hz, self.computed.frequency_hz, self.computed.frequency_error)
+        """The shift in Hz and in percent with the digits that its bar allows."""
+        half, own = self.frequency_shift_error_hz, self.computed.frequency_hz
+        moved = quantity.with_bar(self.frequency_shift_hz, half, "Hz")
+        part = quantity.percentage(self.frequency_shift_hz / own, None if half is None else half / own)
+        return f"{quantity.signed(moved)} ({quantity.signed(part)})"
 
 
 class ComputedMap(Open):

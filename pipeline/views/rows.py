@@ -29,12 +29,11 @@ def broadband(document: Document) -> Rows:
 
 def response(document: Document) -> Rows:
     """One row a frequency."""
-    frequencies = document["frequency_hz"]
-    passive = document["passive_rms_m_per_V"] or [None] * len(frequencies)
-    columns = zip(frequencies, document["zone_rms_m_per_V"], passive, strict=True)
+    names = ("zone_rms_m_per_V", "passive_rms_m_per_V", "zone_rms_error_m_per_V", "passive_rms_error_m_per_V")
+    known = {name: document.get(name) for name in names}
     return [
-        {"frequency_hz": frequency, "zone_rms_m_per_V": zone, "passive_rms_m_per_V": outside}
-        for frequency, zone, outside in columns
+        {"frequency_hz": frequency} | {name: values and values[place] for name, values in known.items()}
+        for place, frequency in enumerate(document["frequency_hz"])
     ]
 
 
@@ -70,9 +69,13 @@ def hybrid(document: Document) -> Rows:
 
 
 def travel(document: Document) -> Rows:
-    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size, m."""
-    places = zip(document["x_m"], document["field_m"], strict=True)
-    return [{"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im))} for x, (re, im) in places]
+    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size and its bar, m."""
+    errors = document.get("field_error_m") or [None] * len(document["x_m"])
+    places = zip(document["x_m"], document["field_m"], errors, strict=True)
+    return [
+        {"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im)), "size_error_m": error}
+        for x, (re, im), error in places
+    ]
 
 
 def search(document: Document) -> Rows:

@@ -21,6 +21,7 @@ from solvers.errors import SolverError
 Sensor = Literal["velocity", "displacement"]
 MISFIT_MAX = 0.05  # rms distance from the circle over its radius
 ROUNDING_TURNS = 0.01
+SIGMAS = 2.0  # standard deviations in a half-width
 ARC_MIN = pi / 2.0  # of the circle that the sweep must cover
 
 
@@ -52,13 +53,16 @@ class Circle:
 class Identified:
     """The mode as seen through the drive and the sensor: its gain's phase is what the delay does not explain.
 
-    background: what is left far from resonance; circle: of the response with the delay taken out.
+    background: what is left far from resonance; circle: of the response with the delay taken out. frequency_error,
+    quality_error: relative half-widths of the bars by the scatter of the points, None of too few.
     """
 
     plant: ModePlant
     delay_s: float
     background: complex
     circle: Circle
+    frequency_error: float | None = None
+    quality_error: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Frequency in Hz, times in s, complex numbers as [re, im]."""
@@ -136,9 +140,31 @@ def identify(sweep: Sweep, sensor: Sensor = "velocity", delay_s: float = 0.0) ->
     if delay_s < 0.0:  # noise about none, or a half turn too few
         delay_s = 0.0 if delay_s * plant.frequency_hz > -ROUNDING_TURNS else delay_s + 0.5 / plant.frequency_hz
     plant, background, circle = _fit(sweep.frequencies_hz, velocity, delay_s)
+    errors = _by_scatter(sweep.frequencies_hz, _advanced(sweep.frequencies_hz, velocity, delay_s), plant, background)
     if sensor == "displacement":
         plant, background = ModePlant(plant.frequency_hz, plant.tau_s, -1j * plant.gain), -1j * background
-    return Identified(plant, delay_s, background, circle)
+    return Identified(plant, delay_s, background, circle, *errors)
+
+
+def _by_scatter(
+    frequencies_hz: FloatArray, straight: ComplexArray, plant: ModePlant, background: complex
+) -> tuple[float | None, float | None]:
+    """Relative half-widths of frequency and quality factor: SIGMAS deviations of a least-squares fit of f0, tau, gain and
+    background whose points scatter about it alike and independently.
+    """
+    omega, own = 2.0 * pi * frequencies_hz, plant.omega_rad_s
+    fall = 1.0 / (1.0 + 1j * plant.tau_s * stretched_detuning(omega, own))
+    by_tau = -1j * plant.gain * plant.tau_s * stretched_detuning(omega, own) * fall**2
+    by_tone = 1j * plant.gain * plant.tau_s * own**2 / omega * fall**2
+    one = np.ones_like(fall) * abs(plant.gain)
+    steps = np.column_stack([by_tone, by_tau, fall * plant.gain, 1j * fall * plant.gain, one, 1j * one])
+    free = 2 * len(omega) - steps.shape[1]
+    if free < 1:
+        return None, None
+    rest = straight - plant.gain * fall - background
+    deviation = np.sqrt((np.abs(rest) ** 2).sum() / free)
+    spread = deviation * np.linalg.pinv(np.vstack([steps.real, steps.imag]))
+    return float(SIGMAS * np.linalg.norm(spread[0])), float(SIGMAS * np.linalg.norm(spread[0] + spread[1]))
 
 
 def _as_velocity(sweep: Sweep, sensor: Sensor) -> ComplexArray:

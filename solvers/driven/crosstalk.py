@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.driven.curve_bars import Doubts, changes, half_widths, in_parts, with_peak
-from solvers.driven.forms import forms
+from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.driven_zones import peak_hz, zone_parts
 from solvers.measures.levels import ratio_db
@@ -136,21 +135,7 @@ def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray,
     if known is None:
         return np.full((len(volts), count, len(frequency_hz)), np.nan)
 
-    def bars(part: FloatArray) -> FloatArray:
-        own, at = forms(forced, zones.grams[:count], part), forced.plate.scale.eigenvalue(part)
-        out = []
-        for fed in volts[:, forced.drivers]:
-            each = np.broadcast_to(fed.astype(complex), (len(part), len(fed)))
-            alone = own.fed(each)
-            out.append(half_widths(_rms(alone.squares), changes(known, own, at, each), [alone], _rms))
-        return np.array(out)
-
-    return in_parts(bars, frequency_hz)
-
-
-def _rms(squares: ComplexArray) -> FloatArray:
-    """Of one voltage's forms (k, ..., 1, 1)."""
-    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
+    return rms_bars(known, forced, zones.grams[:count], frequency_hz, volts[:, forced.drivers].astype(complex))
 
 
 def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
@@ -163,8 +148,8 @@ def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, k
     grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
 
     def figures(squares: ComplexArray) -> FloatArray:
-        rms = _rms(squares)
-        return np.concatenate([rms[:-1], ratio_db(rms[:-1], rms[zone]), rms[-1:] ** 2 / rms[zone] ** 2])
+        each = rms(squares)
+        return np.concatenate([each[:-1], ratio_db(each[:-1], each[zone]), each[-1:] ** 2 / each[zone] ** 2])
 
     half = np.full(2 * parts + 1, np.nan)
     if known is not None:

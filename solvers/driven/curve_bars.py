@@ -12,16 +12,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.driven.forms import Forms, forms
-from solvers.piezo.forced import ForcedPlate
+from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.frequency_bar import frequency_errors
 from solvers.piezo.height import load_errors
 
-Change = Callable[[Forms], ComplexArray]
+Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many tones
 SIGNS = np.array([-1.0, 1.0])
 AT_ONCE = 16  # tones
 
@@ -60,36 +61,64 @@ class Doubts:
         return out
 
 
-def doubts(forced: ForcedPlate, share: float | None) -> Doubts | None:
-    """What may be wrong about a plate; None where one part of it is not known. share: see `Doubts`."""
-    frequency = np.concatenate([frequency_errors(basis).total for basis in forced.modes])
-    loads = [load_errors(basis) for basis in forced.modes]
+def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | None = None) -> Doubts | None:
+    """What may be wrong about a plate, or about more modes than it drives; None where one part of it is not known.
+
+    share: see `Doubts`.
+    """
+    modes = forced.modes if modes is None else modes
+    frequency = np.concatenate([frequency_errors(basis).total for basis in modes])
+    loads = [load_errors(basis) for basis in modes]
     if share is None or not len(frequency):
         return None
-    load, gain = np.concatenate(loads), np.concatenate([basis.gain for basis in forced.modes])
+    load, gain = np.concatenate(loads), np.concatenate([basis.gain for basis in modes])
     if not (np.isfinite(frequency).all() and np.isfinite(load).all()):
         return None
-    value = np.concatenate([basis.eigenvalue for basis in forced.modes])
+    value = np.concatenate([basis.eigenvalue for basis in modes])
     opened, drivers = forced.sensors, forced.drivers
     capacitance = forced.plate.capacitance_f[opened] / forced.plate.stiffness_unit
     heard = (2.0 * np.abs(gain[:, opened]) * load[:, opened] / capacitance).sum(axis=1)
     ends = value[:, None] * ((1.0 + SIGNS * np.minimum(frequency, 0.5)[:, None]) ** 2 - 1.0) + SIGNS * heard[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):  # a driver that moves no mode has no relative error
         driver = np.linalg.norm(load[:, drivers], axis=0) / np.linalg.norm(gain[:, drivers], axis=0)
-    group = np.repeat(np.arange(len(forced.modes)), [len(basis.eigenvalue) for basis in forced.modes])
+    group = np.repeat(np.arange(len(modes)), [len(basis.eigenvalue) for basis in modes])
     beyond = 2.0 * float(frequency.max()) + float(driver.max())
     return Doubts(value, ends, frequency, load[:, drivers], driver, group, share, beyond)
 
 
+class Seen(Protocol):
+    """What changes are made for: a plate's forms, or its motions, at t tones or places."""
+
+    @property
+    def lossy(self) -> complex:
+        """1 + i/Q."""
+        ...
+
+    @property
+    def own(self) -> ComplexArray:
+        """f_rr, (t, n)."""
+        ...
+
+    @property
+    def modal(self) -> ComplexArray:
+        """The modes' motion per driver, (t, n, d)."""
+        ...
+
+    @property
+    def flexible(self) -> ComplexArray:
+        """Of the modes alone, (t, n)."""
+        ...
+
+
 def changes(
-    known: Doubts, forms: Forms, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
+    known: Doubts, forms: Seen, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
     """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
 
     Parameters
     ----------
     known : Doubts
-    forms : Forms
+    forms : Forms or Motions
         At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
     eigenvalue : ndarray, shape (t,)
         Of the tones, scaled.
@@ -123,7 +152,7 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
     return np.asarray(np.where(others, size, 0.0)[..., None] * SIGNS)
 
 
-def _turned(forms: Forms, volts: ComplexArray) -> ComplexArray:
+def _turned(forms: Seen, volts: ComplexArray) -> ComplexArray:
     """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
     moving = (forms.modal @ volts[..., None]) / forms.flexible[..., None]
     return np.asarray(_phase(moving) * _phase(volts).conj()[:, None])
@@ -152,6 +181,39 @@ def half_widths(
         changed = figures(*(source(each) for each in forms))
         squares += (np.abs(changed - nominal[..., None, None]).max(axis=-1) ** 2).sum(axis=-1)
     return np.asarray(np.sqrt(squares))
+
+
+def rms_bars(
+    known: Doubts, forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray, volts: ComplexArray
+) -> FloatArray:
+    """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
+
+    Parameters
+    ----------
+    known : Doubts
+    forced : ForcedPlate
+    grams : ndarray, shape (k, columns, columns)
+        Means over the parts, as of `forms`.
+    frequency_hz : ndarray, shape (t,)
+    volts : ndarray, shape (f, d)
+        Of the drivers, f ways to feed them.
+    """
+
+    def bars(part: FloatArray) -> FloatArray:
+        own, at = forms(forced, grams, part), forced.plate.scale.eigenvalue(part)
+        out = []
+        for fed in volts:
+            each = np.broadcast_to(fed, (len(part), len(fed)))
+            alone = own.fed(each)
+            out.append(half_widths(rms(alone.squares), changes(known, own, at, each), [alone], rms))
+        return np.array(out)
+
+    return in_parts(bars, frequency_hz)
+
+
+def rms(squares: ComplexArray) -> FloatArray:
+    """Of one voltage's forms (k, ..., 1, 1)."""
+    return np.asarray(np.sqrt(np.maximum(squares[..., 0, 0].real, 0.0)))
 
 
 def with_peak(

@@ -20,6 +20,7 @@ from solvers.piezo import frequency_bar
 from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 
 Plate = TypeVar("Plate", bound=ForcedPlate)
+Varied = TypeVar("Varied")  # a Variation, a Louder, or how a plate so changed is driven
 CACHED = ("all_modes", "_touched")  # what follows from modes and is computed again when asked for
 
 
@@ -74,7 +75,7 @@ class Variation:
                 if self.turn is not None:
                     self._turn_kept(plate, other)
                 return other
-        other.modes = [self._basis(each) for each in plate.modes]
+        other.modes = [self.of_basis(each) for each in plate.modes]
         if (found := plate.__dict__.get("target")) is not None:  # the same mode stays the target mode
             other.__dict__["target"] = replace(found, modes=tuple(map(self._mode, found.modes)))
         if self.turn is not None:
@@ -97,10 +98,8 @@ class Variation:
         """Values (..., columns) of a group's columns in the new modes."""
         return self._turned(values) if self._is_in(basis) else values
 
-    def _is_in(self, basis: GroupModes) -> bool:
-        return basis.group.plates is self.basis.group.plates
-
-    def _basis(self, basis: GroupModes) -> GroupModes:
+    def of_basis(self, basis: GroupModes) -> GroupModes:
+        """A group's new modes."""
         if not self._is_in(basis):
             return basis
         eigenvalue, tones = basis.eigenvalue.copy(), basis.frequency_hz.copy()
@@ -111,6 +110,9 @@ class Variation:
         if self.turn is None:
             return other
         return replace(other, gain=self._turned(basis.gain.T).T, columns=self._turned(basis.columns))
+
+    def _is_in(self, basis: GroupModes) -> bool:
+        return basis.group.plates is self.basis.group.plates
 
     def _mode(self, mode: PlateMode) -> PlateMode:
         if mode.place not in self.places or mode.group.plates is not self.basis.group.plates:
@@ -151,6 +153,13 @@ def variations(
                 yield tuple(_mixed(basis, pair, sign * share * max(half, error[index])) for sign in (-1.0, 1.0))
 
 
+def mixings(
+    forced: ForcedPlate, errors: list[FloatArray], resonating_hz: float, share: float
+) -> Iterator[tuple[Variation, ...]]:
+    """Those of the plates that mix another mode into the resonance nearest to a frequency."""
+    return (each for each in variations(forced, errors, resonating_hz, share) if each[0].turn is not None)
+
+
 def _mixed(basis: GroupModes, pair: tuple[int, int], error: float) -> Variation:
     """Two modes coupled by 2 error (l_i l_j)^(1/2)."""
     values = basis.eigenvalue[list(pair)]
@@ -181,14 +190,15 @@ class Louder:
         free: ForcedPlate | None = getattr(plate, "free", None)
         if free is not None:
             other.__dict__["free"] = self.of(free)
-        other.modes = [self._basis(each, len(plate.plate.patches)) for each in plate.modes]
+        other.modes = [self.of_basis(each, len(plate.plate.patches)) for each in plate.modes]
         return other
 
     def of_columns(self, basis: GroupModes, values: FloatArray) -> FloatArray:
         """Values of a group's columns, which stay."""
         return values
 
-    def _basis(self, basis: GroupModes, patches: int) -> GroupModes:
+    def of_basis(self, basis: GroupModes, patches: int | None = None) -> GroupModes:
+        """A group's modes with these loads; patches: how many of the loads are such, all where it is not given."""
         gain, where = basis.gain.copy(), slice(0, patches) if self.patch is None else self.patch
         gain[:, where] *= self.factor
         return replace(basis, gain=gain)
@@ -217,8 +227,8 @@ def is_known(errors: list[FloatArray]) -> bool:
 
 def half_widths(
     nominal: FloatArray,
-    sources: Iterable[tuple[Variation | Louder, ...]],
-    figures: Callable[[Variation | Louder], FloatArray],
+    sources: Iterable[tuple[Varied, ...]],
+    figures: Callable[[Varied], FloatArray],
 ) -> FloatArray:
     """Half-widths of the bars of figures (n,) that are computed again on varied plates; NaN where one of them is not known."""
     squares = np.zeros_like(nominal)

@@ -83,8 +83,7 @@ class Forms:
 
     def softened(self, change: FloatArray) -> ComplexArray:
         """S with the stiffness of each mode changed by (t, n, s): (k, t, n, s, d, d)."""
-        step = change * self.lossy
-        return self._forced(-(step / (1.0 + step * self.own[..., None]))[..., None] * self.modal[:, :, None])
+        return self._forced(softened_rows(np.asarray(self.lossy * change), self.own, self.modal))
 
     def forced(self, rows: ComplexArray) -> ComplexArray:
         """S with a further force on each mode, (t, n, s, drivers) per volt: (k, t, n, s, d, d)."""
@@ -112,17 +111,10 @@ class Forms:
 
     def coupled(self, mode: IntArray, change: FloatArray) -> ComplexArray:
         """S with one mode a tone (t,) and each other coupled by a stiffness (t, n, s), 0 to itself: (k, t, n, s, d, d)."""
-        at, step = np.arange(len(mode)), (change * self.lossy)[..., None]
-        here, there = self.own[at, mode][:, None, None, None], self.own[..., None, None]
-        first, second = self.modal[at, mode][:, None, None], self.modal[:, :, None]
-        turned = 1.0 + step * self._between(mode)[..., None, None]
-        size = step**2 * here * there - turned**2
-        rows = [
-            -step * (step * there * first - turned * second) / size,
-            -step * (step * here * second - turned * first) / size,
-        ]
+        at = np.arange(len(mode))
+        rows = coupled_rows(np.asarray(self.lossy * change), self.own, self.modal, mode, self._between(mode))
         beside = [np.broadcast_to(self.beside[:, at, mode][:, :, None], self.beside.shape), self.beside]
-        return self._with(np.stack(beside, -2), np.stack(rows, -2), self._pairs(mode))
+        return self._with(np.stack(beside, -2), rows, self._pairs(mode))
 
     def _with(self, beside: ComplexArray, rows: ComplexArray, pairs: ComplexArray) -> ComplexArray:
         """S with X + sum y_u rho_u: y_u^H G X (k, t, n, u, d), rho_u (t, n, s, u, d), y_u^H G y_v (k, t, n, u, u)."""
@@ -188,6 +180,27 @@ def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> F
         _answers(forced.modes, at, forced.loss, charges),
         np.concatenate([basis.gain[:, opened] for basis in forced.modes]),
     )
+
+
+def softened_rows(step: ComplexArray, own: ComplexArray, modal: ComplexArray) -> ComplexArray:
+    """Forces rho (t, n, s, d) on modes whose stiffness changes by lossy steps (t, n, s); own: f_rr (t, n), modal: x_r."""
+    return np.asarray(-(step / (1.0 + step * own[..., None]))[..., None] * modal[:, :, None])
+
+
+def coupled_rows(
+    step: ComplexArray, own: ComplexArray, modal: ComplexArray, mode: IntArray, between: ComplexArray
+) -> ComplexArray:
+    """The same on one mode a tone (t,) and on each other, (t, n, s, 2, d), coupled by steps; between: f_ij of both, (t, n)."""
+    at, step = np.arange(len(mode)), step[..., None]
+    here, there = own[at, mode][:, None, None, None], own[..., None, None]
+    first, second = modal[at, mode][:, None, None], modal[:, :, None]
+    turned = 1.0 + step * between[..., None, None]
+    size = step**2 * here * there - turned**2
+    rows = [
+        -step * (step * there * first - turned * second) / size,
+        -step * (step * here * second - turned * first) / size,
+    ]
+    return np.stack(rows, -2)
 
 
 def face_grams(forced: ForcedPlate) -> FloatArray:

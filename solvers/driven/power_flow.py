@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import product
 from math import pi
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -64,15 +65,20 @@ def _modal(basis: GroupModes, eigenvalue: float, loss: float, volts: ComplexArra
     count = len(basis.frequency_hz)
     amplitudes = basis.amplitudes(eigenvalue, loss, volts)[:count]
     modes = basis.columns[:, :count]
-    meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
-    motion: Any = modes @ (_as_stiff(meshed, basis.eigenvalue) @ amplitudes)
+    motion: Any = modes @ (_as_stiff(basis, modes) @ amplitudes)
     return list(basis.group.split(motion))
 
 
-def _as_stiff(meshed: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+_KNOWN: WeakKeyDictionary[GroupModes, FloatArray] = WeakKeyDictionary()  # one plate is driven in several ways
+
+
+def _as_stiff(basis: GroupModes, modes: FloatArray) -> FloatArray:
     """S = A^(-1/2) L^(1/2), so that S' A S = L: stiffness A (k, k) in modes, eigenvalues L (k,), none of them rigid."""
-    values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
-    return np.asarray((vectors / np.sqrt(values)) @ vectors.T * np.sqrt(eigenvalue))
+    if basis not in _KNOWN:
+        meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
+        values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
+        _KNOWN[basis] = np.asarray((vectors / np.sqrt(values)) @ vectors.T * np.sqrt(basis.eigenvalue))
+    return _KNOWN[basis]
 
 
 def _panels(forced: ForcedPlate, motions: list[list[Any]]) -> tuple[FloatArray, FloatArray]:

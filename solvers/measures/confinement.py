@@ -66,6 +66,10 @@ class TouchField:
         """Which points lie on the active face, (q,)."""
         return np.asarray(np.abs(self.points[:, 1]) < design.width_m / 2.0)
 
+    def is_beyond_rows(self, design: Design) -> BoolArray:
+        """Which points lie beyond the last row, (q,)."""
+        return is_beyond_rows(self.points[:, 1], design)
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -109,11 +113,16 @@ def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatAr
     return shape
 
 
+def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
+    """Which places lie on the plate beyond the last row."""
+    return np.asarray(np.abs(y_m) > design.half_span_m - design.extension_m)
+
+
 def measure_profile(profile: Profile, design: Design) -> Confinement:
     """The same of a motion known over y and the wanted one there, which may be zero: nothing is alike then."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
-    active, beyond = y < design.width_m / 2.0, y > design.half_span_m - design.extension_m
+    active, beyond = y < design.width_m / 2.0, is_beyond_rows(y, design)
     inside, everywhere = weights[active] @ squares[active], weights @ squares
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2

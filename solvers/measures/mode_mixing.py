@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import log
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
-from solvers.measures.confinement import TouchField, shape_at
+from solvers.measures.confinement import NEGLIGIBLE, TouchField, shape_at
 
 DECIBELS = 20.0 / log(10.0)
 
@@ -46,12 +46,17 @@ class Overlaps:
         active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
         return cls(active, passive)
 
+    @classmethod
+    def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
+        """The same with the plate beyond the last row in the passive face's place; None without any."""
+        active, beyond = touch.is_active(design), touch.is_beyond_rows(design)
+        if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
+            return None
+        return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
+
     def _mixed(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...]) -> FloatArray:
         """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode, one at most."""
-        own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
-        apart = np.abs(tones**2 - own**2)
-        apart[index] = np.inf
-        return np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
+        return mixed_shares(frequency_hz, index, error, ends_hz)
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
         """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
@@ -108,6 +113,42 @@ class Overlaps:
         inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
         both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
         return np.asarray(np.abs(both[:, :2] - both[:, 2:]).max(axis=1))
+
+
+def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> FloatArray:
+    """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode at most, one each.
+
+    Parameters as of `Overlaps.mixing_db`.
+    """
+    own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
+    apart = np.abs(tones**2 - own**2)
+    apart[index] = np.inf
+    return np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
+
+
+def mixed_energy(
+    share_of: Callable[[FloatArray], FloatArray], vectors: FloatArray, index: int, mixed: FloatArray
+) -> tuple[float, float]:
+    """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
+
+    Parameters
+    ----------
+    share_of : callable
+        Gives the share (k,) of M-orthonormal motions (dof, k).
+    vectors : ndarray, shape (dof, k)
+        Of the modes.
+    index : int
+        The mode whose share it is.
+    mixed : ndarray, shape (k,)
+        How much of each of the others is added.
+    """
+    own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
+    added = [
+        (own + sign * mixed[others] * vectors[:, others]) / np.sqrt(1.0 + mixed[others] ** 2) for sign in (1.0, -1.0)
+    ]
+    shares = share_of(np.hstack([own, *added]))
+    moved = np.abs(shares[1:] - shares[0]).reshape(2, -1).max(axis=0, initial=0.0)
+    return float(shares[0]), float(np.linalg.norm(moved))
 
 
 def mixing_db(

@@ -14,6 +14,7 @@ import scipy.linalg
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
+from solvers.piezo.forced import GroupModes
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.point import face_motion
 from solvers.superelement.plate import WHOLE
@@ -72,6 +73,12 @@ class Lattice:
         grid = np.meshgrid(self.spacing_m * self.along, self.spacing_m * self.across, indexing="ij")
         return np.stack(grid, axis=-1).reshape(-1, 2)
 
+    @property
+    def slope_weights(self) -> FloatArray:
+        """Weights (p,) that give the mean slope along x from motions of a contact's points, 1/m."""
+        arms = self.spacing_m * self.steps[:, 0]
+        return np.asarray(self.weights * arms / (self.weights @ arms**2))
+
     def contact(self, i: int, j: int) -> IntArray:
         """Numbers of the points of the contact about point (i, j), counted from 0."""
         return np.asarray((i + self.steps[:, 0]) * len(self.across) + j + self.steps[:, 1])
@@ -101,31 +108,83 @@ def needed_bytes(touched: TouchedPlate, points: Lattice) -> float:
     return 8.0 * COPIES * max(loads) + 3.0 * 16.0 * count**2
 
 
+@dataclass(frozen=True, eq=False)
+class Places:
+    """A touched plate seen from its patches and the points of a lattice at one frequency.
+
+    receptance (p + q, p + q): charges of patches and motions of points, in SI; gains (n, p + q) of the modes of all groups.
+    """
+
+    touched: TouchedPlate
+    points: Lattice
+    frequency_hz: float
+    receptance: ComplexArray
+    gains: FloatArray
+
+    @classmethod
+    def of(cls, touched: TouchedPlate, points: Lattice, frequency_hz: float) -> Places:
+        """Of a plate's own modes and of the residual vectors of all points."""
+        receptance = lattice_receptance(touched, points.points_m, frequency_hz)
+        count, unit = len(touched.plate.patches), touched.plate.stiffness_unit
+        gains = [
+            np.hstack([basis.gain[:, :count], (face_motion(basis.group, points.points_m) @ _modes(basis)).T / unit])
+            for basis in touched.free.all_modes
+        ]
+        return cls(touched, points, frequency_hz, receptance, np.concatenate(gains))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Places along x and y."""
+        along, across = self.points.places
+        return len(along), len(across)
+
+    @property
+    def rule_error(self) -> float:
+        """Share of the mean of a product of two motions over a contact that the lattice's points may miss."""
+        finger = self.touched.finger
+        reach = finger.radius_m * finger.wavenumber_per_m(self.touched.design, self.frequency_hz)
+        return disk.left_beyond(2.0 * reach, 2 * self.points.reach - 1)
+
+    def loads(self, numbers: IntArray) -> tuple[IntArray, FloatArray]:
+        """Numbers (t, l) among patches and points of the loads at places, x first, and the roots of the weights (l,)."""
+        count, reach = len(self.touched.plate.patches), self.points.reach
+        contacts = [
+            self.points.contact(i + reach, j + reach) for i, j in zip(*np.divmod(numbers, self.shape[1]), strict=True)
+        ]
+        patches = np.broadcast_to(np.arange(count), (len(numbers), count))
+        return np.hstack([patches, count + np.array(contacts)]), np.append(np.ones(count), np.sqrt(self.points.weights))
+
+    def map(self) -> TouchMap:
+        """Every place; a finger of nothing leaves the free plate's motion."""
+        touched, points, receptance = self.touched, self.points, self.receptance
+        count, stiffness = len(touched.plate.patches), touched.finger.dynamic_stiffness(self.frequency_hz)
+        free = touched.patch_volts(lambda: receptance[:count, :count])
+        field, root, reach = receptance[count:, :count] @ free, np.sqrt(points.weights), points.reach
+        x_m, y_m = (points.spacing_m * each for each in points.places)
+        nx, ny = self.shape
+        moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
+        heard = np.zeros((nx, ny, len(touched.sensors)), dtype=complex)
+        under, change = np.zeros((nx, ny), dtype=complex), np.zeros((nx, ny), dtype=complex)
+        for number, (i, j) in enumerate(np.ndindex(nx, ny)):
+            (loads,), scaled = self.loads(np.array([number]))
+            own = field[loads[count:] - count]
+            block = scaled[:, None] * receptance[np.ix_(loads, loads)] * scaled
+            answer = touched.loads_of(block, stiffness)
+            motion = block[count:] @ answer
+            before[i, j], moved[i, j] = rms(root * own), rms(motion)
+            under[i, j], change[i, j] = root @ motion, points.slope_weights @ (motion / root - own)
+            heard[i, j] = answer[touched.sensors]
+        inner = field.reshape(nx + 2 * reach, ny + 2 * reach)[reach:-reach, reach:-reach]
+        return TouchMap(self.frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard, under, change)
+
+
 def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> TouchMap:
-    """Every place at one frequency; a finger of nothing leaves the free plate's motion."""
-    receptance = lattice_receptance(touched, points.points_m, frequency_hz)
-    count, stiffness = len(touched.plate.patches), touched.finger.dynamic_stiffness(frequency_hz)
-    free = touched.patch_volts(lambda: receptance[:count, :count])
-    field, root, reach = receptance[count:, :count] @ free, np.sqrt(points.weights), points.reach
-    x_m, y_m = (points.spacing_m * each for each in points.places)
-    nx, ny = len(x_m), len(y_m)
-    moved, before = np.zeros((nx, ny)), np.zeros((nx, ny))
-    heard = np.zeros((nx, ny, len(touched.sensors)), dtype=complex)
-    under, change = np.zeros((nx, ny), dtype=complex), np.zeros((nx, ny), dtype=complex)
-    arms = points.spacing_m * points.steps[:, 0]
-    along = points.weights * arms / (points.weights @ arms**2)
-    scaled = np.concatenate([np.ones(count), root])
-    for i, j in np.ndindex(nx, ny):
-        contact = points.contact(i + reach, j + reach)
-        chosen = np.concatenate([np.arange(count), count + contact])
-        block = scaled[:, None] * receptance[np.ix_(chosen, chosen)] * scaled
-        loads = touched.loads_of(block, stiffness)
-        motion = block[count:] @ loads
-        before[i, j], moved[i, j] = rms(root * field[contact]), rms(motion)
-        under[i, j], change[i, j] = root @ motion, along @ (motion / root - field[contact])
-        heard[i, j] = loads[touched.sensors]
-    inner = field.reshape(nx + 2 * reach, ny + 2 * reach)[reach:-reach, reach:-reach]
-    return TouchMap(frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard, under, change)
+    """The finger at every place at one frequency."""
+    return Places.of(touched, points, frequency_hz).map()
+
+
+def _modes(basis: GroupModes) -> FloatArray:
+    return basis.columns[:, : len(basis.frequency_hz)]
 
 
 def lattice_receptance(touched: TouchedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:

@@ -41,11 +41,6 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/exchange/phonopy.py": "a file of another program",
     "pipeline/measured/synthetic.py": "a file of made-up measurements",
 }
-GIVEN = {  # files that write places, widths, a detuning and a memory as they were given
-    *(f"pipeline/driven/{name}.py" for name in ("hybrid", "played", "shear", "travelling")),
-    *(f"pipeline/analysis/{name}.py" for name in ("attenuation", "touch")),
-    "pipeline/questions/crosstalk.py",
-}
 
 
 def fixed_in(source: str) -> set[int]:
@@ -79,7 +74,7 @@ def sources() -> list[Path]:
 def test_no_source_fixes_the_digits_of_a_computed_figure() -> None:
     """Write it by `pipeline.quantity`: figure, frequency, level, percentage, percent."""
     found = {path.relative_to(ROOT).as_posix(): offending(path) for path in sources()}
-    assert {name: lines for name, lines in found.items() if lines and name not in GIVEN | FREE.keys()} == {}
+    assert {name: lines for name, lines in found.items() if lines and name not in FREE} == {}
     assert [name for name in FREE if not found.get(name)] == []
 
 

@@ -1,4 +1,4 @@
-"""Bars of the curves of cross-talk and hybrid on a coarse mesh against whole solves on finer ones."""
+"""Bars of response, cross-talk, hybrid, travelling wave and a finger's map, on a coarse mesh against solves on finer ones."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.analysis import response, touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import hybrid
+from pipeline.driven import hybrid, travelling
 from pipeline.logs import TerminalLog
 from pipeline.planning import mesh_rules
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.records.record import HybridRecord
 from solvers.piezo import patch as piezo_patch
+from solvers.touch import disk
 from tests.helpers.asked import crosstalk_of
 from tests.helpers.coarse_cells import COARSE, COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
@@ -35,13 +37,33 @@ FOUR = {
 }
 
 
-def both(raw: dict[str, Any], command: Any, patch: pytest.MonkeyPatch) -> tuple[Any, Any]:
+def both(raw: dict[str, Any], command: Any, patch: pytest.MonkeyPatch, **options: Any) -> tuple[Any, Any]:
     """The records of the case's own mesh and of a coarse one, patches and plate."""
-    case = case_from_dict(raw)
-    fine = command(case, QUIET, points=61)
+    case, options = case_from_dict(raw), options or {"points": 61}
+    fine = command(case, QUIET, **options)
     patch.setattr(mesh_rules, "cell_mesh", lambda design, level: COARSE)
     patch.setattr(piezo_patch, "MESH", COARSEST_PATCH)
-    return command(case, QUIET, points=61), fine
+    return command(case, QUIET, **options), fine
+
+
+FINGERED = {
+    **STEEL_PILLARS,
+    "zone": {**STEEL_PILLARS["zone"], "nodal_lines": 2},
+    "patches": {**PATCHES, "centres_mm": [[-5.0, 0.0], [5.0, 0.0], [0.0, 1.0]], "sensors": [2]},
+    "damping": {"quality": 100.0},
+    "touch": {"at_mm": [3.0, 1.0], "radius_mm": 1.5, "impedance": "tissue", "force_N": 0.5, "gap_um": [2.0, 10.0]},
+    "solve": {"accuracy": 0.003, "band_kHz": [60.0, 90.0]},
+}
+
+
+WAVE = {
+    **STEEL_PILLARS,
+    "zone": {"length_mm": 30.0, "width_mm": 10.0, "nodal_lines": 3},
+    "patches": {**PATCHES, "centres_mm": [[x, 0.0] for x in (-10.5, -3.5, 3.5, 10.5)] + [[0.0, 3.0]], "sensors": [4]},
+    "damping": {"quality": 100.0},
+    "touch": {"radius_mm": 2.0, "impedance": "tissue", "force_N": 0.5, "gap_um": [2.5, 4.0]},
+    "solve": {"accuracy": 0.03, "band_kHz": [68.0, 97.0]},
+}
 
 
 def inside(coarse: Any, error: Any, fine: Any) -> np.ndarray:
@@ -73,3 +95,61 @@ def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypa
                 assert held.mean() >= 0.95, (coarse.method, name)
                 assert records[0].wanted_place is not None and held[records[0].wanted_place]
         assert inside(coarse.volts_per_um, coarse.volts_error_per_um, fine.volts_per_um).mean() >= 0.95
+
+
+@pytest.mark.slow
+def test_both_curves_of_a_response_lie_within_their_bars_of_finer_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At tones of the finer one: each has more about its own peak."""
+    coarse, fine = (each.record for each in both(FOUR, response.solve, monkeypatch))
+    tones = sorted(set(coarse.frequency_hz) & set(fine.frequency_hz))
+    assert len(tones) >= 61
+    for part in ("zone", "passive"):
+        value, bar, true = (
+            [figures[record.frequency_hz.index(tone)] for tone in tones]
+            for record, figures in (
+                (coarse, getattr(coarse, f"{part}_rms_m_per_V")),
+                (coarse, getattr(coarse, f"{part}_rms_error_m_per_V")),
+                (fine, getattr(fine, f"{part}_rms_m_per_V")),
+            )
+        )
+        assert inside(value, bar, true).mean() >= 0.95
+        assert np.median(np.array(bar) / np.array(value)) < 0.5
+
+
+@pytest.mark.slow
+def test_a_finger_s_map_lies_within_its_bars_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each at its own plate's peak, over the same places; of friction where it can be told on both."""
+    coarse, fine = (each.map for each in both(FINGERED, touch.solve, monkeypatch, mapped=True))
+    assert coarse and fine and coarse.x_m == fine.x_m and coarse.y_m == fine.y_m and len(coarse.x_m) > 5
+    for figure, error in (("free_m", "free_error_m"), ("touched_m", "touched_error_m"), ("needed_V", "needed_error_V")):
+        values = [np.array(getattr(each, figure)) for each in (coarse, fine)]
+        assert inside(values[0], getattr(coarse, error), values[1]).mean() >= 0.95, figure
+        assert (values[0] != values[1]).all()
+        assert np.median(np.array(getattr(coarse, error)) / values[0]) < 0.5
+    known = [np.array(getattr(coarse, name), dtype=float) for name in ("friction", "friction_error")]
+    told = np.isfinite(known).all(axis=0)
+    assert (
+        told.any() and inside(known[0][told], known[1][told], np.array(fine.friction, dtype=float)[told]).mean() >= 0.95
+    )
+
+
+@pytest.mark.slow
+def test_a_travelling_wave_and_its_shear_lie_within_their_bars_of_a_finer_plate_s(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Both plates hold the pair as their own modes take it."""
+    monkeypatch.setattr(disk, "STEPS", (2, 2))  # few points, on both
+    coarse, fine = (each[0] for each in both(WAVE, travelling.solve, monkeypatch, others=0.0))
+    for name, error in (*travelling.FIGURES.items(), *travelling.LISTS.items()):
+        if getattr(coarse, name) is not None:
+            assert inside(getattr(coarse, name), getattr(coarse, error), getattr(fine, name)).all(), name
+    sizes = [np.hypot(*np.array(each.field_m).T) for each in (coarse, fine)]
+    assert inside(sizes[0], coarse.field_error_m, sizes[1]).mean() >= 0.95
+    assert abs(coarse.frequency_hz / fine.frequency_hz - 1.0) <= coarse.frequency_error
+    one, other = coarse.shear, fine.shear
+    assert one and other and one.x_m == other.x_m
+    place = np.unravel_index(np.argmax(np.abs(one.crest_m_s)), np.shape(one.crest_m_s))
+    assert inside(np.array(one.crest_m_s)[place], one.fastest_error_m_s, np.array(other.crest_m_s)[place])
+    place = np.unravel_index(np.nanargmax(np.abs(np.array(one.shear_high, dtype=float))), np.shape(one.crest_m_s))
+    assert inside(np.array(one.shear_high)[place], one.shear_high_error, np.array(other.shear_high)[place])
+    assert one.fastest_error_m_s and 0.0 < one.fastest_error_m_s < 0.5 * abs(one.fastest_m_s)

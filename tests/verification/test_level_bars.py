@@ -88,3 +88,11 @@ def test_levels_of_all_modes_of_a_finer_plate_lie_within_the_bars(
         for name in ("zone_share", "mac", "strength"):
             bars = getattr(one, f"{name}_error"), getattr(two, f"{name}_error")
             assert abs(getattr(one, name) - getattr(two, name)) <= sum(bars), name
+    levels, errors = (
+        [getattr(each.record.wanted, name) for each in (own, other)] for name in ("extension_db", "extension_error_db")
+    )
+    assert 0.0 < abs(levels[0] - levels[1]) <= sum(errors) and max(errors) < 1.0
+    pairs = [
+        (each.record.wanted.pillar_energy_share, each.record.wanted.pillar_energy_share_error) for each in (own, other)
+    ]
+    assert 0.0 < abs(pairs[0][0] - pairs[1][0]) <= pairs[0][1] + pairs[1][1] and pairs[0][1] < 0.1

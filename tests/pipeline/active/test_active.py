@@ -143,7 +143,9 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         query.update(band=band_hz, kx=kx_per_m)
         tones = np.linspace(*band_hz, 41)
         points = [
-            SimpleNamespace(frequency_hz=f, db_per_row=None if 34e3 < f < 35e3 else 3.0 * (30e3 < f < 36e3))
+            SimpleNamespace(
+                frequency_hz=f, db_per_row=None if 34e3 < f < 35e3 else 3.0 * (30e3 < f < 36e3), db_error=f / 1e5
+            )
             for f in tones
         ]
         return SimpleNamespace(model="stub", points=points)
@@ -152,6 +154,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
     document = json.loads((tmp_path / "active_pillar.json").read_text())
     assert query == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
+    assert document["cell"]["db_error"] == [f / 1e5 for f in document["cell"]["frequencies_hz"]]
     assert site_fields.differing("active pillar", document) == []
     assert document["comparison"][-1]["ours"] == "30.5-35.5 kHz"
     assert "edge lies" in document["comparison"][-1]["agreement"]

@@ -20,6 +20,7 @@ from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
 from solvers.waves import evanescent
 from tests.helpers import synthetic
+from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = str(STUDIES / "three-rows.toml")
@@ -92,9 +93,28 @@ def test_the_prediction_is_rows_times_the_decay() -> None:
     points = [
         AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=transmission) for f in (30e3, 40e3)
     ]
-    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0)
+    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0, 0.4)
     assert text.rows_db == 15.0 and text.transmission_db == pytest.approx(20.0) and text.rows_needed == 2
-    assert text.zone_to_extension_db == 12.0
+    assert (text.zone_to_extension_db, text.zone_to_extension_error_db) == (12.0, 0.4)
+
+
+def test_what_is_converted_has_the_digits_of_its_bar() -> None:
+    """What the share is where frequencies may lie; few digits where that is not known, and none of what decays."""
+
+    def shares(tone: float) -> Transmission:
+        share = 0.1234 + 1e-6 * (tone - 40e3)
+        return Transmission(reflected=0.1, flexural=0.9 - share, shear=share, longitudinal=0.0)
+
+    points = tuple(
+        AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=shares(f)) for f in (30e3, 40e3)
+    )
+    log = RecordingLog()
+    for error in (0.01, None):
+        attenuation._log_converted(points, 0.0, shares, error, log)
+    still = Transmission(reflected=0.1, flexural=0.9, shear=0.0, longitudinal=0.0)
+    attenuation._log_converted((points[0].model_copy(update={"transmission": still}),), 237.35, shares, 0.01, log)
+    assert "at most 12.34 ± 0.04 % of" in log.facts[0] and "at most 12.3 % of" in log.facts[1]
+    assert "at kx = 237.35 rad/m" in log.facts[2] and "nothing is converted" in log.facts[2]
 
 
 def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None:

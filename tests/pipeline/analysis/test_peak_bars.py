@@ -1,20 +1,23 @@
-"""The bar of a quality factor that is read from a peak: what neighbours within their bars make of it."""
+"""Bars of what is read from a response: a peak's quality factor, the curves; what resonances within their bars make of them."""
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cache
 
 import numpy as np
 import pytest
 
+from geometry.elements import FloatArray
 from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS
 from pipeline.analysis import peak_bars
-from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED, quality_error
+from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED, curve_errors, quality_error
+from solvers.driven.curve_bars import Doubts
 from solvers.driven.error_bars import Variation, bases
-from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.forced import Curve, Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
@@ -81,3 +84,55 @@ def test_an_unknown_resonance_leaves_the_bar_unknown(monkeypatch: pytest.MonkeyP
     assert quality_error(plate, peak) is None
     known(monkeypatch, float("nan"))
     assert quality_error(plate, peak) is None
+
+
+def doubts_of(plate: ForcedPlate, frequency: float, load: float) -> Doubts:
+    """Every mode's frequency and every driver's load off by as much, relative."""
+    value = np.concatenate([basis.eigenvalue for basis in plate.modes])
+    gain = np.concatenate([basis.gain[:, plate.drivers] for basis in plate.modes])
+    group = np.repeat(np.arange(len(plate.modes)), [len(basis.eigenvalue) for basis in plate.modes])
+    ends = value[:, None] * ((1.0 + frequency * np.array([-1.0, 1.0])) ** 2 - 1.0)
+    errors = np.full(len(value), frequency)
+    return Doubts(value, ends, errors, load * np.abs(gain), np.full(gain.shape[1], load), group, 0.0, 0.0)
+
+
+def test_the_curves_bars_cover_each_resonance_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anywhere within its bar, of a percent here; one of them moves a curve by more than half of its bar."""
+    plate = forced()
+    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
+    curve = plate.curve(np.linspace(*BAND_HZ, 41))
+    bars, used = curve_errors(plate, curve), 0.0
+    assert bars is not None and bars.shape == (2, 41)
+    for basis in plate.modes:
+        for mode, value in enumerate(basis.eigenvalue):
+            for end in (0.99, 0.997, 1.004, 1.01):
+                moved = Variation(basis, (mode,), (value * end**2,)).of(plate).curve(curve.frequency_hz)
+                off = np.abs(np.array([moved.zone_rms_m_per_v, moved.passive_rms_m_per_v]) - rms_of(curve))
+                assert (off <= bars * (1.0 + 1e-9)).all()
+                used = max(used, float((off / bars).max()))
+    assert used > 0.5
+
+
+def test_louder_patches_raise_the_curves_by_as_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The residual's loads among them: a curve is linear in them."""
+    plate = forced()
+    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.0, 0.02))
+    curve = plate.curve(np.linspace(*BAND_HZ, 5))
+    bars = curve_errors(plate, curve)
+    assert bars is not None and (bars >= 0.02 * rms_of(curve) * (1.0 - 1e-9)).all()
+
+
+def test_curves_without_an_estimate_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of one part of the plate, or where a charge feeds the drivers: what that makes of a load is not known."""
+    plate, charged = forced(), copy(forced())
+    charged.circuit = "open"
+    curve = plate.curve(np.array([20e3]))
+    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
+    assert curve_errors(plate, curve) is not None and curve_errors(charged, curve) is None
+    monkeypatch.setattr(peak_bars, "doubts", lambda *_: None)
+    assert curve_errors(plate, curve) is None
+
+
+def rms_of(curve: Curve) -> FloatArray:
+    """Of zone and passive face, (2, n)."""
+    return np.array([curve.zone_rms_m_per_v, curve.passive_rms_m_per_v])

@@ -102,6 +102,12 @@ def test_the_map_holds_the_case_s_own_place_and_is_drawn_from_the_record(record:
     distance = np.hypot(places.x_m[here[0]] - record.at_m[0], places.y_m[here[1]])
     near = places.touched_m[here[0]][here[1]]
     assert distance < 0.5 * record.radius_m and near == pytest.approx(touched.finger_m, rel=0.5)
+    assert touched.finger_error_m and places.touched_error_m and places.needed_error_V and places.friction_error
+    own = places.touched_error_m[here[0]][here[1]] / near  # as the state's bar, found on other plates with another rule
+    assert 0.5 < own / (touched.finger_error_m / touched.finger_m) < 2.0
+    relative = np.array(places.touched_error_m) / np.array(places.touched_m)
+    assert (relative > 0.0).all() and relative.max() < 4.0 * np.median(relative)
+    assert record.loop.needed_error_V and places.needed_error_V[here[0]][here[1]] < 4.0 * record.loop.needed_error_V
     figure = tactile_map(record, 10e-3)
     assert len(figure.figure.axes) == 3 and "places of the touch face" in figure.alt
     figures.write("touch", record.to_dict(), tmp_path / "touch.svg")

@@ -94,6 +94,8 @@ def test_the_document_names_the_wanted_mode_and_its_rivals(
     assert own["error"] == pytest.approx(text["error_bar"]["frequency"], rel=1e-9)
     assert all(0.0 < mode["error"] < 0.1 for mode in text["modes"])
     assert wanted["status"] == "single" and wanted["driven_confinement_db"] is None
+    assert 0.0 < wanted["pillar_energy_share_error"] < wanted["pillar_energy_share"] < 1.0
+    assert 0.0 < wanted["extension_error_db"] < 3.0 and wanted["extension_error_db"] != wanted["confinement_error_db"]
     listed = [mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
     assert len(listed) == 1 and listed[0]["strength"] == wanted["strength"]
     assert wanted["rivals"] and all(rival["strength"] is not None for rival in wanted["rivals"])

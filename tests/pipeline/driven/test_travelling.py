@@ -22,6 +22,7 @@ from pipeline.plots.response import travelling_wave
 from pipeline.plots.touch import shear_map
 from pipeline.records.record import ShearRecord, TravelRecord
 from pipeline.views import figures
+from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
 from solvers.touch import disk, touch_map
 from solvers.touch.shear import crest_motion
@@ -162,12 +163,14 @@ def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travell
     assert (tmp_path / "travel.svg").stat().st_size > 1000
 
 
-def fingered(record: TravelRecord, wave: Travelling, drive: str = "pair+", **touch: Any) -> ShearRecord:
+def fingered(
+    record: TravelRecord, wave: Travelling, drive: str = "pair+", varied: Any = (), **touch: Any
+) -> ShearRecord:
     given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
     volts = wave.forced.signs.astype(complex) if drive == "standing" else wave.all_volts(wave.drives[drive])
-    driven = record.drive_V_at_1um * volts
-    shear_record = shear.solve(case, wave.forced, driven, record.frequency_hz, record.wavenumber_per_m, QUIET)
+    driven = shear.Driven(record.drive_V_at_1um * volts, record.frequency_hz)
+    shear_record = shear.solve(case, wave.forced, driven, record.wavenumber_per_m, QUIET, varied)
     assert shear_record is not None
     return shear_record
 
@@ -242,6 +245,27 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     rigid = fingered(record, wave, impedance={"stiffness_N_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
     assert "mm/s along x" in shear_map(soft, 8e-3).alt
+
+
+@pytest.mark.usefixtures("free")
+def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
+    solved: tuple[TravelRecord, Travelling], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drives louder by a tenth raise the crest by as much; the same drive again by what the contact misses, and no more."""
+    record, wave = solved
+    monkeypatch.setattr(shear, "missing_at_ends", lambda places: 1e-9)
+    volts = record.drive_V_at_1um * wave.all_volts(wave.drives["pair+"])
+    at = {"impedance": {"stiffness_N_m": 1e3, "damping_N_s_m": 0.01}}
+    same, loud = (
+        fingered(record, wave, varied=[(shear.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
+        for factor in (1.0, 1.1)
+    )
+    low, high = (getattr(same, f"shear_{end}_error") for end in ("low", "high"))
+    assert same.fastest_error_m_s is not None and low is not None and high is not None
+    assert 0.0 < same.fastest_error_m_s < 0.02 * abs(same.fastest_m_s) and 0.0 < low < 0.02 and 0.0 < high < 0.02
+    more = (loud.fastest_error_m_s or 0.0) - same.fastest_error_m_s
+    assert more == pytest.approx(0.1 * abs(same.fastest_m_s), rel=1e-6)
+    assert (loud.shear_high_error or 0.0) > high
 
 
 @pytest.mark.usefixtures("free")

@@ -16,7 +16,7 @@ from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.measured.comparison import _sweep_summary, read
 from pipeline.measured.files import read_field, read_sweep
-from solvers.control.resonance import Resonance
+from pipeline.records.record import MeasuredSweepRecord, ResonanceRecord
 from tests.helpers.coarse_cells import mesh_coarsest
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -142,10 +142,22 @@ def test_a_case_may_name_its_measurements(
     ],
 )
 def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | None, words: tuple[str, ...]) -> None:
-    ours = Resonance(3e4, 3e4, 300.0, 300.0, None, 2.9e4, 3.1e4, None)
-    theirs, measured = replace(ours, frequency_hz=3e4 - 0.01001), read_sweep(FOLDER / "sweep.csv")
-    said = _sweep_summary(measured, theirs, ours, error)
+    half = None if error is None else 3e4 * error
+    ours = ResonanceRecord(frequency_hz=3e4, quality_factor=300.0, circle=None, frequency_error=error)
+    theirs = MeasuredSweepRecord(
+        **{
+            "frequency_hz": 3e4 - 0.01001,
+            "quality_factor": 287.3,
+            "quality_error": 4.0,
+            "circle": None,
+            "computed": ours,
+        },
+        **{"file": "sweep.csv", "synthetic": False, "frequency_shift_hz": -0.01001, "frequency_error": 2e-5},
+        **{"frequency_shift": -0.01001 / 3e4, "frequency_shift_error_hz": half},
+    )
+    said = _sweep_summary(theirs)
     assert all(each in said for each in words)
+    assert "resonance at 30.0000 ± 0.0006 kHz" in said and "quality factor 287 ± 4 against 300 computed" in said
 
 
 def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Path) -> None:

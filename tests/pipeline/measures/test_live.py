@@ -46,9 +46,15 @@ def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) 
     plate, rows = page["plate"], page["rows"]
     assert live.frequency_hz == plate["frequency_hz"] and live.frequency_error == plate["frequency_error"]
     assert live.confinement_db == plate["confinement_db"] and live.zone_to_extension_db == plate["extension_db"]
+    assert live.zone_to_extension_error_db == plate["extension_error_db"] is not None
     near = int(np.argmin(np.abs(np.array(rows["frequency_hz"]) - live.frequency_hz)))
     around = [level for level in rows["db_per_row"][max(near - 1, 0) : near + 2] if level is not None]
     assert min(around) <= live.db_per_row <= max(around)  # type: ignore[operator]
+    known = np.array(
+        [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
+    )
+    for end in (1.0 - live.frequency_error, 1.0 + live.frequency_error):
+        assert abs(np.interp(end * live.frequency_hz, *known.T) - live.db_per_row) <= live.db_error * (1.0 + 1e-9)
     widest = max(page["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
     assert live.gap_hz == (widest and (widest["lower_hz"], widest["upper_hz"]))
     assert not log.warnings and live.warnings == []

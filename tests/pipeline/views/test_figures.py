@@ -34,6 +34,13 @@ def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> Non
     zone = next(line for line in axes.lines if line.get_label() == "zone")
     assert np.allclose(zone.get_xdata(), np.array(RESPONSE.frequency_hz) / KHZ)
     assert np.allclose(zone.get_ydata(), np.array(RESPONSE.zone_rms_m_per_V) / NM)
+    assert not axes.collections  # no bars, no bands
+    half = [0.5 * each for each in RESPONSE.zone_rms_m_per_V]
+    half[0] *= 4.0
+    barred = RESPONSE.model_copy(update={"zone_rms_error_m_per_V": half})
+    (band,) = figures.draw("response", {"schema": 1, **barred.to_dict()}).collections
+    ends = band.get_paths()[0].get_extents()
+    assert ends.ymin > 0.0 and ends.ymax >= 1.5 * max(RESPONSE.zone_rms_m_per_V) / NM * (1.0 - 1e-9)
     assert "(nm/V)" in axes.get_ylabel() and "passive face" in axes.get_legend_handles_labels()[1]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,7 +11,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.measures.confinement import TouchField, measure, strength_force
 from solvers.measures.levels import share_error
-from solvers.measures.mode_mixing import Overlaps, mixing_db
+from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixing_db
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])
@@ -36,6 +38,23 @@ def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
     moved = level(values[:, 0] + share * values[:, 1]) - level(values[:, 0])
     result = mixing_db(face(values), tones, 0, DESIGN, error)
     assert result == pytest.approx(abs(moved), rel=10.0 * share)
+
+
+def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_share_does() -> None:
+    """Of 4 mm with rows of 4 mm between: the level over the whole passive face moves otherwise."""
+    design = replace(DESIGN, rows=2, extension_m=4e-3)
+    values, error = fields(2), 1e-5
+    share = 2.0 * error * TONES[0] * TONES[1] / (TONES[1] ** 2 - TONES[0] ** 2)
+    mixed = np.column_stack([values[:, 0], values[:, 0] + share * values[:, 1]])
+    before, after = measure(face(mixed, design.half_span_m), design, None).extension_db
+    touch = face(values, design.half_span_m)
+    overlaps = Overlaps.of_extension(touch, design)
+    assert overlaps and overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(abs(after - before), rel=10.0 * share)
+    assert overlaps.mixing_db(TONES[:2], 0, error) != pytest.approx(
+        mixing_db(touch, TONES[:2], 0, design, error), rel=0.1
+    )
+    short = replace(design, extension_m=0.0)
+    assert Overlaps.of_extension(face(values, short.half_span_m), short) is None
 
 
 def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> None:
@@ -137,3 +156,12 @@ def test_a_class_that_lacks_the_shape_has_no_strength_at_any_scale(mass_kg: floa
     force = strength_force(light, DESIGN, None)
     strength = measure(light, DESIGN, None).strength
     assert (force @ touch.values) ** 2 == pytest.approx(strength, rel=1e-12)
+
+
+def test_a_share_of_energy_moves_as_its_mixed_modes_do() -> None:
+    """By the worse sign of each neighbour, not to first order alone: a part that one mode leaves still has a bar."""
+    part, vectors, mixed = np.diag([1.0, 0.0, 0.5, 0.0]), np.eye(4)[:, [1, 0, 2]], np.array([0.0, 0.2, 0.1])
+    share_of = lambda moved: np.einsum("ik,ik->k", moved, part @ moved)  # noqa: E731
+    alone = [0.2**2 / (1.0 + 0.2**2), 0.5 * 0.1**2 / (1.0 + 0.1**2)]
+    assert mixed_energy(share_of, vectors, 0, mixed) == pytest.approx((0.0, np.hypot(*alone)), rel=1e-12)
+    assert mixed_energy(share_of, vectors[:, :1], 0, mixed[:1]) == (0.0, 0.0)
