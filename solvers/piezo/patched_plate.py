@@ -85,6 +85,11 @@ class Group:
         """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
         return Factoriser()
 
+    def let_go(self) -> None:
+        """Give back K and M, which are joined again where they are asked for."""
+        for name in ("pencil", "factorise"):
+            vars(self).pop(name, None)
+
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
         return gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
