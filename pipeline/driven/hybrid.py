@@ -34,15 +34,6 @@ METHODS = ("neither", "rows", "patches", "both")
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
 
 
-@dataclass(frozen=True)
-class Plates:
-    """The case's plate, the same without rows, and two with the pillars' resonances lower and higher by the detuning."""
-
-    rows: ForcedPlate
-    bare: ForcedPlate
-    detuned: tuple[ForcedPlate, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class _Plate:
     """A plate and what may be wrong about it: its forms at any tones."""
@@ -64,6 +55,15 @@ class _Plate:
     def changes(self, own: Forms, tones: FloatArray, volts: ComplexArray, still: int | None = None) -> Iterator[Change]:
         assert self.known is not None
         return changes(self.known, own, self.eigenvalue(tones), volts, still)
+
+
+@dataclass(frozen=True)
+class Plates:
+    """The case's plate, the same without rows, and two with the pillars' resonances lower and higher by the detuning."""
+
+    rows: _Plate
+    bare: _Plate
+    detuned: tuple[_Plate, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,27 +181,27 @@ def solve(
     assert step.demand
     announce(step.name, step.demand, log)
     plates = _plates(case, log, band_hz, forced, kept)
-    tone, (low, high) = driven_hz(plates.rows), plates.rows.band_hz
-    wanted = near_hz(plates.rows, tone) if tone and low <= tone <= high else None
+    rows, own = plates.rows, plates.rows.forced
+    tone, (low, high) = driven_hz(own), own.band_hz
+    wanted = near_hz(own, tone) if tone and low <= tone <= high else None
     tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
-    rows, bare, *detuned = (_Plate.of(plate) for plate in (plates.rows, plates.bare, *plates.detuned))
-    alone = (plates.rows.signs * inner)[plates.rows.drivers].astype(complex)
+    alone = (own.signs * inner)[own.drivers].astype(complex)
     with log.step(f"{len(tones)} frequencies, four methods each, and their error bars"):
         methods = []
         for name in METHODS:
-            own, others = (rows, tuple(detuned)) if name in ("rows", "both") else (bare, ())
-            method = _Method(own, None if name in ("patches", "both") else alone, others, alpha)
+            plate, others = (rows, plates.detuned) if name in ("rows", "both") else (plates.bare, ())
+            method = _Method(plate, None if name in ("patches", "both") else alone, others, alpha)
             figures = in_parts(method.with_bars, tones)
             if wanted is not None:
                 figures[..., tones == wanted] = method.at_peak(wanted, rows)[..., None]
             methods.append(_method(name, *figures))
-    patches, plate = case.patches, plates.rows.plate
+    patches = case.patches
     assert patches is not None
-    known = tone is not None and plates.rows.wanted_place() is not None
-    error = frequency_error(plates.rows, tone, frequency_errors(plates.rows)) if tone and known else None
+    known = tone is not None and own.wanted_place() is not None
+    error = frequency_error(own, tone, frequency_errors(own)) if tone and known else None
     record = HybridRecord(
-        model=f"{plate.name} with {patches.count} patches",
-        dof=sum(group.pencil.dof for group in plate.groups),
+        model=f"{own.plate.name} with {patches.count} patches",
+        dof=sum(len(group.loads) for group in own.plate.groups),
         inside=int(inner.sum()),
         behind=len(patches.drivers) - int(inner.sum()),
         detuning=DETUNING,
@@ -248,12 +248,17 @@ def _plates(
     bare = replace(design, rows=0, extension_m=outside, graded=(), graded_pitches_m=())
     others = {"without rows": bare}
     others |= {f"with pillars off by {100.0 * d:+g}%": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
-    first = forced or forced_plate(case, log, band_hz, meshes, is_announced=True)
+    rows = _Plate.of(forced or forced_plate(case, log, band_hz, meshes, is_announced=True))
+    if forced is None:
+        rows.forced.wanted_hz()  # searched for while the matrices are at hand
+        rows.forced.let_go()
     solved = []
     for number, (name, each) in enumerate(others.items(), start=2):
         log.info(f"plate {number} of {1 + len(others)}: {name}")
-        solved.append(forced_plate(replace(case, design=each), log, first.band_hz, meshes, is_announced=True))
-    return Plates(first, solved[0], tuple(solved[1:]))
+        plate = forced_plate(replace(case, design=each), log, rows.forced.band_hz, meshes, is_announced=True)
+        solved.append(_Plate.of(plate))
+        plate.let_go()
+    return Plates(rows, solved[0], tuple(solved[1:]))
 
 
 def _retuned(design: Design, factor: float) -> Design:

@@ -353,9 +353,7 @@ def _within_reach(
         highest = max((row.frequency_hz for row in solved[0].all_rows(query.search)), default=0.0)
         error = _decisive(*solved)
         met = error is not None and error <= case.solve.accuracy  # whatever was measured on another design
-        higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(
-            choice, highest, case.design, log
-        )
+        higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(choice, highest, case, log)
         if higher is None:
             break
         solved, choice = _solved(case, query, higher, log, coarse), higher

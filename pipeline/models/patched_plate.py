@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
-from pipeline.planning import driven_demand, foresight, mesh_rules
+from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
 from pipeline.planning.model_choice import model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.resources import Demand
@@ -17,7 +17,7 @@ from pipeline.units import MM
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import BondedPatch, bonded_patch
-from solvers.piezo.patched_plate import PatchedPlate
+from solvers.piezo.patched_plate import PatchedPlate, coupled_classes
 from solvers.superelement.build import PlateModel
 from solvers.superelement.tiling import Tiling, tile
 from solvers.threads import one_thread
@@ -39,9 +39,12 @@ def forced_plate(
     refuse_patches(case, band)
     if not is_announced:
         foresight.announce("the forced response", _demand(case, band), log)
-    model = parts.build(case, "plate", response_high_hz(case, band), log, [] if meshes is None else meshes)
-    if not isinstance(model, PlateModel):
+    choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, band)))
+    if choice.reduction is None:
         raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
+    simplifications.log_all(choice.left_out, log)
+    model = parts.built(case, choice, log, [] if meshes is None else meshes)
+    assert isinstance(model, PlateModel)
     return driven(case, model, band, log)
 
 
@@ -51,9 +54,11 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
     patches = case.patches
     assert patches is not None
     with log.step("bond the patches"):
-        plates = {plate.symmetry: plate for plate in map(model.assembled, model.symmetries)}
-        middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         bonded = _bonded(case, model.tiling)
+        # patches that couple all classes would be dense in every pair of them, in the whole plate on their panels alone
+        symmetries = model.symmetries if len(coupled_classes(bonded)) > 1 else (None,)
+        plates = {plate.symmetry: plate for plate in map(model.assembled, symmetries)}
+        middle_hz = (band_hz[0] + band_hz[1]) / 2.0
         beneath = Beneath(model.reductions, MatrixCache())
         plate = PatchedPlate(plates, bonded, patches.face == "back", model.name, beneath, middle_hz)
     if plate.undriven:

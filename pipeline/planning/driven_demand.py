@@ -28,14 +28,24 @@ COARSER = 1.3  # times the work on the finest mesh beneath a patch: the coarser 
 SAME_M = 1e-9
 
 
+def as_driven(case: Case, choice: ModelChoice) -> ModelChoice:
+    """The choice as a driven plate is solved: whole where its patches couple all of its classes."""
+    if case.patches is None or len(simplifications.patch_groups(case.patches)) > 1:
+        return choice
+    left_out = tuple(each for each in choice.left_out if each.rule != "mirror_images")
+    return replace(choice, quarter=False, left_out=left_out)
+
+
 def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
     """Demand of a response: every group of classes that the patches drive, joined with them on two meshes, and its modes."""
+    choice = as_driven(case, choice)
     undriven = simplifications.undriven(case.patches) if case.patches and choice.quarter else []
     return _driven(case, choice, band_hz, frequencies, set(undriven))
 
 
 def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
     """Demand of plates whose pillars differ: all groups of classes, and every pillar's motion in the space of their modes."""
+    choice = as_driven(case, choice)
     demand = _driven(case, choice, band_hz, frequencies, set())
     if choice.reduction is None:
         return demand
@@ -85,6 +95,7 @@ def _driven(
 
 def group_bytes(case: Case, choice: ModelChoice, modes: float) -> float:
     """Bytes that the largest group of classes takes while its modes are solved, of so many of the whole plate."""
+    choice = as_driven(case, choice)
     if choice.reduction is None:
         return 0.0
     own, groups = foresight.assembled_class(case.design, choice, choice.reduction), _groups(case, choice)

@@ -31,7 +31,7 @@ LOCKED = (
     0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
 )
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
-REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for
+REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for, at 1 %
 SHORT_REACH = 4.0  # the same beyond the first thickness-shear resonance, where waves are short in every direction
 # the degree through the thickness: of every plate at least, at most, and how many further ones tell what they would bring
 THROUGH, MAX_THROUGH, FURTHER = 3, 8, 2
@@ -41,7 +41,7 @@ THIN_TO = 0.25
 SEEN = 1.0 / 3.0  # of the energy that polynomials miss of a shear wave across the plate what frequencies show
 ALONG_LEFT = 0.015  # of the accuracy: what a coarse cell leaves of such waves along its sides
 MAX_ALONG = 9  # the highest degree along them
-FINER = 0.3  # the cell's fixed-interface modes go up to accuracy^-FINER; too few are noticed and raised
+FINER = 0.3  # fixed-interface modes go up to accuracy^-FINER; too few for a cell are noticed and raised
 TETRAHEDRA = {0.03: 2.0, 0.01: 3.0, 0.003: 4.0}  # accuracy: elements across the smallest dimension
 # by their degrees of freedom; an assembled plate is meshed as its cell is; a whole one's grading would run across it
 MESH_LEVELS = {
@@ -229,8 +229,7 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
     """
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
-    top = min(top, most_hz)
-    top *= (0.01 / min(accuracy, 0.01)) ** FINER
+    top = min(top, most_hz) * _finer(accuracy)
     along = 4 if longest <= 2.5 * design.thickness_m else 6
     return ReductionSettings(Interface(along, 3), top, cell_mesh(design, cell_level(accuracy)))
 
@@ -249,13 +248,22 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     wave_m = _shear_speed(design) / high_hz if high_hz > 0.0 else inf
     longest = min(3.0 * design.thickness_m, wave_m)
     size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
-    reduction = ReductionSettings(face, cutoff_to_hz(design, high_hz), mesh, longest, size, further)
+    reduction = ReductionSettings(face, cutoff_to_hz(design, accuracy, high_hz), mesh, longest, size, further)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
 
 
-def cutoff_to_hz(design: Design, high_hz: float) -> float:
-    """Up to where a plate's panels keep fixed-interface modes for modes up to a frequency, Hz."""
-    return max(REACH * min(high_hz, shear_cutoff_hz(design)), SHORT_REACH * high_hz)
+def cutoff_to_hz(design: Design, accuracy: float, high_hz: float) -> float:
+    """Up to where a plate's panels keep fixed-interface modes for modes up to a frequency, Hz; further for a finer accuracy as
+    long as the plate is thin, whose panels have few of them.
+    """
+    shear_hz = shear_cutoff_hz(design)
+    thin = _finer(accuracy) * min(high_hz, THIN_TO * shear_hz)
+    return max(REACH * max(thin, min(high_hz, shear_hz)), SHORT_REACH * high_hz)
+
+
+def _finer(accuracy: float) -> float:
+    """How much further fixed-interface modes go up than at 1 %."""
+    return float((0.01 / min(accuracy, 0.01)) ** FINER)
 
 
 def degree_through(design: Design, accuracy: float, high_hz: float) -> int:

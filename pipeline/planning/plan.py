@@ -199,7 +199,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     patches = case.patches
     assert patches is not None
     low, high = driven_band_hz(case, band_hz)
-    choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
+    choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, (low, high))))
     looks = f"{points} frequencies and more at the peak, from {khz(low)} to {khz(high)}; {patches.count} patches"
     numbers = {
         "band_hz": [low, high],

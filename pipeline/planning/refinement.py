@@ -224,9 +224,9 @@ def refine_mesh(choice: ModelChoice, highest_hz: float, case: Case, log: Log) ->
     return model_choice_of(case, choice.part, highest_hz)
 
 
-def raise_cutoff(choice: ModelChoice, highest_hz: float, design: Design, log: Log) -> ModelChoice | None:
+def raise_cutoff(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -> ModelChoice | None:
     """Raise a plate's cut-off for the highest mode computed, where it was made for lower ones; else None."""
-    top_hz = mesh_rules.cutoff_to_hz(design, highest_hz)
+    top_hz = mesh_rules.cutoff_to_hz(case.design, case.solve.accuracy, highest_hz)
     if choice.reduction is None or choice.reduction.top_hz >= top_hz * (1.0 - SHORT):
         return None
     made_for = highest_hz * choice.reduction.top_hz / top_hz

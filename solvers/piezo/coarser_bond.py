@@ -101,10 +101,12 @@ def _aligned(
     freedom, so that one symbolic analysis serves them. Directions without a counterpart stay as the finer mesh has them.
     """
     pencil, (values, heavy) = coarser.join(), modes
-    factor, _ = factor_near(pencil, amid(values), group.factorise)
-    moved, _ = np.linalg.qr(factor.solve(heavy))
+    factor, shift = factor_near(pencil, amid(values), group.factorise)
+    force = heavy * (values - shift)  # of answers as long as the modes
+    moved = factor.solve(force)
     factor.free()
-    stiffness, mass = moved.T @ (pencil.stiffness @ moved), moved.T @ pencil.apply_mass(moved)
+    mass = moved.T @ pencil.apply_mass(moved)
+    stiffness = moved.T @ force + shift * mass  # (K - shift M) moved = force
     eigenvalues, own = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
     moved = moved @ own
     fine, overlap, coarse = svd(heavy.T @ moved)

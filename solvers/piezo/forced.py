@@ -21,7 +21,7 @@ from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
-from solvers.fem.factor.factoriser import Factor, side_by_side
+from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, wanted_symmetry
 from solvers.measures.wanted_mode import NONE, Verdict, verdict
@@ -250,6 +250,13 @@ class ForcedPlate:
         if mode is None:
             return np.ones(len(self.plate.patches))
         return in_phase_signs(mode.vector @ mode.group.loads, self.drivers)
+
+    def let_go(self) -> None:
+        """Give back matrices and factors, which forms and curves of the modes need no more; they are made again for others."""
+        for shared in self._kept.values():
+            shared.near, shared.factorise = None, Factoriser()
+        for group in self.plate.everything:
+            group.let_go()
 
     def driven_by(self, volts: ComplexArray) -> Self:
         """The same plate, its drivers fed with these voltages (patches,) per volt of drive instead of +-1."""

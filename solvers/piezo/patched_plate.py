@@ -85,6 +85,11 @@ class Group:
         """What factorises shifted K of the classes: one symbolic analysis serves all of them."""
         return Factoriser()
 
+    def let_go(self) -> None:
+        """Give back K and M, which are joined again where they are asked for."""
+        for name in ("pencil", "factorise"):
+            vars(self).pop(name, None)
+
     def gain(self, vectors: FloatArray, values: FloatArray) -> FloatArray:
         """Gains (k, patches) of the loads on modes (dof, k), each at its own eigenvalue (k,)."""
         return gains_at(vectors, values / self.eigenvalue if self.eigenvalue else None, self.loads, self.inertia)
@@ -304,14 +309,14 @@ class _PatchMatrices:
 
     def added(self, matrix: sp.csc_array, bonds: Sequence[_Bonded]) -> sp.csc_array:
         """A matrix and factor motion' own motion of each of the bonds, dense where their motions have entries."""
-        rows, columns, values = [], [], []
+        total = sp.csc_array(matrix.shape)
         for factor, own, motion in bonds:
             used = np.flatnonzero(np.bincount(motion.indices, minlength=matrix.shape[0]))
-            rows.append(np.repeat(used, len(used)))
-            columns.append(np.tile(used, len(used)))
-            values.append(factor * self._projected(own, motion[:, used].toarray()).ravel())
-        where = (np.concatenate(rows), np.concatenate(columns))
-        return sp.csc_array(matrix + sp.coo_array((np.concatenate(values), where), shape=matrix.shape).tocsc())
+            ends = np.zeros(matrix.shape[0] + 1, dtype=np.int64)
+            ends[used + 1] = len(used)
+            dense = (factor * self._projected(own, motion[:, used].toarray())).T.ravel()
+            total += sp.csc_array((dense, np.tile(used, len(used)), ends.cumsum()), shape=matrix.shape)
+        return sp.csc_array(matrix + total)
 
     def _projected(self, own: FloatArray, motion: FloatArray) -> FloatArray:
         if not self.are_several:

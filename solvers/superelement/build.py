@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import starmap
 from math import ceil
 from typing import Protocol
 
@@ -196,17 +197,22 @@ class PlateModel:
     def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
         self.tiling = tile(design, reductions.reduction.max_edge_m)
         self.reductions = reductions
-        mirrored = self.tiling.mirrored
-        self._panels: dict[Signature, Panel] = {}
-        for place in self.tiling.representatives(not mirrored):
-            panel = self.tiling.panel(*place)
-            self._panels.setdefault(signature(panel), panel)
-        cells = side_by_side(reductions.cell, self._panels.values(), bytes_each)
-        self.cells: dict[Signature, Cell] = dict(zip(self._panels, cells, strict=True))
+        self._bytes_each, mirrored = bytes_each, self.tiling.mirrored
+        self.cells: dict[Signature, Cell] = {}
+        self._reduce(not mirrored)
         order = reductions.reduction.hexahedra.order
         self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
         self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
         self._assembled_plates: dict[str, AssembledPlate] = {}
+
+    def _reduce(self, whole: bool) -> None:
+        """Reduce the panels that a whole plate, or a symmetry class, has and that are not reduced yet."""
+        fresh: dict[Signature, Panel] = {}
+        for panel in starmap(self.tiling.panel, self.tiling.representatives(whole)):
+            if (name := signature(panel)) not in self.cells:
+                fresh.setdefault(name, panel)
+        cells = side_by_side(self.reductions.cell, fresh.values(), self._bytes_each)
+        self.cells |= dict(zip(fresh, cells, strict=True))
 
     @cached_property
     def _grid(self) -> Grid:
@@ -217,6 +223,8 @@ class PlateModel:
         """The assembled cells of one symmetry class, of the whole plate for None."""
         name = symmetry or WHOLE
         if name not in self._assembled_plates:
+            if name == WHOLE:  # a panel at a mirrored plate's lower end may be none of its classes'
+                self._reduce(True)
             grid = None if name == WHOLE else self._grid
             self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)
         return self._assembled_plates[name]

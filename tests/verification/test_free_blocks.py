@@ -139,6 +139,6 @@ def test_thin_plates_keep_degree_three_and_nothing_further() -> None:
         high = 0.24 * mesh_rules.shear_cutoff_hz(case.design)
         thin = mesh_rules.plate_reduction(case.design, 0.003, high)
         assert (thin.interface.through, thin.further, thin.hexahedra.through) == (3, 0, 1)
-        assert thin.top_hz == mesh_rules.REACH * high
+        assert thin.top_hz == mesh_rules.cutoff_to_hz(case.design, 0.003, high)
         thick = mesh_rules.plate_reduction(case.design, 0.003, 10.0 * high)
         assert thick.interface.through > 3 and thick.further == 2

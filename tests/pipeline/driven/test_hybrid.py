@@ -51,8 +51,25 @@ def log() -> RecordingLog:
 
 
 @pytest.fixture(scope="module")
-def record(coarse: pytest.MonkeyPatch, log: RecordingLog) -> HybridRecord:
+def solved(coarse: pytest.MonkeyPatch) -> list[hybrid.Plates]:
+    """The plates of every hybrid, as they are solved."""
+    known, plates = [], hybrid._plates
+    coarse.setattr(hybrid, "_plates", lambda *about: known.append(plates(*about)) or known[-1])
+    return known
+
+
+@pytest.fixture(scope="module")
+def record(coarse: pytest.MonkeyPatch, log: RecordingLog, solved: list[hybrid.Plates]) -> HybridRecord:
     return hybrid.solve(case_of(), log, points=4, alpha=0.0)
+
+
+def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
+    record: HybridRecord, solved: list[hybrid.Plates]
+) -> None:
+    plates = solved[0]
+    for plate in (plates.rows, plates.bare, *plates.detuned):
+        assert not any({"pencil", "factorise"} & set(vars(group)) for group in plate.forced.plate.everything)
+        assert all(shared.near is None for shared in plate.forced._kept.values())
 
 
 def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridRecord, log: RecordingLog) -> None:

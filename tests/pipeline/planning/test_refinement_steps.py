@@ -109,8 +109,19 @@ def test_cells_serve_somewhat_above_what_they_were_reduced_for_and_no_further() 
     """Their own estimate tells whether well; far above it they are reduced again."""
     choice = model_choice_of(case(0.003), "plate", BAND_HZ[1])
     assert choice.reduction is not None
-    made_for = choice.reduction.top_hz / mesh_rules.REACH
-    assert refinement.raise_cutoff(choice, made_for * 1.1, case(0.003).design, RecordingLog()) is None
-    again = refinement.raise_cutoff(choice, made_for * 1.3, case(0.003).design, RecordingLog())
+    own_hz, made_for = choice.reduction.top_hz, BAND_HZ[1]
+    assert refinement.raise_cutoff(choice, made_for * 1.1, case(0.003), RecordingLog()) is None
+    again = refinement.raise_cutoff(choice, made_for * 1.3, case(0.003), RecordingLog())
     assert again is not None and again.reduction is not None
-    assert again.reduction.top_hz == pytest.approx(mesh_rules.REACH * made_for * 1.3)
+    assert again.reduction.top_hz == pytest.approx(own_hz * 1.3)
+
+
+def test_a_finer_accuracy_keeps_more_fixed_interface_modes_while_the_plate_is_thin() -> None:
+    """At 1 % and where the waves are short as the plate is thick the cut-off is that of the frequency alone."""
+    design = case(0.003).design
+    shear_hz = mesh_rules.shear_cutoff_hz(design)
+    for high_hz in (0.06 * shear_hz, 0.24 * shear_hz):
+        rough, usual, fine = (mesh_rules.cutoff_to_hz(design, accuracy, high_hz) for accuracy in (0.03, 0.01, 0.003))
+        assert rough == usual == mesh_rules.REACH * high_hz < fine
+    thick = [mesh_rules.cutoff_to_hz(design, accuracy, 0.5 * shear_hz) for accuracy in (0.01, 0.003)]
+    assert thick[0] == thick[1]

@@ -328,3 +328,15 @@ def test_the_lowest_modes_of_a_square_bar_end_in_a_whole_pair(count: int) -> Non
     result = modes.frequency_hz
     assert len(result) == modes.count.expected == modes.count.found and len(result) - count in (0, 1)
     assert abs(result[1] / result[0] - 1.0) < 1e-9
+
+
+def test_slight_rounding_is_bounded_by_the_columns_sums_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the bound is no longer slight, rounding is computed entry by entry: a refusal never rests on a bound."""
+    body = pencil(("touch",))
+    bound = modes_near(body, 0.0, 5).rounding
+    monkeypatch.setattr(eigen, "SLIGHT", 0.0)
+    modes = modes_near(body, 0.0, 5)
+    size, values = np.abs(modes.vectors), body.scale.eigenvalue(modes.frequency_hz)
+    exact = eigen.EPSILON * np.einsum("ik,ij,jk->k", size, abs(body.stiffness.toarray()), size) / (2.0 * values)
+    assert modes.rounding == pytest.approx(exact, rel=1e-6)
+    assert (exact <= bound).all() and bound.max() < 1e-8
