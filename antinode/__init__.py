@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.results import (
-        Attenuation,
-        Broadband,
         Hybrid,
         Response,
         Search,
@@ -31,7 +29,9 @@ if TYPE_CHECKING:
     from pipeline.errors import InputError
     from pipeline.models.mode_parts import ModeRecord as Mode
     from pipeline.models.mode_parts import WantedRecord as Wanted
+    from pipeline.questions.attenuation import AttenuationResult as Attenuation
     from pipeline.questions.bands import BandsResult as Bands
+    from pipeline.questions.broadband import BroadbandResult as Broadband
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.results": (
-        "Attenuation",
-        "Broadband",
         "Hybrid",
         "Response",
         "Search",
@@ -68,7 +66,8 @@ HOMES = {
 }
 ANSWERS = {  # results of questions, and their parts
     **{
-        name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ("Bands", "Crosstalk", "Modes", "Predesign")
+        name: f"pipeline.questions.{name.lower()}:{name}Result"
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

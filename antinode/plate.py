@@ -34,7 +34,9 @@ from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions import registered
+from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
+from pipeline.questions.broadband import Broadband
 from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
@@ -43,8 +45,6 @@ from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
-        Attenuation,
-        Broadband,
         Hybrid,
         Response,
         Search,
@@ -143,46 +143,9 @@ class Plate(Frozen):
     modes = asks(Modes)
     mesh_modes = asks(MeshModes)
     bands = asks(Bands)
+    attenuation = asks(Attenuation)
+    broadband = asks(Broadband)
     crosstalk = asks(Crosstalk)
-
-    def attenuation(
-        self,
-        band_kHz: Pair | None = None,
-        *,
-        kx_per_m: float | None = None,
-        points: int = 201,
-        progress: bool | None = None,
-    ) -> Attenuation:
-        """Compute the decay per row in dB across the zone's border at a wavenumber along it (default: the wanted mode's).
-
-        band_kHz: (low, high) in kHz; the result's arrays are (points,). Raises InputError without pillar and pitch, and
-        without a zone unless kx_per_m, in rad/m, is given.
-
-        >>> import antinode
-        >>> antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3).frequency_hz.tolist()
-        [30000.0, 32000.0, 34000.0]
-        """
-        from antinode.results import Attenuation
-        from pipeline.analysis import attenuation
-
-        solved = attenuation.solve(self._case, self._log(progress), _hz(band_kHz), kx_per_m, points)
-        return Attenuation(solved.to_dict() | self._about)
-
-    def broadband(self, band_kHz: Pair | None = None, *, points: int = 201, progress: bool | None = None) -> Broadband:
-        """Compute over frequency what the rows let through and how far a driven zone stays confined, dB; rows may differ.
-
-        band_kHz: (low, high) in kHz; the result's arrays are (points,). Raises InputError without zone, pillar and pitch.
-
-        >>> import antinode
-        >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
-        >>> plate.broadband((30.0, 36.0), points=3).confinement_db.shape
-        (3,)
-        """
-        from antinode.results import Broadband
-        from pipeline.models.broadband import broadband
-
-        solved = broadband(self._case, self._log(progress), _hz(band_kHz), points)
-        return Broadband(solved.to_dict() | self._about)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).

@@ -111,67 +111,6 @@ class Result(Frozen):
         return ""
 
 
-def _over(result: Result, f: FloatArray) -> str:
-    """What a result over frequency is, in a few words."""
-    return f"<antinode.{type(result).__name__}: {len(f)} frequencies from {f[0] / KHZ:g} to {f[-1] / KHZ:g} kHz>"
-
-
-class Attenuation(Result):
-    """Decay per row across the zone's border over frequency: arrays (points,), in Hz and dB.
-
-    >>> import antinode
-    >>> waves = antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3)
-    >>> waves.frequency_hz.tolist(), waves.db_per_row.shape, round(waves.kx_per_m)
-    ([30000.0, 32000.0, 34000.0], (3,), 196)
-    """
-
-    kind = "attenuation"
-    _dimensions = ("frequency_hz",)
-
-    frequency_hz: FloatArray = column("frequency_hz", "points", doc="Frequencies (points,) in Hz.")
-    db_per_row: FloatArray = column(
-        "db_per_row",
-        "points",
-        doc="Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none.",
-    )
-
-    @property
-    def kx_per_m(self) -> float:
-        """Wavenumber along the zone, rad/m."""
-        return float(self._document["kx_per_m"])
-
-    def __repr__(self) -> str:
-        return _over(self, self.frequency_hz)
-
-
-class Broadband(Result):
-    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the wanted wavenumber.
-
-    >>> import antinode
-    >>> held = antinode.load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3)
-    >>> held.frequency_hz.tolist(), held.confinement_db.shape
-    ([30000.0, 33000.0, 36000.0], (3,))
-    """
-
-    kind = "broadband"
-    _dimensions = ("frequency_hz",)
-
-    frequency_hz: FloatArray = column("frequency_hz", "points", doc="Frequencies (points,) in Hz.")
-    confinement_db: FloatArray = column(
-        "confinement_db",
-        "points",
-        doc="Confinement (points,) in dB of the motion that the wanted shape's pressure forces.",
-    )
-
-    @property
-    def stopped_hz(self) -> list[tuple[float, float]]:
-        """Intervals in Hz in which the rows let at most a tenth of a flexural wave's power through."""
-        return [(low, high) for low, high in self._document["stopped"]]
-
-    def __repr__(self) -> str:
-        return _over(self, self.frequency_hz)
-
-
 class Response(Result):
     """Forced response to the patches, per volt: arrays (points,), in Hz and m/V; more points about each peak.
 
@@ -203,7 +142,8 @@ class Response(Result):
         return peak
 
     def __repr__(self) -> str:
-        return _over(self, self.frequency_hz)
+        f = self.frequency_hz / KHZ
+        return f"<antinode.Response: {len(f)} frequencies from {f[0]:g} to {f[-1]:g} kHz>"
 
 
 class Tolerance(Result):
@@ -379,8 +319,6 @@ class Search(Result):
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
-        Attenuation,
-        Broadband,
         Response,
         Tolerance,
         Touch,

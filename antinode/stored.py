@@ -61,9 +61,7 @@ def _answer(path: str | Path, kind: type[Answer], document: dict[str, Any]) -> A
 def _kind(document: dict[str, Any]) -> str | None:
     if document.get(KIND) in KINDS or document.get(KIND) in registered():
         return str(document[KIND])
-    for name, question in registered().items():
+    for name, question in sorted(registered().items(), key=lambda each: -len(each[1].result.required())):
         if question.result.required() <= document.keys():
             return name
-    if "kx_per_m" in document and "points" in document:
-        return "broadband" if "stopped" in document else "attenuation"
     return next((kind for kind, mark in MARKS.items() if mark in document), None)

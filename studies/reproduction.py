@@ -27,6 +27,7 @@ from pipeline.plots import style
 from pipeline.plots.response import hybrid_levels, travelling_wave
 from pipeline.plots.touch import power_by_design
 from pipeline.questions.bands import BandsResult
+from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.records import outputs
 from pipeline.records.record import Record, TouchRecord
@@ -160,7 +161,7 @@ def outlook(folder: Path) -> str:
     stored: dict[str, list[Record]] = {}
     for name in OUTLOOK:
         with suppress(BadRecord):
-            stored[name] = [case.record for case in read_study(folder / name).cases if case.record.broadband]
+            stored[name] = [case.record for case in read_study(folder / name).cases if case.record.of(BroadbandResult)]
     page = OUTLOOK_INTRODUCTION.format(studies=", ".join(OUTLOOK))
     if plates := stored.get("graded"):
         rows = [_of_rows(record, stored.get("graded-heights", [])) for record in plates]
@@ -172,12 +173,12 @@ def outlook(folder: Path) -> str:
 
 def _of_rows(record: Record, others: list[Record]) -> list[str]:
     """A design's line; `others` holds it with every height off by as much."""
-    broad, wanted, own = record.broadband, record.wanted, heights_mm(record)
+    broad, wanted, own = record.of(BroadbandResult), record.wanted, heights_mm(record)
     assert broad
     levels = {
-        off: other.broadband.taken_db(wanted.frequency_hz)
+        off: held.taken_db(wanted.frequency_hz)
         for other in others
-        if wanted and other.broadband and (off := _off_mm(heights_mm(other), own)) is not None
+        if wanted and (held := other.of(BroadbandResult)) and (off := _off_mm(heights_mm(other), own)) is not None
     }
     both_ends = levels and min(levels) < 0.02 - OFF_MM and max(levels) > OFF_MM - 0.02
     band = broad.stopped_hz
@@ -202,13 +203,14 @@ def _off_mm(heights: tuple[float, ...], own: tuple[float, ...]) -> float | None:
 def draw_outlook(folder: Path) -> Path | None:
     """The picture: both designs' levels over frequency. None where the study is not stored."""
     try:
-        records = [case.record for case in read_study(folder / "graded").cases if case.record.broadband]
+        records = [case.record for case in read_study(folder / "graded").cases if case.record.of(BroadbandResult)]
     except BadRecord:
         return None
     with style.style():
         figure, axes = style.panels(3.8)
         for record, colour in zip(records[:2], (style.GREY, style.BLUE), strict=False):
-            points = record.broadband.points if record.broadband else []
+            held = record.of(BroadbandResult)
+            points = held.points if held else []
             tone = [point.frequency_hz / 1e3 for point in points]
             name = ", ".join(f"{height:g}" for height in heights_mm(record))
             axes.plot(tone, [point.taken_db for point in points], color=colour, label=f"rows of {name} mm")
@@ -319,7 +321,7 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
     design = record.design
     if design is None or design.pillar is None:
         return None
-    stopped = record.broadband and record.broadband.stopped_hz
+    stopped = (held := record.of(BroadbandResult)) and held.stopped_hz
     low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
     band = f"{low:.1f} to {high:.1f} kHz, {high - low:.1f} kHz wide" if stopped else "none"
     return f"{design.rows}", _faces(record), band, *_mode(record)

@@ -159,14 +159,13 @@ def _pillar_window(case: Case) -> tuple[float, float]:
 
 def _computed_cell(case: Case, log: Log, band_hz: tuple[float, float]) -> dict[str, Any]:
     """Decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
-    from pipeline.analysis import attenuation
+    from pipeline.questions.attenuation import Attenuation
+    from pipeline.questions.question import ask
 
-    attenuation_result = attenuation.solve(case, log, band_hz, 0.0, 81)
-    return {
-        "model": attenuation_result.model,
-        "frequencies_hz": [point.frequency_hz for point in attenuation_result.points],
-        "db_per_row": [point.db_per_row for point in attenuation_result.points],
-        "db_error": [point.db_error for point in attenuation_result.points],
+    solved = ask(case, Attenuation((band_hz[0] / KHZ, band_hz[1] / KHZ), kx_per_m=0.0, points=81), log)
+    named = {"frequencies_hz": "frequency_hz", "db_per_row": "db_per_row", "db_error": "db_error"}
+    return {"model": solved.model} | {
+        key: [getattr(point, name) for point in solved.points] for key, name in named.items()
     }
 
 

@@ -10,7 +10,7 @@ from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.quantities import parse_band
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.quantity import figure, frequency_with_bar, interval, percent, with_bar
+from pipeline.quantity import figure, percent
 from pipeline.records import outputs
 from pipeline.records.reading import filled, reading_table
 from pipeline.views.answer import Answer, emit, of_case
@@ -43,70 +43,6 @@ def _explained(arguments: Namespace, which: str, *about: Any) -> int:
 
     planned = getattr(plan, which)(*about)
     return emit(arguments, "plan", Answer(planned.to_dict(), [planned.text()]))
-
-
-def attenuation(arguments: Namespace) -> int:
-    """Compute the decay per row."""
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_attenuation", case, band, arguments.kx, arguments.points, bool(arguments.out))
-    from pipeline.analysis.attenuation import at_the_zone, solve
-    from pipeline.plots.attenuation import complex_bands
-
-    solved = solve(case, log, band, arguments.kx, arguments.points)
-    shares = ("reflected", "flexural", "shear", "longitudinal")
-    head = ("frequency_hz", "db_per_row", "db_error", "reflected", *(f"transmitted_{name}" for name in shares[1:]))
-    rows = [
-        [
-            point.frequency_hz,
-            point.db_per_row,
-            point.db_error,
-            *(getattr(point.transmission, name, None) for name in shares),
-        ]
-        for point in solved.points
-    ]
-    about = (
-        f"{solved.model}, kx = {figure(solved.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
-        f"incoming flexural wave's power after {solved.rows} row{'s' * (solved.rows != 1)}"
-    )
-    lines = [about, reading_table(head, rows[:: max(1, len(rows) // 20)]), *at_the_zone(case, solved)]
-    answer = Answer(solved.to_dict(), lines, head, rows, lambda: [complex_bands(solved)])
-    return emit(arguments, "attenuation", answer, log)
-
-
-def broadband(arguments: Namespace) -> int:
-    """Compute over frequency what the rows let through and how far a driven zone stays confined."""
-    case, log, band = _read(arguments)
-    from pipeline.models.broadband import broadband as over_frequency
-    from pipeline.plots.attenuation import rows_over_frequency
-
-    solved = over_frequency(case, log, band, arguments.points)
-    document = solved.to_dict()
-    rows = [list(row.values()) for row in ROWS["broadband"](document)]
-    head = tuple(ROWS["broadband"](document)[0])
-    lines = [f"{solved.model}, kx = {figure(solved.kx_per_m)} rad/m, {solved.rows} rows", *_summary(solved)]
-    lines.insert(1, reading_table(head, rows[:: max(1, len(rows) // 20)]))
-    answer = Answer(document, lines, head, rows, lambda: [rows_over_frequency(solved)])
-    return emit(arguments, "broadband", answer, log)
-
-
-def _summary(solved: Any) -> list[str]:
-    """The wanted mode and the intervals, in words."""
-    from solvers.measures.levels import CONFINED_DB
-
-    none = "nowhere between the frequencies asked for"
-    stretches = {
-        f"stopped (at most a tenth of the power passes {solved.rows} rows)": solved.stopped,
-        f"driven motion confined by {CONFINED_DB:g} dB or more": solved.confined,
-    }
-    lines = [
-        f"{what}: {', '.join(interval(*ends, *solved.end_errors(ends)) for ends in windows) or none}"
-        for what, windows in stretches.items()
-    ]
-    if solved.wanted_hz is None or solved.wanted_db is None:
-        return [*lines, "the column has no mode of the wanted shape in its window"]
-    tone = frequency_with_bar(solved.wanted_hz, solved.wanted_error)
-    return [*lines, f"wanted mode of the column: {tone}, {with_bar(solved.wanted_db, solved.wanted_error_db, 'dB')}"]
 
 
 def response(arguments: Namespace) -> int:

@@ -54,7 +54,9 @@ def _column(question: Question[Any], name: str, about: Figure[Any]) -> Column:
         return value
 
     own = about.name or f"{question.name}_{name}"
-    return Column(own, about.heading, of(name), about.unit, of(about.error) if about.error else None)
+    return Column(
+        own, about.heading, of(name), about.unit, of(about.error) if about.error else None, about.is_difference
+    )
 
 
 def _drawn(question: Question[Any]) -> Draw:

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.measures.asked import of_question
-from pipeline.measures.attenuation import ATTENUATION, BROADBAND
+from pipeline.measures.attenuation import ATTENUATION
 from pipeline.measures.board import BOARD
 from pipeline.measures.geometry import GEOMETRY
 from pipeline.measures.live import LIVE
@@ -25,10 +25,21 @@ from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
-WRITTEN = {"modes"}  # questions whose measure keeps more than their result: its module has it
+WRITTEN = {"modes", "attenuation"}  # questions whose measure keeps more than their result: its module has it
 ASKED = {name: of_question(kind()) for name, kind in registered().items() if name not in WRITTEN}
 MEASURES: tuple[Measure, ...] = (
-    *(MODES, ASKED["bands"], ATTENUATION, BROADBAND, RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL, ASKED["crosstalk"]),
+    *(
+        MODES,
+        ASKED["bands"],
+        ATTENUATION,
+        ASKED["broadband"],
+        RESPONSE,
+        TOLERANCE,
+        TOUCH,
+        HYBRID,
+        TRAVEL,
+        ASKED["crosstalk"],
+    ),
     *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),
 )
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,11 +16,11 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
+from pipeline.models.wave_parts import BroadbandPoint, Transmission
 from pipeline.planning import calibration, mesh_rules
 from pipeline.planning.refinement import MARGIN
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import hexahedra
-from pipeline.records.record import BroadbandPoint, BroadbandRecord, Transmission
 from solvers.measures.levels import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.superelement.build import Reductions
@@ -39,7 +42,7 @@ def broadband(
     points: int = POINTS,
     accuracy: float | None = None,
     with_bars: bool = True,
-) -> BroadbandRecord:
+) -> SolvedBroadband:
     """One column of the case's cells at the wanted wavenumber: what passes its rows, and its forced motion, over frequency.
 
     InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
@@ -66,7 +69,8 @@ def broadband(
     wanted_hz, wanted_db, wanted_error, wanted_bar = _wanted(driven, errors, mesh_rules.wanted_window_hz(design))
     confined = stretches(tones, driven.confinement_db)
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
-    record = BroadbandRecord(
+    errors_of = partial(end_errors, samples, widest)
+    return SolvedBroadband(
         model=f"column of superelements hex{order}",
         kx_per_m=case.kx_wanted_per_m,
         rows=design.rows,
@@ -79,10 +83,45 @@ def broadband(
         stopped_hz=_about(stopped, wanted_hz),
         confined=confined,
         stopped=stopped,
+        confined_error=list(map(errors_of, confined)),
+        stopped_error=list(map(errors_of, stopped)),
         points=samples,
     )
-    ends = {"confined_error": confined, "stopped_error": stopped}
-    return record.model_copy(update={name: [record.end_errors(each) for each in of] for name, of in ends.items()})
+
+
+@dataclass(frozen=True)
+class SolvedBroadband:
+    """What the rows hold over frequency, as `pipeline.questions.broadband` declares it."""
+
+    model: str
+    kx_per_m: float
+    rows: int
+    wanted_hz: float | None
+    wanted_db: float | None
+    wanted_error: float | None
+    wanted_error_db: float | None
+    frequency_error: float | None
+    confined_hz: Stretch | None
+    stopped_hz: Stretch | None
+    confined: list[Stretch]
+    stopped: list[Stretch]
+    confined_error: list[tuple[float | None, float | None]]
+    stopped_error: list[tuple[float | None, float | None]]
+    points: list[BroadbandPoint]
+
+    @property
+    def stopped_width_hz(self) -> float:
+        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
+        return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
+
+
+def end_errors(
+    points: Sequence[BroadbandPoint], error: float | None, ends_hz: Sequence[float]
+) -> tuple[float | None, float | None]:
+    """Return the relative half-widths of the bars of an interval's ends: half a step, and the column's bar."""
+    step = (points[-1].frequency_hz - points[0].frequency_hz) / max(len(points) - 1, 1)
+    low, high = (None if error is None else error + step / (2.0 * end) for end in ends_hz)
+    return low, high
 
 
 def checked(case: Case) -> Design:

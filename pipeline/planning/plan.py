@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.planning import driven_demand, foresight, simplifications
-from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
+from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.request import (
     Request,
     driven_band_hz,
@@ -24,9 +24,7 @@ from pipeline.planning.request import (
 )
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
-from pipeline.quantity import figure
 
-ATTENUATION_POINTS = 101  # frequencies of a study's attenuation; the command asks for 201
 HYBRID_POINTS = 61
 RESPONSE_POINTS = 401
 
@@ -127,18 +125,6 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
-def of_attenuation(
-    case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int, drawn: bool
-) -> Plan:
-    """Plan of `antinode attenuation`."""
-    whole = (
-        simplifications.no_plate_modes(),
-        simplifications.no_patches(case.patches),
-        simplifications.no_figures(drawn),
-    )
-    return _plan(case, [attenuation_step(case, band_hz, kx_per_m, points)], whole)
-
-
 def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
     """Plan of `antinode response`. Raises InputError for a model that cannot carry patches."""
     return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
@@ -177,19 +163,6 @@ def _window(query: Request) -> str:
     if query.band_hz:
         return f"every mode from {khz(query.band_hz[0])} to {khz(query.band_hz[1])}"
     return f"the {query.count} modes " + (f"nearest {khz(query.near_hz)}" if query.near_hz else "lowest")
-
-
-def attenuation_step(case: Case, band_hz: tuple[float, float] | None, kx_per_m: float | None, points: int) -> Step:
-    """Plan the complex bands of a row."""
-    case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
-    low, high = driven_band_hz(case, band_hz)
-    choice = cell_model_choice(case, high)
-    kx = case.kx_wanted_per_m if kx_per_m is None else kx_per_m
-    looks = f"{points} frequencies from {khz(low)} to {khz(high)} at kx = {figure(kx)} rad/m"
-    numbers = {"band_hz": [low, high], "frequencies": points, "kx_per_m": kx}
-    left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
-    step = step_of("attenuation", "attenuation across the rows", choice, (), looks, left_out, numbers)
-    return replace(step, demand=foresight.of_attenuation(case, choice, points) if choice.reduction else None)
 
 
 def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, several: bool = False) -> Step:

@@ -7,7 +7,8 @@ from pkgutil import iter_modules
 from typing import Any
 
 MECHANISM = ("question", "result", "command", "method")
-IN_ORDER = ("predesign", "modes", "bands", "crosstalk")  # of help and reference; what is not listed follows
+# of help and reference; what is not listed follows
+IN_ORDER = ("predesign", "modes", "bands", "attenuation", "broadband", "crosstalk")
 
 
 def registered() -> dict[str, type[Any]]:

@@ -152,7 +152,7 @@ def answer(arguments: argparse.Namespace, case: Case, question: Question[Any], l
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
     result: Result = ask(case, question, Run(log, detailed=kept))
-    rows = result.rows()
+    rows = result.to_rows()
     lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
     head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]
     whole = Answer(result.to_dict(), lines, head, cells, result.pictures, draw=result.plot)

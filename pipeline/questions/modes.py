@@ -134,7 +134,7 @@ class ModesResult(Result, table="modes", axes=("mode",)):
         from pipeline.records.reading import filled
 
         unread = ("mode", "parity", "computed_hz")
-        rows = [{key: value for key, value in row.items() if key not in unread} for row in self.rows()]
+        rows = [{key: value for key, value in row.items() if key not in unread} for row in self.to_rows()]
         head = tuple(rows[0]) if rows else ("frequency_hz", "error", "symmetry")
         return filled(head, [[*row.values()] for row in rows])
 

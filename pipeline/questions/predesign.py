@@ -87,7 +87,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         parts: dict[str, Part | None] = {"zone": self.zone, "pillar": self.pillar}
         return {name: part.values() for name, part in parts.items() if part}
 
-    def rows(self) -> list[dict[str, Any]]:
+    def to_rows(self) -> list[dict[str, Any]]:
         """Return one row a quantity of zone and pillar, then the expected error of each theory's frequency."""
         rows = []
         for part, sizes in self._sizes.items():
@@ -100,7 +100,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
         from pipeline.quantity import percent
         from pipeline.records.reading import named, reading_table
 
-        rows = [[*row.values()] for row in self.rows() if not row["quantity"].endswith("_error")]
+        rows = [[*row.values()] for row in self.to_rows() if not row["quantity"].endswith("_error")]
         yield reading_table(("part", "quantity", "value"), rows)
         yield from self._tuning()
         for part, sizes in self._sizes.items():

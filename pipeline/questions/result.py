@@ -23,8 +23,11 @@ T = TypeVar("T")
 class Figure(Generic[T]):
     """A property that answers in one number: a column of every sweep, a headline of every report."""
 
-    def __init__(self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: str) -> None:
+    def __init__(
+        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: str, is_difference: bool
+    ) -> None:
         self.of, self.heading, self.unit, self.name, self.error = of, heading, unit, name, error
+        self.is_difference = is_difference
         self.__doc__ = of.__doc__
 
     @overload
@@ -36,7 +39,7 @@ class Figure(Generic[T]):
 
 
 def figure(
-    heading: str, unit: str | None = "", *, name: str = "", error: str = ""
+    heading: str, unit: str | None = "", *, name: str = "", error: str = "", is_difference: bool = False
 ) -> Callable[[Callable[[Any], T]], Figure[T]]:
     """Declare a figure of a result: a property, None where it has no meaning.
 
@@ -48,8 +51,10 @@ def figure(
         Its column in table.csv; the question's name and its own by default.
     error
         The property with the half-width of its error bar, relative for a frequency, else in the unit.
+    is_difference
+        Whether it is a difference of frequencies, whose bar is in Hz.
     """
-    return lambda of: Figure(of, heading, unit, name, error)
+    return lambda of: Figure(of, heading, unit, name, error, is_difference)
 
 
 @dataclass(frozen=True)
@@ -105,7 +110,7 @@ class Result(Part):
 
     # what follows
 
-    def rows(self) -> list[dict[str, Any]]:
+    def to_rows(self) -> list[dict[str, Any]]:
         """Return the main table: a dictionary of plain values a row, units in the names."""
         return rows_of(self, self.table, self.axes)
 
@@ -131,7 +136,7 @@ class Result(Part):
         """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
         from pipeline.records.frames import frame
 
-        return frame(self.rows())
+        return frame(self.to_rows())
 
     def to_xarray(self) -> Any:
         """Return the main table as an xarray Dataset over its axes, `units` in the attributes.
@@ -140,7 +145,7 @@ class Result(Part):
         """
         from pipeline.records.frames import dataset
 
-        rows = self.rows()
+        rows = self.to_rows()
         held = [axis for axis in self.axes if rows and axis in rows[0]]
         return dataset(rows, held)
 

@@ -26,7 +26,7 @@ class Column:
 
     name: of its column in tables, its own by default. error: the field with the half-width of its error bar. parts: names of
     the columns that hold the entries of a last axis of its own, such as the real and the imaginary part. table: whether
-    it does.
+    it does. spread: of a part, whether its own columns do.
     """
 
     about: str
@@ -36,11 +36,12 @@ class Column:
     error: str = ""
     parts: Axis = ()
     table: bool = True
+    spread: bool = False
 
 
 def column(
     about: str, unit: str = "", *, along: str | Axis = (), name: str = "", error: str = "", parts: Axis = (),
-    table: bool = True, default: Any = MISSING, default_factory: Any = MISSING,
+    table: bool = True, spread: bool = False, default: Any = MISSING, default_factory: Any = MISSING,
 ) -> Any:  # fmt: skip
     """Declare a field of a part.
 
@@ -58,12 +59,14 @@ def column(
         Names in tables of the entries of one more axis, such as the real and the imaginary part.
     table
         Whether it stands in tables.
+    spread
+        Of a part: whether its own columns stand in the table.
     default, default_factory
         As `dataclasses.field` takes them: None for what some models do not have.
     """
     axes = (along,) if isinstance(along, str) else along
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
-    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts, table)})
+    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts, table, spread)})
 
 
 def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
@@ -126,8 +129,9 @@ def _reader(kind: type[Part]) -> Any:
 
 
 def part_of(kind: type[Part], name: str) -> type[Part]:
-    """Return the class of the items of a list of parts."""
-    held: type[Part] = get_args(get_type_hints(kind)[name])[0]
+    """Return the class of a part that a field holds: itself, or as the items of a list."""
+    hint = get_type_hints(kind)[name]
+    held: type[Part] = next((each for each in get_args(hint) if isinstance(each, type)), hint)
     return held
 
 
@@ -172,18 +176,28 @@ def rows_of(whole: Part, table: str, axes: Axis) -> list[dict[str, Any]]:
     """
     items: list[Part] = getattr(whole, table) if table else [whole]
     inner = axes[1:] if table else axes
-    shared = [each for each in _table_columns(whole, inner) if each[1].along] if table else []
+    shared = [each for each in _table_columns(whole, inner) if each[2].along] if table else []
     rows = []
     for number, item in enumerate(items, start=1):
-        columns = [*((whole, *each) for each in shared), *((item, *each) for each in _table_columns(item, inner))]
+        columns = [*shared, *_table_columns(item, inner)]
         numbered = {axes[0]: number} if table and axes[0] not in {name for _, name, _ in columns} else {}
         rows += [numbered | row for row in _expanded(columns, inner)]
     return rows
 
 
-def _table_columns(part: Part, inner: Axis) -> list[tuple[str, Column]]:
+Entry = tuple["Part | None", str, Column]  # whose column it is (None: all cells are None), its name, what it means
+
+
+def _table_columns(part: Part, inner: Axis) -> list[Entry]:
     """Return the columns of a part that stand in a table over these axes: not its parts, nor lists along other axes."""
-    return [(name, each) for name, each in part.declared.items() if _fits(getattr(part, name), each, set(inner))]
+    out: list[Entry] = []
+    for name, about in part.declared.items():
+        if about.spread:
+            own = part_of(type(part), name).declared.items()
+            out += [(getattr(part, name), each, what) for each, what in own]
+        elif _fits(getattr(part, name), about, set(inner)):
+            out.append((part, name, about))
+    return out
 
 
 def _fits(value: Any, about: Column, axes: set[str]) -> bool:
@@ -193,11 +207,11 @@ def _fits(value: Any, about: Column, axes: set[str]) -> bool:
     return not isinstance(value, Part | dict) and (bool(single) or not isinstance(value, list))
 
 
-def _expanded(columns: list[tuple[Part, str, Column]], inner: Axis) -> Iterator[dict[str, Any]]:
+def _expanded(columns: list[Entry], inner: Axis) -> Iterator[dict[str, Any]]:
     """Yield the rows of one item: what runs along an axis a row an entry, what does not repeated."""
     sizes: dict[str, int] = {}
     for part, name, about in columns:
-        value = getattr(part, name)
+        value = getattr(part, name, None)
         for axis in about.along:
             if value is not None:
                 sizes.setdefault(axis, len(value))
@@ -208,7 +222,7 @@ def _expanded(columns: list[tuple[Part, str, Column]], inner: Axis) -> Iterator[
         row: dict[str, Any] = {}
         for part, name, about in columns:
             row |= {axis: at[axis] + 1 for axis in about.along if axis not in named and axis not in row}
-            row |= _cells(_entry(getattr(part, name), [at[axis] for axis in about.along]), name, about)
+            row |= _cells(_entry(getattr(part, name, None), [at[axis] for axis in about.along]), name, about)
         yield row
 
 

@@ -11,14 +11,13 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
-from math import isclose, isfinite, log10, nan, sqrt
+from math import isclose, isfinite, nan, sqrt
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
@@ -188,173 +187,6 @@ class ShapesRecord(Part):
     frequency_hz: list[float]
     share: list[float]
     coefficients: list[list[float]]
-
-
-class WaveRecord(Part):
-    """One wave across the rows; db_error: half-width of its decay's bar, dB, of the least attenuated flexural one alone."""
-
-    polarisation: str
-    ky_re_per_m: float
-    ky_im_per_m: float
-    db_per_row: float
-    pillar_share: float
-    db_error: float | None = None
-
-
-class Transmission(Part):
-    """Shares of an incoming flexural wave's power after the case's rows, by polarisation."""
-
-    reflected: float
-    flexural: float
-    shear: float
-    longitudinal: float
-
-    @property
-    def taken_db(self) -> float:
-        """What the rows take from a flexural wave's power, dB, at most 300."""
-        return -10.0 * log10(max(self.flexural, 1e-30))
-
-
-class AttenuationPoint(Part):
-    """All waves at a frequency, the decay of the least attenuated flexural one, and what the rows let through.
-
-    db_error, taken_error_db: half-widths of the bars of the decay and of what the rows take, dB; None where unknown.
-    """
-
-    frequency_hz: float
-    waves: tuple[WaveRecord, ...]
-    db_per_row: float | None
-    transmission: Transmission | None
-    db_error: float | None = None
-    taken_error_db: float | None = None
-
-    @property
-    def taken_db(self) -> float:
-        """As of `Transmission`; NaN where no wave arrives."""
-        return self.transmission.taken_db if self.transmission else nan
-
-
-class AttenuationRecord(Part):
-    """Complex bands over frequency at one wavenumber along the zone; errors are those of the cell's bands, relative."""
-
-    model: str
-    kx_per_m: float
-    pitch_y_m: float
-    rows: int
-    expected_error: float | None
-    reduction_error: float | None
-    points: tuple[AttenuationPoint, ...]
-
-    @property
-    def decay(self) -> FloatArray:
-        """Frequency and decay per row of the least attenuated flexural wave, where there is one, (k, 2)."""
-        known = [(p.frequency_hz, p.db_per_row) for p in self.points if p.db_per_row is not None]
-        return np.reshape(np.array(known, dtype=float), (-1, 2))
-
-    def at(self, frequency_hz: float) -> float | None:
-        """Decay per row of the least attenuated flexural wave at a frequency, interpolated; None outside the band."""
-        known = self.decay
-        if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
-            return None
-        return float(np.interp(frequency_hz, *known.T))
-
-    def error_at(self, frequency_hz: float) -> float | None:
-        """Half-width of the bar of `at`, dB: the larger of both neighbours' bars, and what the chord between them may miss,
-        by the lines through the samples beyond; None where it is unknown.
-        """
-        own = self.at(frequency_hz)
-        if own is None:
-            return None
-        tones, levels, bars = np.array(
-            [
-                (p.frequency_hz, p.db_per_row, nan if p.db_error is None else p.db_error)
-                for p in self.points
-                if p.db_per_row is not None
-            ]
-        ).T
-        if len(tones) < 2:
-            return None if np.isnan(bars[0]) else float(bars[0])
-        last = int(np.clip(np.searchsorted(tones, frequency_hz), 1, len(tones) - 1))
-        if frequency_hz in tones:
-            bar = float(bars[tones == frequency_hz][0])
-            return None if np.isnan(bar) else bar
-        missed = 0.0
-        for first in (last - 2, last):
-            if 0 <= first < len(tones) - 1:
-                slope = (levels[first + 1] - levels[first]) / (tones[first + 1] - tones[first])
-                missed = max(missed, abs(levels[first] + slope * (frequency_hz - tones[first]) - own))
-        bar = float(max(bars[last - 1], bars[last])) + min(missed, abs(float(levels[last] - levels[last - 1])))
-        return None if np.isnan(bar) else bar
-
-
-class BroadbandPoint(Part):
-    """At a frequency: confinement of the motion that a pressure of the wanted shape forces, and what passes the rows.
-
-    confinement_error_db, taken_error_db: half-widths of the bars of the confinement and of what the rows take, dB.
-    """
-
-    frequency_hz: float
-    confinement_db: float | None
-    transmission: Transmission | None
-    confinement_error_db: float | None = None
-    taken_error_db: float | None = None
-
-    @property
-    def taken_db(self) -> float:
-        """As of `Transmission`; NaN where no wave arrives."""
-        return self.transmission.taken_db if self.transmission else nan
-
-
-class BroadbandRecord(Part):
-    """What the rows hold over frequency at the wanted wavenumber, of one column of cells: the plate's ends left out.
-
-    confined, stopped: intervals where the driven motion is confined, and where no more than a tenth of a wave's power
-    passes, Hz; confined_hz, stopped_hz: those of them that hold the wanted mode's frequency, None where none does.
-    wanted_error, frequency_error: relative half-widths of the bars of the wanted mode and of any frequency of the column;
-    confined_error, stopped_error: of both ends of each interval.
-    """
-
-    model: str
-    kx_per_m: float
-    rows: int
-    wanted_hz: float | None
-    wanted_db: float | None
-    confined_hz: tuple[float, float] | None
-    stopped_hz: tuple[float, float] | None
-    confined: list[tuple[float, float]]
-    stopped: list[tuple[float, float]]
-    points: list[BroadbandPoint]
-    wanted_error: float | None = None
-    wanted_error_db: float | None = None
-    frequency_error: float | None = None
-    confined_error: list[tuple[float | None, float | None]] = []
-    stopped_error: list[tuple[float | None, float | None]] = []
-
-    def end_errors(self, ends_hz: tuple[float, float]) -> tuple[float | None, float | None]:
-        """Relative half-widths of the bars of an interval's ends: half a step of the frequencies beside the column's bar."""
-        error = self.frequency_error
-        step = (self.points[-1].frequency_hz - self.points[0].frequency_hz) / max(len(self.points) - 1, 1)
-        low, high = (None if error is None else error + step / (2.0 * end) for end in ends_hz)
-        return low, high
-
-    def taken_db(self, frequency_hz: float) -> float:
-        """What the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
-        tones, levels = [point.frequency_hz for point in self.points], [point.taken_db for point in self.points]
-        return float(np.interp(frequency_hz, tones, levels, left=nan, right=nan))
-
-    @property
-    def stopped_width_hz(self) -> float:
-        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
-        return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
-
-    @property
-    def stopped_width_error_hz(self) -> float | None:
-        """Half-width of the bar of stopped_width_hz by those of both ends; None without an estimate."""
-        if self.stopped_hz is None:
-            return None
-        errors = self.end_errors(self.stopped_hz)
-        known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
-        return sum(known) if len(known) == len(errors) else None
 
 
 class PredictionRecord(Part):
@@ -984,8 +816,6 @@ class Record(Checked):
     design: DesignRecord | None = None
     meshes: list[MeshRecord] = []
     shapes: ShapesRecord | None = None
-    attenuation: AttenuationRecord | None = None
-    broadband: BroadbandRecord | None = None
     prediction: PredictionRecord | None = None
     live: LiveRecord | None = None
     response: ResponseRecord | None = None

@@ -8,13 +8,10 @@ from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from geometry.files import written_whole
-from pipeline.plots import attenuation as of_rows
 from pipeline.plots import response as of_response
 from pipeline.plots import style
 from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
-    AttenuationRecord,
-    BroadbandRecord,
     HybridRecord,
     Part,
     ResponseRecord,
@@ -51,17 +48,6 @@ def save(figure: Any, place: Path) -> None:
     """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
-
-
-def attenuation(ax: Any, document: Document) -> None:
-    """Decay per row of the least attenuated flexural wave over frequency."""
-    of_rows.draw_least(ax, _read(AttenuationRecord, document))
-    ax.set(xlabel="frequency (kHz)", ylabel="decay per row (dB)")
-
-
-def broadband(ax: Any, document: Document) -> None:
-    """What the rows take from a wave and how far the driven zone is confined, over frequency."""
-    of_rows.draw_levels(ax, _read(BroadbandRecord, document))
 
 
 def response(ax: Any, document: Document) -> None:
@@ -101,8 +87,6 @@ def differences(ax: Any, rows: list[Document]) -> None:
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
     for each in (
-        attenuation,
-        broadband,
         response,
         tolerance,
         touch,

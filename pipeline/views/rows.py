@@ -9,24 +9,6 @@ Document = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
-def attenuation(document: Document) -> Rows:
-    """One row a frequency."""
-    return [{key: point.get(key) for key in ("frequency_hz", "db_per_row", "db_error")} for point in document["points"]]
-
-
-def broadband(document: Document) -> Rows:
-    """One row a frequency."""
-    shares = ("reflected", "flexural", "shear", "longitudinal")
-    return [
-        {key: point.get(key) for key in ("frequency_hz", "confinement_db", "confinement_error_db")}
-        | {
-            f"transmitted_{name}" if name != "reflected" else name: (point["transmission"] or {}).get(name)
-            for name in shares
-        }
-        for point in document["points"]
-    ]
-
-
 def response(document: Document) -> Rows:
     """One row a frequency."""
     names = ("zone_rms_m_per_V", "passive_rms_m_per_V", "zone_rms_error_m_per_V", "passive_rms_error_m_per_V")
@@ -91,8 +73,6 @@ def search(document: Document) -> Rows:
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
-        attenuation,
-        broadband,
         response,
         tolerance,
         touch,

@@ -17,6 +17,8 @@ GOOD = {
     "modes": 'mode: float | None = plate.modes((30.0, 34.0), "zone", count=3, symmetry="SS")[0].mac',
     "mesh_modes": 'rigid: int = plate.mesh_modes("block.inp", unit="mm", clamp=("FOOT",)).rigid_count',
     "bands": "edges: list[float] = [gap.lower_hz for gap in plate.bands(progress=False).gaps]",
+    "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
+    "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
 }
 WRONG = {  # a line, and the code of the error that it must give

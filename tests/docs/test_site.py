@@ -97,9 +97,9 @@ def test_every_field_of_a_json_document_has_a_meaning(
     reference = site["reference"]
     known = deepcopy(reference.field_meanings())
     del known["any"]["model"], known["TipRecord"]["side_m"]
-    monkeypatch.setattr(reference, "field_meanings", lambda: known | {"WaveRecord": {"colour": "Its paint."}})
+    monkeypatch.setattr(reference, "field_meanings", lambda: known | {"PeakRecord": {"colour": "Its paint."}})
     left = reference.unexplained()
-    assert {"AttenuationRecord.model", "TipRecord.side_m", "WaveRecord.colour", "WaveRecord.ky_re_per_m"} <= set(left)
+    assert {"ResponseRecord.model", "TipRecord.side_m", "PeakRecord.colour"} <= set(left)
 
 
 def test_documents_hold_what_their_page_says(

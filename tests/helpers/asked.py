@@ -6,6 +6,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.bands import SolvedBands
 from pipeline.planning.plan import Plan
+from pipeline.questions.attenuation import Attenuation, AttenuationResult
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.crosstalk import Crosstalk, CrosstalkResult
 from pipeline.questions.question import Run, ask
@@ -27,3 +28,11 @@ def crosstalk_of(case: Case, log: Log, points: int = 401) -> CrosstalkResult:
     question = Crosstalk(points=points)
     question.check(case)
     return question.compute(case, Plan(case.name, (), ()), Run(log))
+
+
+def attenuation_of(
+    case: Case, log: Log, band_hz: tuple[float, float] | None = None, kx: float | None = None, points: int = 201
+) -> AttenuationResult:
+    """The decay per row of a case."""
+    band = band_hz and (band_hz[0] / 1e3, band_hz[1] / 1e3)
+    return ask(case, Attenuation(band, kx_per_m=kx, points=points), log)

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, WantedMode, WantedRecord
+from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
+from pipeline.questions.attenuation import AttenuationResult
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.questions.modes import ModesResult
 from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
-    AttenuationPoint,
-    AttenuationRecord,
     BoardRecord,
     DesignRecord,
     GeometryRecord,
@@ -29,8 +29,6 @@ from pipeline.records.record import (
     Record,
     ResponseRecord,
     TetModesRecord,
-    Transmission,
-    WaveRecord,
 )
 from pipeline.records.study import StoredCase
 
@@ -202,20 +200,20 @@ def tet_bands(ours: BandsResult) -> BandsResult:
     return BandsResult(model="solid", dof=30000, points=points, gaps=[])
 
 
-def attenuation(rows: int) -> AttenuationRecord:
+def attenuation(rows: int) -> AttenuationResult:
     """Invented complex bands: a stop band round 33 kHz."""
     points = []
     for frequency in np.linspace(25e3, 45e3, 21):
         decay = max(0.0, 6.0 - abs(frequency - 33e3) / 1e3)
         wave = {"polarisation": "flexural", "ky_re_per_m": 300.0, "ky_im_per_m": decay * 28.8, "db_per_row": decay}
         steep = {"polarisation": "shear", "ky_re_per_m": 0.0, "ky_im_per_m": 200.0, "db_per_row": 7.0}
-        waves = [WaveRecord(**each, pillar_share=0.1) for each in (wave, steep)]
+        waves = [Wave(**each, pillar_share=0.1) for each in (wave, steep)]
         transmission = Transmission(reflected=0.9, flexural=0.1, shear=0.0, longitudinal=0.0)
         points.append(
             AttenuationPoint(frequency_hz=frequency, waves=waves, db_per_row=decay, transmission=transmission)
         )
     errors = {"expected_error": None, "reduction_error": None}
-    return AttenuationRecord(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
+    return AttenuationResult(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
 
 
 def prediction(rows: int, level_db: float | None) -> PredictionRecord:

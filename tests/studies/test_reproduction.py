@@ -137,7 +137,7 @@ def test_pillars_on_both_faces_stand_beside_those_on_one() -> None:
     both = plate.model_copy(update={"pillar": plate.pillar.model_copy(update={"faces": 2})})
     bands = None, SimpleNamespace(stopped_hz=(28e3, 36.5e3))
     records = [
-        SimpleNamespace(design=each, wanted=None, confinement_db=12.0, broadband=band)
+        SimpleNamespace(design=each, wanted=None, confinement_db=12.0, of=lambda kind, band=band: band)
         for each, band in zip((plate, both), bands, strict=True)
     ]
     rows = [reproduction._of_faces(record) for record in records]  # type: ignore[arg-type]

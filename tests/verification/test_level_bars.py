@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from pipeline.analysis import attenuation, response
+from pipeline.analysis import response
 from pipeline.case.model import Case, load_case
+from pipeline.models import attenuation
 from pipeline.models.broadband import broadband
 from pipeline.models.modes import Request, solve_modes
 from pipeline.paths import ROOT
 from pipeline.planning import mesh_rules
 from solvers.superelement.interface import Interface, ReductionSettings
+from tests.helpers.asked import attenuation_of
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.slow
@@ -51,7 +53,7 @@ def column() -> Any:
 
 def test_the_decay_of_a_finer_cell_lies_within_the_bars() -> None:
     """Of a cell that is asked for a tenth of the error, at the edges of a pass band, too."""
-    coarse, fine = (attenuation.solve(case(a), LOG, (30e3, 46e3), points=17) for a in (0.05, 0.005))
+    coarse, fine = (attenuation_of(case(a), LOG, (30e3, 46e3), points=17) for a in (0.05, 0.005))
     moved = np.abs(figures(coarse.points, "db_per_row") - figures(fine.points, "db_per_row"))
     bars = figures(coarse.points, "db_error"), figures(fine.points, "db_error")
     assert (moved <= bars[0] + bars[1] + attenuation.ROUNDING_DB).all()

@@ -10,7 +10,6 @@ import pytest
 
 from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.mesh import cell_volumes
-from pipeline.analysis.attenuation import solve
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -25,6 +24,7 @@ from solvers.superelement.build import Reductions
 from solvers.superelement.interface import Interface
 from solvers.superelement.tiling import tile
 from solvers.waves.supercell import Supercell, staggered_tiling
+from tests.helpers.asked import attenuation_of as solve
 from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars
 

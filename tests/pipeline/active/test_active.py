@@ -139,9 +139,9 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     """What `attenuation` returns is compared and drawn; None (too steep to keep) counts as stopped."""
     query = {}
 
-    def solve(case, log, band_hz, kx_per_m, points):
-        query.update(band=band_hz, kx=kx_per_m)
-        tones = np.linspace(*band_hz, 41)
+    def answer(case, question, log):
+        query.update(band=question.band_kHz, kx=question.kx_per_m)
+        tones = 1e3 * np.linspace(*question.band_kHz, 41)
         points = [
             SimpleNamespace(
                 frequency_hz=f, db_per_row=None if 34e3 < f < 35e3 else 3.0 * (30e3 < f < 36e3), db_error=f / 1e5
@@ -150,10 +150,10 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         ]
         return SimpleNamespace(model="stub", points=points)
 
-    monkeypatch.setattr("pipeline.analysis.attenuation.solve", solve)
+    monkeypatch.setattr("pipeline.questions.question.ask", answer)
     assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
     document = json.loads((tmp_path / "active_pillar.json").read_text())
-    assert query == {"band": (25e3, 45e3), "kx": 0.0} and document["cell"]["model"] == "stub"
+    assert query == {"band": (25.0, 45.0), "kx": 0.0} and document["cell"]["model"] == "stub"
     assert document["cell"]["db_error"] == [f / 1e5 for f in document["cell"]["frequencies_hz"]]
     assert site_fields.differing("active pillar", document) == []
     assert document["comparison"][-1]["ours"] == "30.5-35.5 kHz"

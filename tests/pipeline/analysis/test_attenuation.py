@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from math import pi
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,16 +11,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.analysis import attenuation
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
+from pipeline.models import attenuation
+from pipeline.models.wave_parts import AttenuationPoint, Transmission
 from pipeline.paths import STUDIES
-from pipeline.records.record import AttenuationPoint, Transmission
+from pipeline.questions.attenuation import prediction
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
 from solvers.waves import evanescent
 from tests.helpers import synthetic
+from tests.helpers.asked import attenuation_of
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -81,7 +84,7 @@ def test_power_is_shared_out_whole_and_none_is_turned_in_plane(document: dict) -
 
 def test_straight_across_in_plane_waves_take_their_share() -> None:
     case = load_case(CASE, ["solve.accuracy=0.03"])
-    result = attenuation.solve(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
+    result = attenuation_of(case, TerminalLog(True), (34e3, 36e3), 0.0, 3)
     for point in result.points:
         shares = point.transmission
         assert shares is not None and shares.longitudinal > 0.0
@@ -91,9 +94,9 @@ def test_straight_across_in_plane_waves_take_their_share() -> None:
 def test_the_prediction_is_rows_times_the_decay() -> None:
     transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
     points = [
-        AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=transmission) for f in (30e3, 40e3)
+        AttenuationPoint(frequency_hz=f, waves=[], db_per_row=5.0, transmission=transmission) for f in (30e3, 40e3)
     ]
-    text = attenuation.prediction(synthetic.attenuation(3).model_copy(update={"points": points}), 35e3, 12.0, 0.4)
+    text = prediction(replace(synthetic.attenuation(3), points=points), 35e3, 12.0, 0.4)
     assert text.rows_db == 15.0 and text.transmission_db == pytest.approx(20.0) and text.rows_needed == 2
     assert (text.zone_to_extension_db, text.zone_to_extension_error_db) == (12.0, 0.4)
 
@@ -105,14 +108,12 @@ def test_what_is_converted_has_the_digits_of_its_bar() -> None:
         share = 0.1234 + 1e-6 * (tone - 40e3)
         return Transmission(reflected=0.1, flexural=0.9 - share, shear=share, longitudinal=0.0)
 
-    points = tuple(
-        AttenuationPoint(frequency_hz=f, waves=(), db_per_row=5.0, transmission=shares(f)) for f in (30e3, 40e3)
-    )
+    points = [AttenuationPoint(frequency_hz=f, waves=[], db_per_row=5.0, transmission=shares(f)) for f in (30e3, 40e3)]
     log = RecordingLog()
     for error in (0.01, None):
         attenuation._log_converted(points, 0.0, shares, error, log)
     still = Transmission(reflected=0.1, flexural=0.9, shear=0.0, longitudinal=0.0)
-    attenuation._log_converted((points[0].model_copy(update={"transmission": still}),), 237.35, shares, 0.01, log)
+    attenuation._log_converted([replace(points[0], transmission=still)], 237.35, shares, 0.01, log)
     assert "at most 12.34 ± 0.04 % of" in log.facts[0] and "at most 12.3 % of" in log.facts[1]
     assert "at kx = 237.35 rad/m" in log.facts[2] and "nothing is converted" in log.facts[2]
 
@@ -124,14 +125,14 @@ def test_a_sentence_says_what_the_rows_do_where_the_zone_is_to_vibrate() -> None
     transmission = Transmission(reflected=0.99, flexural=0.01, shear=0.0, longitudinal=0.0)
     for decay, said in ((5.0, "5.00 dB a row of endless rows, 15.0 dB in 3, 10 dB in 2"), (0.0, "undamped")):
         points = [
-            AttenuationPoint(frequency_hz=f, waves=(), db_per_row=decay, transmission=transmission)
+            AttenuationPoint(frequency_hz=f, waves=[], db_per_row=decay, transmission=transmission)
             for f in (30e3, 40e3)
         ]
-        solved = synthetic.attenuation(3).model_copy(update={"points": points})
-        (line,) = attenuation.at_the_zone(case, solved)
+        solved = replace(synthetic.attenuation(3), points=points, zone_hz=1e3 * zone_khz)
+        *_, line = solved.lines()
         assert line.startswith(f"at {zone_khz:.1f} kHz") and said in line and "take 20.0 dB" in line
-    low = solved.model_copy(update={"points": [points[0].model_copy(update={"frequency_hz": f}) for f in (1e3, 2e3)]})
-    assert attenuation.at_the_zone(case, low) == []
+    low = replace(solved, points=[replace(points[0], frequency_hz=f) for f in (1e3, 2e3)])
+    assert len([*low.lines()]) == 2
 
 
 def test_a_wave_is_listed_up_to_the_edge_where_its_wavenumber_ends() -> None:
@@ -154,12 +155,12 @@ def test_a_wave_is_listed_up_to_the_edge_where_its_wavenumber_ends() -> None:
 
 def test_a_decay_between_samples_has_their_larger_bar_and_what_the_chord_may_miss() -> None:
     def point(tone: float, decay: float, bar: float) -> AttenuationPoint:
-        return AttenuationPoint(frequency_hz=tone, waves=(), db_per_row=decay, transmission=None, db_error=bar)
+        return AttenuationPoint(frequency_hz=tone, waves=[], db_per_row=decay, transmission=None, db_error=bar)
 
     straight = [point(30e3, 1.0, 0.1), point(31e3, 2.0, 0.3), point(32e3, 3.0, 0.2)]
     bent = [*straight, point(33e3, 9.0, 0.4)]
     record = synthetic.attenuation(3)
-    one, other = (record.model_copy(update={"points": points}) for points in (straight, bent))
+    one, other = (replace(record, points=points) for points in (straight, bent))
     assert one.error_at(31e3) == 0.3 and one.error_at(31.5e3) == pytest.approx(0.3)
     assert other.error_at(32.5e3) == pytest.approx(0.4 + 2.5)  # the line from below ends at 3.5 where the chord has 6
 
@@ -194,7 +195,7 @@ def test_plates_of_one_pitch_share_the_waves_of_the_plate_beside_their_rows(monk
     attenuation._last.clear()
     case = load_case(CASE, ["solve.accuracy=0.03"])
     other = load_case(CASE, ["solve.accuracy=0.03", "array.rows=1"])
-    through = [attenuation.solve(each, TerminalLog(True), points=5).points[2].transmission for each in (case, other)]
+    through = [attenuation_of(each, TerminalLog(True), points=5).points[2].transmission for each in (case, other)]
     assert solved.count(evanescent.KeptRow) == 5, "of the plate, for both"
     assert solved.count(evanescent.Row) == 2 * 2 * 5, "of each case's row, with one degree less, too"
     assert through[0] and through[1] and through[0].flexural < through[1].flexural

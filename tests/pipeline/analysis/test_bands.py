@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 
 from geometry.hex.boxes import HexSettings
-from pipeline.analysis import attenuation
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.measures.attenuation import ATTENUATION
 from pipeline.measures.measure import Work
 from pipeline.measures.registry import ASKED
-from pipeline.models import bands, unit_cell
+from pipeline.models import attenuation, bands, unit_cell
 from pipeline.models.bands import SolvedBands
 from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import mesh_rules

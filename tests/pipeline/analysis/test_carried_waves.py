@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.analysis import attenuation
 from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
+from tests.helpers.asked import attenuation_of
 from tests.helpers.coarse_cells import put_in
 
 CASE = """name = "d"
@@ -33,7 +33,7 @@ def test_waves_listed_are_waves_of_richer_functions(tmp_path: Path, monkeypatch:
     """At kx = 300 rad/m each listed wave is one of a row with more boundary functions on the same mesh."""
     put_in(monkeypatch)
     ours, finer = (
-        attenuation.solve(case_of(tmp_path, accuracy), TerminalLog(True), (50e3, 60e3), 300.0, 2)
+        attenuation_of(case_of(tmp_path, accuracy), TerminalLog(True), (50e3, 60e3), 300.0, 2)
         for accuracy in (0.03, 0.003)
     )
     for point, reference in zip(ours.points, finer.points, strict=True):

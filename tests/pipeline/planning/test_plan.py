@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
-from pipeline.analysis import attenuation, response
+from pipeline.analysis import response
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
 from pipeline.case.overrides import read_toml
@@ -22,12 +22,13 @@ from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.records import store
 from solvers.analytic.predesign import predesign
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import coupled_classes
-from tests.helpers.asked import solve_bands
+from tests.helpers.asked import attenuation_of, solve_bands
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -275,8 +276,8 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
     assert f"{numbers['solved_wavevectors']} wavevectors" in heard.steps
     assert planned.steps[0].model.startswith(result.model)
     assert omissions(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
-    crossed = attenuation.solve(scene, heard, None, None, 3)
-    step = plan.of_attenuation(scene, None, None, 3, False).steps[0]
+    crossed = attenuation_of(scene, heard, points=3)
+    step = Attenuation(points=3).plan(scene).steps[0]
     assert crossed.kx_per_m == step.numbers["kx_per_m"] and len(crossed.points) == step.numbers["frequencies"]
     assert [crossed.points[0].frequency_hz, crossed.points[-1].frequency_hz] == step.numbers["band_hz"]
 
@@ -382,7 +383,7 @@ WORK = {
         "solvers/superelement/lattice.py",
         "solvers/waves/",
         "pipeline/models/bands.py",
-        "pipeline/analysis/attenuation.py",
+        "pipeline/models/attenuation.py",
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
     "response": ("pipeline/analysis/response.py", "pipeline/board/gains.py"),

@@ -207,7 +207,7 @@ def test_swept_keys_in_words(key: str, label: str):
 
 def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):
     case = study.cases[0]
-    bare = StoredCase(tmp_path / "bare", Record(case_id="bare", status="OK", answers=case.record.answers))
+    bare = StoredCase(tmp_path / "bare", Record(case_id="bare", status="OK", bands=case.record.answers["bands"]))
     assert [picture.name for picture in gallery.draw_case(bare).pictures] == ["dispersion"]
     nothing = StoredCase(tmp_path / "none", Record(case_id="none", status="OK"))
     assert gallery.draw_case(nothing).pictures == [] and not (tmp_path / "none").exists()

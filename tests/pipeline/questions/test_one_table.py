@@ -21,10 +21,13 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
     "predesign": (SMALL, {}, {}),
     "modes": (SMALL, {"accuracy": 0.1}, {"part": "pillar", "count": 3}),
     "bands": (SMALL, {"accuracy": 0.1, "bands__points": 2, "bands__count": 4}, {}),
+    "attenuation": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "broadband": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
 }
 NOT_COMPUTED = {  # frequencies without an error bar: what was asked for, not computed
     "CountRecord.low_hz", "CountRecord.high_hz", "WantedRecord.window_hz", "WantedMode.window_hz",
+    "AttenuationPoint.frequency_hz", "BroadbandPoint.frequency_hz",
 }  # fmt: skip
 
 
@@ -53,7 +56,7 @@ def test_command_frame_and_record_hold_one_table(
     frame = result.to_dataframe()
     (tmp_path / "case.json").write_text(json.dumps(Record(case_id="one", status="OK", **{name: result}).to_dict()))
     stored = Record.model_validate(json.loads((tmp_path / "case.json").read_text())).of(type(result))
-    assert stored == result and stored.rows() == result.rows() == frame.astype(object).where(
+    assert stored == result and stored.to_rows() == result.to_rows() == frame.astype(object).where(
         frame.notna(), None
     ).to_dict("records")
     words = [f"{key.replace('__', '.') if '__' in key else f'solve.{key}'}={value}" for key, value in overrides.items()]
@@ -62,7 +65,7 @@ def test_command_frame_and_record_hold_one_table(
     with (tmp_path / "t.csv").open() as file:
         head, *lines = list(csv.reader(file))
     assert head == list(frame.columns) and len(lines) == len(frame)
-    for line, row in zip(lines, result.rows(), strict=True):
+    for line, row in zip(lines, result.to_rows(), strict=True):
         assert all(_alike(cell, value) for cell, value in zip(line, row.values(), strict=True)), line
 
 

@@ -65,7 +65,7 @@ def test_no_number_is_none_where_that_is_allowed_and_refused_elsewhere() -> None
     with pytest.raises(ValidationError):
         PeakRecord(**{**peak, "frequency_hz": float("nan")}, quality_factor=None)
     with pytest.raises(ValidationError):
-        synthetic.attenuation(1).__class__.model_validate({"points": [float("nan")]})
+        synthetic.response(1.0).__class__.model_validate({"frequency_hz": [float("nan")]})
 
 
 def test_without_a_wanted_mode_no_figure_of_it_is_claimed() -> None:

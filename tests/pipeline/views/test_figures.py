@@ -61,7 +61,7 @@ def test_the_kinds_of_waves_are_told_beneath_the_bands_and_hide_none() -> None:
 
 
 def test_attenuation_shows_the_least_attenuated_flexural_wave() -> None:
-    axes = figures.draw("attenuation", ROWS.to_dict())
+    axes = ROWS.plot()
     (line,) = axes.lines
     assert np.allclose(np.transpose(line.get_data()), ROWS.decay / (KHZ, 1.0))
 
@@ -73,7 +73,7 @@ def test_samples_of_a_tolerance_lie_at_their_peaks_and_lost_ones_are_left_out() 
 
 
 def test_given_axes_are_drawn_into_and_an_unknown_kind_is_refused() -> None:
-    axes = figures.draw("attenuation", ROWS.to_dict())
+    axes = ROWS.plot()
     assert figures.draw("response", RESPONSE.to_dict(), axes) is axes
     with pytest.raises(ValueError, match="has no figure"):
         figures.draw("plan", {})

@@ -2,43 +2,30 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from math import nan, pi
 from typing import Any
 
 import numpy as np
-from pydantic import Field
 
 from geometry.elements import BoolArray
 from pipeline.case.model import Case
-from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
-from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.model_choice import SOLID, cell_model_choice
-from pipeline.planning.request import driven_band_hz
-from pipeline.quantity import frequency, level_with_bar, with_bar
-from pipeline.records.record import (
-    AttenuationPoint,
-    AttenuationRecord,
-    MeshRecord,
-    PredictionRecord,
-    Transmission,
-    WaveRecord,
-)
-from solvers.analytic.predesign import predesign
-from solvers.measures.levels import CONFINED_DB
+from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
+from pipeline.planning import error_bar
+from pipeline.planning.model_choice import ModelChoice
+from pipeline.quantity import frequency, with_bar
+from pipeline.records.record import MeshRecord
 from solvers.superelement.interface import Interface
-from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import KeptRow, Row, RowStiffness, RowWaves
 from solvers.waves.level_errors import level_bars
 from solvers.waves.polarisation import label_of
 from solvers.waves.scattering import stacked
 
-POINTS = 201
 STEEPEST_DB = (
     100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
 )
@@ -48,36 +35,42 @@ CARRIED = (
 )
 
 
-class Attenuation(AttenuationRecord):
-    """The record, and the meshes behind it."""
+@dataclass(frozen=True)
+class SolvedAttenuation:
+    """Complex bands over frequency at one wavenumber along the zone; errors are those of the cell's bands, relative."""
 
-    meshes: list[MeshRecord] = Field([], exclude=True)
+    model: str
+    kx_per_m: float
+    pitch_y_m: float
+    rows: int
+    expected_error: float | None
+    reduction_error: float | None
+    points: list[AttenuationPoint]
+    meshes: list[MeshRecord]
 
 
-@one_thread()
 def solve(
-    case: Case,
-    log: Log,
-    band_hz: tuple[float, float] | None = None,
-    kx_per_m: float | None = None,
-    points: int = POINTS,
+    case: Case, choice: ModelChoice, log: Log, band_hz: tuple[float, float], kx: float, points: int,
     model: LatticeModel | None = None,
-) -> Attenuation:
-    """Complex bands of the case. InputError for a wavenumber beyond the zone's edge or a case without pillar or pitch.
+) -> SolvedAttenuation:  # fmt: skip
+    """Compute the complex bands of the case's row over a band of frequencies.
 
-    model: the reduced cell of the case's bands, where there is one already.
+    Parameters
+    ----------
+    case
+        The case.
+    choice
+        Model and mesh of the cell.
+    log
+        Where progress goes.
+    band_hz, points
+        The frequencies, spread evenly.
+    kx
+        Wavenumber along the zone, rad/m.
+    model
+        The reduced cell of the case's bands, where there is one already.
     """
-    case.require("plate", "array.pitch_mm", "pillar", command="attenuation")
-    case.require_lattice("decay per row is")
-    if kx_per_m is None:
-        case.require("zone", command="attenuation without --kx")
-    low, high = driven_band_hz(case, band_hz)
-    choice = cell_model_choice(case, high)
-    if case.solve.model == SOLID:
-        raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
-    simplifications.log_all((*choice.left_out, simplifications.waves_downwards(case.design)), log)
-    kx = _checked_kx(case, case.kx_wanted_per_m if kx_per_m is None else kx_per_m)
-    foresight.announce("attenuation across the rows", foresight.of_attenuation(case, choice, points), log)
+    low, high = band_hz
     meshes: list[MeshRecord] = []
     if model is None or model.lattice.cell.dropped_hz < CLEAR * high:  # a cell of low bands alone leaves out too much
         path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
@@ -87,22 +80,14 @@ def solve(
     row, coarser, bare = Row(cell, kx), _coarser(model, kx), _kept(KeptRow(bare_cell(case, cell.interface, log), kx))
     rows = case.design.rows
     with log.step(f"{points} frequencies"):
-        samples = tuple(_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points))
+        samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
     expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
     with log.step("error bars of the decay"):
         error = None if expected is None else expected + model.reduction_error
         samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
     _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, rows, tone), error, log)
-    return Attenuation(
-        model=model.name,
-        kx_per_m=kx,
-        pitch_y_m=case.design.pitch_y_m,
-        rows=rows,
-        expected_error=expected,
-        reduction_error=model.reduction_error,
-        points=samples,
-        meshes=meshes,
-    )
+    pitch_y_m, reduction = case.design.pitch_y_m, model.reduction_error
+    return SolvedAttenuation(model.name, kx, pitch_y_m, rows, expected, reduction, samples, meshes)
 
 
 _last: list[KeptRow] = []
@@ -113,14 +98,6 @@ def _kept(row: KeptRow) -> KeptRow:
     if not (_last and _last[0].same == row.same):
         _last[:] = [row]
     return _last[0]
-
-
-def _checked_kx(case: Case, kx: float) -> float:
-    edge = pi / case.design.pitch_x_m
-    if not (math.isfinite(kx) and abs(kx) <= edge * (1.0 + 1e-12)):
-        text = f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here"
-        raise InputError(text)
-    return kx
 
 
 def _coarser(model: LatticeModel, kx: float) -> Row:
@@ -162,27 +139,25 @@ def _through(one: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> Tr
     return transmitted_shares(stacked(one, rows), bare, frequency_hz) if rows else None
 
 
-def _with_bars(
-    row: Row, coarser: Row, samples: tuple[AttenuationPoint, ...], error: float | None
-) -> tuple[AttenuationPoint, ...]:
+def _with_bars(row: Row, coarser: Row, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:
     """The points with the half-widths of their decays' bars, where bands of the cell may be off by `error`, relative."""
     tones, decays = np.array([[p.frequency_hz, nan if p.db_per_row is None else p.db_per_row] for p in samples]).T
     bars = level_bars(tones, decays, error, lambda tone: _least(_waves(row, coarser, tone, row.waves(tone))))
-    return tuple(
-        p.model_copy(update={"db_error": bar, "waves": tuple(_with_bar(wave, p.db_per_row, bar) for wave in p.waves)})
+    return [
+        replace(p, db_error=bar, waves=[_with_bar(wave, p.db_per_row, bar) for wave in p.waves])
         for p, bar in zip(samples, bars, strict=True)
-    )
+    ]
 
 
-def _with_bar(wave: WaveRecord, least: float | None, bar: float | None) -> WaveRecord:
+def _with_bar(wave: Wave, least: float | None, bar: float | None) -> Wave:
     """The least attenuated flexural wave with its decay's bar; no other has one."""
     is_least = wave.polarisation == "flexural" and wave.db_per_row == least
-    return wave.model_copy(update={"db_error": bar}) if is_least else wave
+    return replace(wave, db_error=bar) if is_least else wave
 
 
 def _with_taken(
-    row: Row, bare: Row, rows: int, samples: tuple[AttenuationPoint, ...], error: float | None
-) -> tuple[AttenuationPoint, ...]:
+    row: Row, bare: Row, rows: int, samples: list[AttenuationPoint], error: float | None
+) -> list[AttenuationPoint]:
     """The points with the half-widths of the bars of what the rows take from a flexural wave's power."""
 
     def taken(tone: float) -> float | None:
@@ -191,76 +166,32 @@ def _with_taken(
 
     tones, levels = np.array([[p.frequency_hz, p.taken_db] for p in samples]).T
     bars = level_bars(tones, levels, error, taken)
-    return tuple(p.model_copy(update={"taken_error_db": bar}) for p, bar in zip(samples, bars, strict=True))
+    return [replace(p, taken_error_db=bar) for p, bar in zip(samples, bars, strict=True)]
 
 
-def _least(waves: Iterable[WaveRecord]) -> float | None:
+def _least(waves: Iterable[Wave]) -> float | None:
     return min((wave.db_per_row for wave in waves if wave.polarisation == "flexural"), default=None)
 
 
-def _waves(row: Row, coarser: Row, frequency_hz: float, row_waves: RowWaves) -> tuple[WaveRecord, ...]:
+def _waves(row: Row, coarser: Row, frequency_hz: float, row_waves: RowWaves) -> list[Wave]:
     """The waves that the boundary functions carry, up to the steepest decay."""
     known = carried(row_waves, coarser.waves(frequency_hz))
-    return tuple(_described(row, row_waves, np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known)))
+    return _described(row, row_waves, np.flatnonzero((row_waves.db_per_row <= STEEPEST_DB) & known))
 
 
-def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[WaveRecord]:
+def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[Wave]:
     labels = label_of(row.cell, row_waves.dofs[:, kept], wavevectors(row, row_waves, kept))
     waves = []
     for index, label in zip(kept, labels, strict=True):
         ky, db = row_waves.wavenumber_per_m[index], abs(float(row_waves.db_per_row[index]))
         db = 0.0 if db < ROUNDING_DB else db
         own = {"polarisation": label.name, "ky_re_per_m": ky.real, "ky_im_per_m": max(ky.imag, 0.0)}
-        waves.append(WaveRecord(**own, db_per_row=db, pillar_share=label.pillar_share))
+        waves.append(Wave(**own, db_per_row=db, pillar_share=label.pillar_share))
     return waves
 
 
-def prediction(
-    attenuation: AttenuationRecord,
-    frequency_hz: float,
-    extension_db: float | None,
-    extension_error_db: float | None = None,
-) -> PredictionRecord:
-    """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level,
-    dB.
-    """
-    per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
-    nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
-    passes = nearest.transmission is not None and nearest.transmission.flexural > 0.0
-    return PredictionRecord(
-        frequency_hz=frequency_hz,
-        db_per_row=per_row,
-        db_error=error,
-        rows_db=None if per_row is None else attenuation.rows * per_row,
-        rows_error_db=None if error is None else attenuation.rows * error,
-        transmission_db=nearest.taken_db if passes else None,
-        transmission_error_db=nearest.taken_error_db if passes else None,
-        zone_to_extension_db=extension_db,
-        zone_to_extension_error_db=extension_error_db,
-        rows_needed=math.ceil(CONFINED_DB / per_row) if per_row else None,
-    )
-
-
-def at_the_zone(case: Case, solved: AttenuationRecord) -> list[str]:
-    """A sentence on what the rows do where thin-plate theory puts the wanted mode; none outside the band."""
-    zone = predesign(case.design).zone
-    answer = prediction(solved, zone.frequency_hz, None) if zone else None
-    if answer is None or answer.db_per_row is None:
-        return []
-    khz = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the wanted mode"
-    transmitted = ""
-    if answer.transmission_db is not None:
-        taken = level_with_bar(answer.transmission_db, answer.transmission_error_db)
-        transmitted = f"; the case's take {taken} from a flexural wave's power"
-    if not answer.db_per_row:
-        return [f"{khz}, a flexural wave passes endless rows undamped{transmitted}"]
-    every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
-    total = f"{every} in {solved.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
-    return [f"{khz}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"]
-
-
 def _log_converted(
-    points: tuple[AttenuationPoint, ...],
+    points: list[AttenuationPoint],
     kx: float,
     through: Callable[[float], Transmission | None],
     error: float | None,

@@ -1,0 +1,334 @@
+"""Decay per row across the zone's border: complex bands at a wavenumber along it, and what the case's rows let through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite, nan, pi
+from typing import TYPE_CHECKING, Any
+
+from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
+from pipeline.errors import InputError
+from pipeline.models.wave_parts import AttenuationPoint
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Result
+from pipeline.records.part import column, live
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.elements import FloatArray
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+    from pipeline.plots.style import ReportFigure
+    from pipeline.records.record import PredictionRecord
+
+KHZ = 1e3
+POINTS, SHOWN = 201, 20
+DEEPEST_DB = 30.0
+LOOKS = {"flexural": ("BLUE", "o"), "shear": ("ORANGE", "s"), "longitudinal": ("PURPLE", "D")}
+
+
+class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
+    """Decay per row across the zone's border over frequency: arrays (points,), in Hz and dB.
+
+    >>> import antinode
+    >>> waves = antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3)
+    >>> waves.frequency_hz.tolist(), waves.db_per_row.shape, round(waves.kx_per_m)
+    ([30000.0, 32000.0, 34000.0], (3,), 196)
+    """
+
+    model: str = column("model of the unit cell and its element order")
+    kx_per_m: float = column("wavenumber along the zone", "rad/m")
+    pitch_y_m: float = column("distance of rows", "m")
+    rows: int = column("rows on each side of the zone")
+    expected_error: float | None = column(
+        "widest error bar of the cell's bands by the mesh, relative; None without an estimate"
+    )
+    reduction_error: float | None = column("largest error of the cell's bands by the reduction, relative")
+    points: list[AttenuationPoint] = column("the waves at each frequency")
+    zone_hz: float | None = live()  # frequency of the wanted mode by thin-plate theory
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies (points,) in Hz."""
+        return self.array("frequency_hz")
+
+    @property
+    def db_per_row(self) -> FloatArray:
+        """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
+        return self.array("db_per_row")
+
+    @property
+    def decay(self) -> FloatArray:
+        """Frequency and decay per row of the least attenuated flexural wave, where there is one, (k, 2)."""
+        import numpy as np
+
+        known = [(p.frequency_hz, p.db_per_row) for p in self.points if p.db_per_row is not None]
+        return np.reshape(np.array(known, dtype=float), (-1, 2))
+
+    def at(self, frequency_hz: float) -> float | None:
+        """Return the decay per row of the least attenuated flexural wave, interpolated; None outside the band."""
+        import numpy as np
+
+        known = self.decay
+        if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
+            return None
+        return float(np.interp(frequency_hz, *known.T))
+
+    def error_at(self, frequency_hz: float) -> float | None:
+        """Return the half-width of the bar of `at`, dB; None where it is unknown.
+
+        The larger of both neighbours' bars, and what the chord between them may miss, by the lines through the samples beyond.
+        """
+        import numpy as np
+
+        own = self.at(frequency_hz)
+        if own is None:
+            return None
+        known = [p for p in self.points if p.db_per_row is not None]
+        bars = np.array([nan if p.db_error is None else p.db_error for p in known])
+        tones, levels = self.decay.T
+        if len(tones) < 2 or frequency_hz in tones:
+            bar = float(bars[np.argmin(np.abs(tones - frequency_hz))])
+            return bar if isfinite(bar) else None
+        last = int(np.clip(np.searchsorted(tones, frequency_hz), 1, len(tones) - 1))
+        missed = 0.0
+        for first in (last - 2, last):
+            if 0 <= first < len(tones) - 1:
+                slope = (levels[first + 1] - levels[first]) / (tones[first + 1] - tones[first])
+                missed = max(missed, abs(levels[first] + slope * (frequency_hz - tones[first]) - own))
+        bar = float(max(bars[last - 1], bars[last])) + min(missed, abs(float(levels[last] - levels[last - 1])))
+        return bar if isfinite(bar) else None
+
+    def lines(self) -> Iterator[str]:
+        """Yield the model, some of the frequencies, and what the rows do where plate theory puts the target mode."""
+        from pipeline.quantity import figure
+        from pipeline.records.reading import reading_table
+
+        rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
+        yield (
+            f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
+            f"incoming flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
+        )
+        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows[:: max(1, len(rows) // SHOWN)]])
+        yield from self._at_the_zone()
+
+    def _at_the_zone(self) -> Iterator[str]:
+        """Yield what the rows do at the zone's frequency by plate theory; nothing outside the band or without a zone."""
+        from pipeline.quantity import frequency, level_with_bar, with_bar
+        from solvers.measures.levels import CONFINED_DB
+
+        answer = None if self.zone_hz is None else prediction(self, self.zone_hz)
+        if answer is None or answer.db_per_row is None:
+            return
+        where = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the wanted mode"
+        transmitted = ""
+        if answer.transmission_db is not None:
+            taken = level_with_bar(answer.transmission_db, answer.transmission_error_db)
+            transmitted = f"; the case's take {taken} from a flexural wave's power"
+        if not answer.db_per_row:
+            yield f"{where}, a flexural wave passes endless rows undamped{transmitted}"
+            return
+        every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
+        total = f"{every} in {self.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
+        yield f"{where}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the decay per row of the least attenuated flexural wave over frequency."""
+        self._draw_least(ax)
+        ax.set(xlabel="frequency (kHz)", ylabel="decay per row (dB)")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the complex bands."""
+        return [self.complex_bands()]
+
+    def complex_bands(self, predicted_hz: float | None = None) -> ReportFigure:
+        """Draw three panels over frequency: decay per row, Re k_y, power through the rows; a frequency marked."""
+        from pipeline.plots import style
+        from pipeline.quantity import figure
+
+        drawn, (decay, phase, power) = style.panels(6.2, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
+        self._draw_waves(decay, phase)
+        self._draw_least(decay)
+        self._draw_power(power)
+        title = f"Waves across the rows at kx = {figure(self.kx_per_m)} rad/m"
+        decay.set(ylim=(DEEPEST_DB, -0.5), ylabel="decay (dB per row)", title=title)
+        phase.set(ylabel="|Re ky| p / π")
+        power.set(ylabel="share of power", xlabel="frequency (kHz)")
+        for axes in (decay, phase, power):
+            axes.grid(True)
+            if predicted_hz:
+                axes.axvline(predicted_hz / KHZ, color=style.GREY, ls=":")
+        handles = decay.get_legend_handles_labels()
+        drawn.legend(*handles, loc="outside upper center", ncols=4, fontsize=7, markerscale=2.5)
+        title = "Attenuation per row and power through the rows"
+        return style.ReportFigure("attenuation", title, self._alt(), drawn, vector=True)
+
+    def _draw_waves(self, decay: Axes, phase: Axes) -> None:
+        import numpy as np
+
+        from pipeline.plots import style
+
+        for name, (colour, marker) in LOOKS.items():
+            waves = [(p.frequency_hz, wave) for p in self.points for wave in p.waves if wave.polarisation == name]
+            if not waves:
+                continue
+            khz = np.array([frequency for frequency, _ in waves]) / KHZ
+            look: dict[str, Any] = {"color": getattr(style, colour), "marker": marker, "ls": "none", "ms": 1.8}
+            decay.plot(khz, [wave.db_per_row for _, wave in waves], label=name, **look)
+            weak = np.array([wave.db_per_row < DEEPEST_DB for _, wave in waves])
+            turns = np.array([abs(wave.ky_re_per_m) * self.pitch_y_m / np.pi for _, wave in waves])
+            phase.plot(khz[weak], turns[weak], **look)
+
+    def _draw_least(self, ax: Axes) -> None:
+        from pipeline.plots import style
+
+        frequency, least = self.decay.T
+        if len(frequency):
+            ax.plot(frequency / KHZ, least, color=style.VERMILION, lw=1.4, label="least attenuated flexural wave")
+
+    def _draw_power(self, ax: Axes) -> None:
+        import numpy as np
+
+        from pipeline.plots import style
+
+        passed = [(p.frequency_hz, p.transmission) for p in self.points if p.transmission]
+        if not passed:
+            ax.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=ax.transAxes)
+            return
+        khz = np.array([frequency for frequency, _ in passed]) / KHZ
+        flexural, turned = np.array([(share.flexural, share.shear + share.longitudinal) for _, share in passed]).T
+        ax.plot(khz, flexural, color=style.BLUE, label=f"through {self.rows} rows, flexural")
+        ax.plot(khz, turned, color=style.ORANGE, ls="--", label="turned into in-plane waves")
+        ax.set_yscale("symlog", linthresh=1e-4)
+        ax.set_ylim(0.0, 1.5)
+        ax.legend(loc="lower right", fontsize=7)
+
+    def _alt(self) -> str:
+        from pipeline.quantity import frequency, level
+
+        deepest = max(self.points, key=lambda point: point.db_per_row or 0.0)
+        most = level(deepest.db_per_row or 0.0, deepest.db_error)
+        return (
+            "Decay per row of flexural, shear and longitudinal waves over frequency; the least attenuated flexural wave "
+            f"decays most, {most} per row, at {frequency(deepest.frequency_hz)}; below, the power that passes {self.rows} rows"
+        )
+
+    def __repr__(self) -> str:
+        return over(self, self.frequency_hz)
+
+
+def over(result: Result, frequency_hz: FloatArray) -> str:
+    """Return what a result over frequency is, in a few words."""
+    ends = f"{frequency_hz[0] / KHZ:g} to {frequency_hz[-1] / KHZ:g} kHz"
+    return f"<antinode.{type(result).__name__.removesuffix('Result')}: {len(frequency_hz)} frequencies from {ends}>"
+
+
+class Attenuation(
+    Question[AttenuationResult],
+    needs=("plate", "array.pitch_mm", "pillar"),
+    pictures=("report.rows_picture.attenuation",),
+):
+    """Compute the decay per row in dB across the zone's border at a wavenumber along it.
+
+    >>> import antinode
+    >>> antinode.load("examples/small.toml", accuracy=0.1).attenuation((30.0, 34.0), points=3).frequency_hz.tolist()
+    [30000.0, 32000.0, 34000.0]
+    """
+
+    band_kHz: Pair | None = option(
+        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies, such as 25kHz:45kHz"
+    )
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    kx_per_m: float | None = option(
+        default=None, unit="rad/m", at_least=-MAX_WAVENUMBER, at_most=MAX_WAVENUMBER, metavar="K",
+        help="wavenumber along the zone (default: the wanted mode's)",
+    )  # fmt: skip
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without pillar and pitch, and for a wavenumber beyond the Brillouin zone's edge."""
+        from pipeline.planning.model_choice import SOLID
+
+        super().check(case)
+        case.require_lattice("decay per row is")
+        if self.kx_per_m is None:
+            case.require("zone", command="attenuation without --kx")
+        if case.solve.model == SOLID:
+            raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
+        edge, kx = pi / case.design.pitch_x_m, self._kx(case)
+        if not abs(kx) <= edge * (1.0 + 1e-12):
+            raise InputError(f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here")
+
+    def _kx(self, case: Case) -> float:
+        return case.kx_wanted_per_m if self.kx_per_m is None else self.kx_per_m
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why a study's case has no decay per row."""
+        from pipeline.planning.simplifications import no_lattice
+
+        return no_lattice(case.design, "attenuation")
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the complex bands of a row."""
+        from pipeline.planning import foresight, simplifications
+        from pipeline.planning.model_choice import cell_model_choice
+        from pipeline.planning.plan import plan_of, step_of
+        from pipeline.planning.request import driven_band_hz
+        from pipeline.planning.simplifications import khz
+        from pipeline.quantity import figure
+
+        low, high = driven_band_hz(case, hz(self.band_kHz))
+        choice, kx = cell_model_choice(case, high), self._kx(case)
+        looks = f"{self.points} frequencies from {khz(low)} to {khz(high)} at kx = {figure(kx)} rad/m"
+        numbers = {"band_hz": [low, high], "frequencies": self.points, "kx_per_m": kx}
+        left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
+        demand = foresight.of_attenuation(case, choice, self.points) if choice.reduction else None
+        step = step_of(self.name, "attenuation across the rows", choice, (), looks, left_out, numbers, demand)
+        whole = (
+            simplifications.no_plate_modes(),
+            simplifications.no_patches(case.patches),
+            simplifications.no_figures(),
+        )
+        return plan_of(case, step, *whole)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
+        """Compute the complex bands of the row over the band."""
+        from pipeline.models.attenuation import solve
+        from pipeline.planning.request import driven_band_hz
+        from solvers.analytic.predesign import predesign
+
+        choice, band = plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))
+        assert choice
+        solved = solve(case, choice, run, band, self._kx(case), self.points, run.solved.get("lattice"))
+        run.meshes += solved.meshes
+        zone = predesign(case.design).zone
+        return AttenuationResult.of(solved, zone_hz=zone.frequency_hz if zone else None)
+
+
+def prediction(
+    attenuation: AttenuationResult, frequency_hz: float, extension_db: float | None = None,
+    extension_error_db: float | None = None,
+) -> PredictionRecord:  # fmt: skip
+    """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level, dB."""
+    from math import ceil
+
+    from pipeline.records.record import PredictionRecord
+    from solvers.measures.levels import CONFINED_DB
+
+    per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
+    nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
+    passes = nearest.transmission is not None and nearest.transmission.flexural > 0.0
+    return PredictionRecord(
+        frequency_hz=frequency_hz,
+        db_per_row=per_row,
+        db_error=error,
+        rows_db=None if per_row is None else attenuation.rows * per_row,
+        rows_error_db=None if error is None else attenuation.rows * error,
+        transmission_db=nearest.taken_db if passes else None,
+        transmission_error_db=nearest.taken_error_db if passes else None,
+        zone_to_extension_db=extension_db,
+        zone_to_extension_error_db=extension_error_db,
+        rows_needed=ceil(CONFINED_DB / per_row) if per_row else None,
+    )

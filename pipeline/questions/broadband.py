@@ -1,0 +1,229 @@
+"""What the rows hold over frequency: what passes them, and how far a driven zone stays confined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan
+from typing import TYPE_CHECKING
+
+from pipeline.case.limits import MAX_FREQUENCIES
+from pipeline.models.wave_parts import BroadbandPoint
+from pipeline.questions.attenuation import over
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Result, figure
+from pipeline.records.part import column
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.elements import FloatArray
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+    from pipeline.plots.style import ReportFigure
+
+KHZ = 1e3
+POINTS, SHOWN = 201, 20
+ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"
+
+
+class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
+    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the wanted wavenumber.
+
+    >>> import antinode
+    >>> held = antinode.load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3)
+    >>> held.frequency_hz.tolist(), held.confinement_db.shape
+    ([30000.0, 33000.0, 36000.0], (3,))
+    """
+
+    model: str = column("model of the column of cells and its element order")
+    kx_per_m: float = column("wavenumber along the zone", "rad/m")
+    rows: int = column("rows on each side of the zone")
+    wanted_hz: float | None = column("frequency of the column's wanted mode", "Hz", error="wanted_error")
+    wanted_db: float | None = column("confinement of the column's wanted mode", "dB", error="wanted_error_db")
+    confined_hz: list[float] | None = column(
+        "the interval of `confined` that holds the wanted mode", "Hz", error="confined_error"
+    )
+    stopped_hz: list[float] | None = column(
+        "the interval of `stopped` that holds the wanted mode", "Hz", error="stopped_error"
+    )
+    confined: list[list[float]] = column("intervals where the driven motion is confined", "Hz", error="confined_error")
+    stopped: list[list[float]] = column(
+        "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
+    )
+    points: list[BroadbandPoint] = column("the column at each frequency")
+    wanted_error: float | None = column(
+        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
+    )
+    wanted_error_db: float | None = column(
+        "half-width of the error bar of wanted_db; None without an estimate", "dB", default=None
+    )
+    frequency_error: float | None = column(
+        "half-width of the error bar of any frequency of the column, relative; None without an estimate", default=None
+    )
+    confined_error: list[list[float | None]] = column(ENDS.format("confined"), default_factory=list)
+    stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies (points,) in Hz."""
+        return self.array("frequency_hz")
+
+    @property
+    def confinement_db(self) -> FloatArray:
+        """Confinement (points,) in dB of the motion that the wanted shape's pressure forces."""
+        return self.array("confinement_db")
+
+    def taken_db(self, frequency_hz: float) -> float:
+        """Return what the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
+        import numpy as np
+
+        levels = [point.taken_db for point in self.points]
+        return float(np.interp(frequency_hz, self.frequency_hz, levels, left=nan, right=nan))
+
+    def end_errors(self, ends_hz: list[float]) -> tuple[float | None, float | None]:
+        """Return the relative half-widths of the bars of an interval's ends."""
+        from pipeline.models.broadband import end_errors
+
+        return end_errors(self.points, self.frequency_error, ends_hz)
+
+    @figure(
+        "stopped about the wanted mode",
+        "Hz",
+        name="stopped_width_hz",
+        error="stopped_width_error_hz",
+        is_difference=True,
+    )
+    def stopped_width_hz(self) -> float:
+        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
+        return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
+
+    @property
+    def stopped_width_error_hz(self) -> float | None:
+        """Half-width of the bar of stopped_width_hz by those of both ends; None without an estimate."""
+        if self.stopped_hz is None:
+            return None
+        errors = self.end_errors(self.stopped_hz)
+        known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
+        return sum(known) if len(known) == len(errors) else None
+
+    @figure("wanted mode of the column", "Hz", name="column_wanted_hz", error="wanted_error")
+    def column_hz(self) -> float | None:
+        """Frequency of the column's wanted mode."""
+        return self.wanted_hz
+
+    @figure("confinement in the column", "dB", name="column_wanted_db", error="wanted_error_db")
+    def column_db(self) -> float | None:
+        """Confinement of the column's wanted mode."""
+        return self.wanted_db
+
+    def lines(self) -> Iterator[str]:
+        """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
+        from pipeline.quantity import figure as in_digits
+        from pipeline.quantity import frequency_with_bar, interval, with_bar
+        from pipeline.records.reading import reading_table
+        from solvers.measures.levels import CONFINED_DB
+
+        rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
+        yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
+        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows[:: max(1, len(rows) // SHOWN)]])
+        stretches = {
+            f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
+            f"driven motion confined by {CONFINED_DB:g} dB or more": self.confined,
+        }
+        for what, windows in stretches.items():
+            found = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in windows)
+            yield f"{what}: {found or 'nowhere between the frequencies asked for'}"
+        if self.wanted_hz is None or self.wanted_db is None:
+            yield "the column has no mode of the wanted shape in its window"
+            return
+        own = frequency_with_bar(self.wanted_hz, self.wanted_error)
+        yield f"wanted mode of the column: {own}, {with_bar(self.wanted_db, self.wanted_error_db, 'dB')}"
+
+    def draw(self, ax: Axes) -> None:
+        """Draw what the rows take from a wave and how far the driven zone is confined, over frequency."""
+        from pipeline.plots import style
+
+        self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
+
+    def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
+        """Draw both levels, the wanted mode of the column marked."""
+        from pipeline.plots import style
+        from solvers.measures.levels import CONFINED_DB
+
+        khz = self.frequency_hz / KHZ
+        taken = [point.taken_db for point in self.points]
+        ax.plot(khz, taken, color=colours[0], label=f"{label}taken from a wave by {self.rows} rows")
+        ax.plot(
+            khz, self.confinement_db, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone"
+        )
+        if self.wanted_hz is not None and self.wanted_db is not None:
+            ax.plot(self.wanted_hz / KHZ, self.wanted_db, "*", color=colours[1], ms=10)
+        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
+        ax.grid(True)
+        ax.legend(fontsize=7)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the rows over frequency."""
+        from pipeline.plots import style
+        from pipeline.quantity import interval
+        from solvers.measures.levels import CONFINED_DB
+
+        bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
+        alt = (
+            f"Over frequency: dB that {self.rows} rows take from a flexural wave, at least {CONFINED_DB:g} at {bands}; "
+        )
+        title, more = "What the rows hold over frequency", "and confinement of the driven zone"
+        return [style.ReportFigure("broadband", title, alt + more, self.as_figure(), vector=True)]
+
+    def __repr__(self) -> str:
+        return over(self, self.frequency_hz)
+
+
+class Broadband(
+    Question[BroadbandResult],
+    needs=("plate", "zone", "pillar", "array.pitch_mm", "array.rows"),
+    example="broadband studies/three-rows.toml --set array.heights_mm=[6.3,6.0,5.7] --band 25kHz:45kHz",
+):
+    """Compute over frequency what the rows let through and how far a driven zone stays confined, dB; rows may differ.
+
+    >>> import antinode
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
+    >>> plate.broadband((30.0, 36.0), points=3).confinement_db.shape
+    (3,)
+    """
+
+    band_kHz: Pair | None = option(
+        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies, such as 25kHz:45kHz"
+    )
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without rows in line of pillars that reduced hexahedra follow."""
+        from pipeline.models.broadband import checked
+
+        super().check(case)
+        checked(case)
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why a study's case has no such column."""
+        from pipeline.planning.simplifications import Simplification, hexahedra
+
+        if case.design.rows and not case.design.stagger and hexahedra(case, "plate"):
+            return None
+        return Simplification("no_rows", "broadband", "it takes rows in line of pillars that hexahedra follow")
+
+    def plan(self, case: Case) -> Plan:
+        """Plan one column of the case's cells."""
+        from pipeline.planning.plan import plain_step, plan_of
+
+        model = "column of reduced cells at the wanted wavenumber"
+        return plan_of(case, plain_step(self.name, "rows over frequency", model))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
+        """Compute what passes the rows of one column, and its forced motion, over frequency."""
+        from pipeline.models.broadband import broadband
+
+        return BroadbandResult.of(broadband(case, run, hz(self.band_kHz), self.points))
