@@ -11,6 +11,7 @@ from pipeline.errors import InputError
 from pipeline.questions import registered
 from pipeline.questions.result import Result as Answer
 from pipeline.records import store
+from pipeline.records.record import first_fault
 
 MARKS = {
     "response": "zone_rms_m_per_V",
@@ -55,7 +56,7 @@ def _answer(path: str | Path, kind: type[Answer], document: dict[str, Any]) -> A
     try:
         return kind.from_document(document)
     except ValidationError as error:
-        raise InputError(f"{path}: holds no result: {error.errors()[0]['loc']}: {error.errors()[0]['msg']}") from error
+        raise InputError(f"{path}: holds no result: {first_fault(error)}") from error
 
 
 def _kind(document: dict[str, Any]) -> str | None:

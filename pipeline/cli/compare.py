@@ -18,7 +18,18 @@ Flat = dict[str, Any]
 ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
 # what a part of a list is called by: states under a finger, methods of confining, complete gaps
 NAMED = (("state",), ("method",), ("lower_band", "upper_band"))
-NOT_COMPARED = ("schema", "seconds", "proof", "plan", "meshes", "times", "directional_gaps")
+NOT_COMPARED = (
+    "schema",
+    "kind",
+    "options",
+    "warnings",
+    "seconds",
+    "proof",
+    "plan",
+    "meshes",
+    "times",
+    "directional_gaps",
+)
 
 
 @dataclass(frozen=True)

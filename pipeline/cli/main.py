@@ -1,7 +1,7 @@
 """The command `antinode`: arguments in, one command run, errors told in one line each, an exit code out.
 
-Commands and their options are declared in commands.toml. Nothing heavy is imported here: each command imports what it
-needs when it runs.
+Questions declare their commands (`pipeline.questions`), commands.toml those of all others. Nothing heavy is imported here: each
+command imports what it needs when it runs.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class _Version(argparse.Action):
 
 
 def _parser() -> argparse.ArgumentParser:
-    """The parser with the commands of commands.toml and those that modules add."""
+    """The parser with the commands of questions, those of commands.toml and those that modules add."""
     parser = _Parser(
         prog="antinode",
         description="Touch plates that hold their vibration: from one case file to modes, band gaps, prints and firmware.",
@@ -187,6 +187,13 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)
+    for question in registered().values():
+        summary = question.summary()
+        about = f"{summary[0].lower()}{summary[1:]}"
+        sub = _command(commands, question.name, about, question.example, "pipeline.questions.command:run")
+        for flag, words in (pair for group in GROUPS for pair in declared["groups"][group].items()):
+            _add(sub, flag, words)
+        add_options(sub, question)
     for name, about in declared["commands"].items():
         sub = _command(commands, name, about["help"], about["example"], about["run"])
         own = about.get("options", {})
@@ -194,11 +201,6 @@ def _parser() -> argparse.ArgumentParser:
         positional = [flag for flag in own if not flag.startswith("-")]
         for flag in dict.fromkeys((*positional, *shared, *own)):
             _add(sub, flag, *(words for words in (shared.get(flag), own.get(flag)) if words is not None))
-    for question in registered().values():
-        sub = _command(commands, question.name, question.summary(), question.example, "pipeline.questions.command:run")
-        for flag, words in (pair for group in GROUPS for pair in declared["groups"][group].items()):
-            _add(sub, flag, words)
-        add_options(sub, question)
     for module in MODULES:
         importlib.import_module(module).add(commands, _command)
     return parser

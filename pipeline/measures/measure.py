@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.model import Case
 from pipeline.models.mode_parts import WantedMode
 from pipeline.questions.question import Run
+from pipeline.records.part import Part
 from pipeline.records.record import MeshRecord
 from pipeline.records.tables import Column
 
@@ -58,10 +59,10 @@ class Work:
         return modes.wanted if modes and isinstance(modes.wanted, WantedMode) else None
 
     def keep(self, meshes: Iterable[MeshRecord] = (), arrays: Mapping[str, Any] | None = None, **result: Any) -> None:
-        """Add to the record and to the arrays of the case."""
+        """Add to the record and to the arrays of the case; of answers what is stored, without solved models."""
         self.meshes += meshes
         self.arrays |= arrays or {}
-        self.record |= result
+        self.record |= {name: part.stored() if isinstance(part, Part) else part for name, part in result.items()}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.superelement.interface import Interface
+from solvers.threads import one_thread
 from solvers.waves.brillouin import path_through
 from solvers.waves.evanescent import KeptRow, Row, RowStiffness, RowWaves
 from solvers.waves.level_errors import level_bars
@@ -49,6 +50,7 @@ class SolvedAttenuation:
     meshes: list[MeshRecord]
 
 
+@one_thread()
 def solve(
     case: Case, choice: ModelChoice, log: Log, band_hz: tuple[float, float], kx: float, points: int,
     model: LatticeModel | None = None,

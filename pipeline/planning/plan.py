@@ -53,7 +53,8 @@ class Step:
     def text(self) -> str:
         """One line."""
         parts = [self.model, self.mesh, f"class {', '.join(self.classes)}" if self.classes else "", self.looks_for]
-        return f"{self.name}: {'; '.join(part for part in parts if part)}"
+        said = "; ".join(part for part in parts if part)
+        return f"{self.name}: {said}" if said else self.name
 
     def to_dict(self) -> dict[str, Any]:
         """The step as plain JSON."""
@@ -88,7 +89,8 @@ class Plan:
             lines.append(f"{number}. {step.text()}")
             lines += [f"   because {reason}" for reason in step.why]
             lines += [f"   {line}" for line in _foreseen(step)]
-        lines += ["left out", *(f"   {each.rule}: {each.what}, {each.why}" for each in self.left_out)]
+        left_out = [f"   {each.rule}: {each.what}, {each.why}" for each in self.left_out]
+        lines += ["left out", *left_out] if left_out else []
         return "\n".join(lines)
 
     def short(self) -> str:
@@ -295,7 +297,7 @@ def tetrahedra_step(case: Case) -> Step:
 
 def plain_step(measure: str, name: str, model: str) -> Step:
     """A step that needs no more words."""
-    return Step(measure, name, model, "", (), "", ("the study asks for it",))
+    return Step(measure, name, model, "", (), "", ())
 
 
 def step_of(

@@ -12,6 +12,7 @@ from pipeline.models.wave_parts import AttenuationPoint
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result
 from pipeline.records.part import column, live
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from pipeline.plots.style import ReportFigure
     from pipeline.records.record import PredictionRecord
 
-KHZ = 1e3
 POINTS, SHOWN = 201, 20
 DEEPEST_DB = 30.0
 LOOKS = {"flexural": ("BLUE", "o"), "shear": ("ORANGE", "s"), "longitudinal": ("PURPLE", "D")}
@@ -237,9 +237,7 @@ class Attenuation(
     [30000.0, 32000.0, 34000.0]
     """
 
-    band_kHz: Pair | None = option(
-        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies, such as 25kHz:45kHz"
-    )
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
     kx_per_m: float | None = option(
         default=None, unit="rad/m", at_least=-MAX_WAVENUMBER, at_most=MAX_WAVENUMBER, metavar="K",

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import InputError
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure
-from pipeline.records.part import Part, column, live
+from pipeline.records.part import Part, column
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -157,7 +158,6 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     zone_gaps: list[ZoneGap] | None = column(
         "with bands.grid: complete gaps over the whole Brillouin zone, None without", default=None
     )
-    solved: Any = live()
 
     @classmethod
     def of_solved(cls, solved: SolvedBands) -> BandsResult:
@@ -172,7 +172,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         gaps = {kind: [kinds[kind](**gap) for gap in found] for kind, found in solved.every_gap.items()}
         return cls(
             model=solved.model, dof=solved.dof, points=points, expected_error=solved.expected_error,
-            widest_bar=solved.widest_bar.to_dict(), solved=solved,
+            widest_bar=solved.widest_bar.to_dict(),
             reduction_error=solved.detail.reduction_error if solved.detail else None, **gaps,
         )  # fmt: skip
 
@@ -344,7 +344,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         """Draw the bands without a legend."""
         from pipeline.plots import style
 
-        s, values = self.distance_per_m, self.frequencies_hz / 1e3
+        s, values = self.distance_per_m, self.frequencies_hz / KHZ
         if all(point.plate_polarisation for point in self.points):
             ax.plot(s, values, color="#C8C8C8", lw=0.7)
             self._draw_polarisations(ax, s, values)
@@ -358,7 +358,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         ax.set(xlim=(-0.02 * span, 1.02 * span), ylim=(0, 1.04 * values.max()))  # room for the marks at both ends
         ax.set(xlabel="wavevector along the path (to scale)", ylabel="frequency (kHz)")
         for gap in self.gaps:
-            low, high = gap.lower_hz / 1e3, gap.upper_hz / 1e3
+            low, high = gap.lower_hz / KHZ, gap.upper_hz / KHZ
             ax.axhspan(low, high, color=style.ORANGE, alpha=0.3, lw=0)
             middle, text = (low + high) / 2, f"complete gap {gap.interval}"
             ax.text(0.5, middle, text, transform=ax.get_yaxis_transform(), bbox=WHITE, **LABEL)  # type: ignore[arg-type]

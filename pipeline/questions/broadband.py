@@ -12,6 +12,7 @@ from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
 from pipeline.records.part import column
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from pipeline.planning.simplifications import Simplification
     from pipeline.plots.style import ReportFigure
 
-KHZ = 1e3
 POINTS, SHOWN = 201, 20
 ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"
 
@@ -194,9 +194,7 @@ class Broadband(
     (3,)
     """
 
-    band_kHz: Pair | None = option(
-        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies, such as 25kHz:45kHz"
-    )
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
     def check(self, case: Case) -> None:

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
 from pipeline.questions import registered
-from pipeline.questions.question import KHZ, VARIANTS, Option, Question, Run, ask, kind_of
+from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, kind_of
 from pipeline.questions.result import Result
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.logs import TerminalLog
 
 Kind = type[Question[Any]]
+EXAMPLES = {tuple[float, float]: ", such as 28kHz:38kHz", float: ", such as 32kHz"}  # of frequencies as typed
 FIELDS = "write the field of every mode into --out DIR (fields.npz)"
 MAX_DIGITS = 40  # characters of a number that are read and shown
 SUFFIXES = {"kHz": "_kHz", "mm": "_mm", "dB": "_dB", "rad/m": "_per_m"}  # of options' names, by unit
@@ -40,14 +42,16 @@ def _variants(question: Kind) -> list[Kind]:
 
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
     """Add an option; its type says how its text is read."""
-    shown = about.help if default is None or kind is bool else f"{about.help} (default: {default})"
+    shown = about.help + EXAMPLES.get(kind, "") * (about.unit == "kHz")
+    shown += "" if default is None or kind is bool else f" (default: {default})"
     words: dict[str, Any] = {"dest": name, "default": default, "help": shown.replace("%", "%%")}
     if kind is bool:
         words |= {"action": "store_false" if default else "store_true"}
     elif get_origin(kind) is Literal:
         words |= {"choices": get_args(kind)}
     elif kind == tuple[str, ...]:
-        words |= {"action": "append", "metavar": about.metavar, "default": list(default), "help": about.help}
+        words |= {"action": "append", "metavar": about.metavar, "default": list(default)}
+        words["help"] = f"{about.help} (repeatable)"
     elif about.unit == "kHz":
         words |= {"metavar": "F:F" if get_origin(kind) is tuple else "F"}
     elif kind is str:
@@ -95,7 +99,11 @@ def run(arguments: argparse.Namespace) -> int:
     question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
     if arguments.explain:
         question.check(case)
+        from pipeline.planning.simplifications import no_figures
+
         plan = question.plan(case)
+        undrawn = no_figures(bool(arguments.out or arguments.plot))
+        plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
         return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
     return answer(arguments, case, question, log)
 

@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
 from pipeline.records.part import Part, column
+from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
 
-MM, NM, KHZ = 1e-3, 1e-9, 1e3
 POINTS = 401
 DARK = -25.0  # dB: below it letters are white
 
@@ -205,9 +205,7 @@ class Crosstalk(
     True
     """
 
-    band_kHz: Pair | None = option(
-        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies, such as 28kHz:38kHz"
-    )
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
     def check(self, case: Case) -> None:
@@ -237,12 +235,11 @@ class Crosstalk(
         from dataclasses import replace
 
         from pipeline.planning.plan import plan_of, response_step
-        from pipeline.planning.simplifications import no_figures
 
         step = response_step(case, hz(self.band_kHz), self.points, several=True)
         looks = f"{self.points} frequencies, each of {case.design.zones} zones driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
-        return plan_of(case, own, no_figures())
+        return plan_of(case, own)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""
@@ -254,11 +251,12 @@ class Crosstalk(
         from solvers.driven.curve_bars import doubts
         from solvers.driven.error_bars import frequency_error, frequency_errors
         from solvers.measures.levels import ratio_db
+        from solvers.threads import one_thread
 
         forced = forced_plate(case, run, hz(self.band_kHz), run.meshes, is_announced=True)
         patches, design = case.patches, case.design
         assert patches is not None
-        with run.step(f"{design.zones} zones, each driven in turn"):
+        with run.step(f"{design.zones} zones, each driven in turn"), one_thread():
             zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
             frequencies = np.linspace(*forced.band_hz, self.points)
             errors, known = frequency_errors(forced), doubts(forced, calibration.mixing())

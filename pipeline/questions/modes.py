@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, overload
 
@@ -12,6 +13,7 @@ from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, Want
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result
 from pipeline.records.part import column, live
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,16 +24,15 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Plan
     from pipeline.planning.request import Request
 
-KHZ = 1e3
 Part = Literal["plate", "zone", "pillar"]
 Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
-BAND = "every mode between two frequencies, such as 30kHz:34kHz"
-NEAR = "modes nearest to a frequency, such as 32kHz"
-COUNT = "how many (with --near, or the lowest)"
+BAND = "every mode between two frequencies"
+NEAR = "modes nearest to a frequency"
+COUNT = "how many, nearest to that frequency or the lowest"
 
 
-class ModesResult(Result, table="modes", axes=("mode",)):
+class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     """Modes in ascending order, proven complete by a count; a sequence of modes, arrays of shape (modes,).
 
     >>> import antinode
@@ -111,7 +112,7 @@ class ModesResult(Result, table="modes", axes=("mode",)):
         return self.array("error")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
-        """Return the closed surface of a mode, by its number or itself; None: of the wanted mode.
+        """Return the closed surface of a mode, by its index from 0 or itself; None: of the wanted mode.
 
         Raises ValueError where no mode is the wanted one, and for modes that were read from a file.
         """
@@ -226,8 +227,10 @@ class Modes(Question[ModesResult], example="modes studies/three-rows.toml --part
         from pipeline.planning import simplifications
         from pipeline.planning.plan import modes_step, plan_of
 
-        whole = (simplifications.no_patches(case.patches), simplifications.no_response(), simplifications.no_figures())
-        return plan_of(case, modes_step(case, self.request()), *whole)
+        whole = (simplifications.no_patches(case.patches), simplifications.no_response())
+        step = modes_step(case, self.request())
+        unpatched = simplifications.no_patches(case.patches) if case.patches and self.part == "plate" else None
+        return plan_of(case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes, their count, and the wanted one among them."""
@@ -255,18 +258,17 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help=BAND)
     near_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help=NEAR)
     count: int | None = option(default=None, at_least=1, at_most=MAX_MODES, help=COUNT)
-    symmetry: Class | None = option(default=None, help="must be left out: a mesh from a file has no symmetry classes")
     unit: Literal["m", "mm"] | None = option(default=None, help="length unit of the mesh file (default: m)")
     merge: float | None = option(
-        default=None, metavar="D",
+        default=None, at_least=0.0, metavar="D",
         help="make one node of nodes closer than this, in the file's unit (0: leave bodies that touch apart)",
     )  # fmt: skip
     clamp: tuple[str, ...] = option(
-        default=(), metavar="NAME", help="fix this group of faces or nodes of the mesh file (repeatable)"
+        default=(), metavar="NAME", help="fix this group of faces or nodes of the mesh file"
     )
     support: tuple[str, ...] = option(
         default=(), metavar="NAME:AXES",
-        help="support such a group along some axes only, as on a mirror plane: RIM:z, CUT:x (repeatable)",
+        help="support such a group along some axes only, as on a mirror plane: RIM:z, CUT:x",
     )  # fmt: skip
 
     def check(self, case: Case) -> None:
@@ -279,12 +281,19 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
         if not Path(self.mesh_file).exists():
             raise InputError(f"{self.mesh_file}: no such file{nearest_file(Path(self.mesh_file).absolute())}")
 
+    def plan(self, case: Case) -> Plan:
+        """Plan the mesh as it is."""
+        from pipeline.planning.plan import Step, plan_of
+
+        why = ("a mesh of one's own is solved whole as it is",)
+        return plan_of(case, Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
+
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Solve the mesh."""
         from pipeline.models.user_mesh import UserMesh, solve
 
         mesh = UserMesh(self.mesh_file, self.unit or "m", self.clamp, self.support, self.merge)
-        query = _request("plate", self.band_kHz, self.near_kHz, self.count, self.symmetry)
+        query = _request("plate", self.band_kHz, self.near_kHz, self.count, None)
         return _answered(solve(case, mesh, query, run), case, run)
 
 

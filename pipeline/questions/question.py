@@ -7,13 +7,11 @@ Only the standard library is imported here and at the head of a question's file,
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, fields
 from inspect import cleandoc
-from math import inf
+from math import inf, isfinite
+from operator import index
 from types import NoneType
 from typing import (
     TYPE_CHECKING,
@@ -31,6 +29,7 @@ from typing import (
 from pipeline.errors import InputError
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
+from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -42,7 +41,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
-KHZ = 1e3  # Hz
+KINDS = {tuple[float, float]: "two rising numbers", tuple[str, ...]: "names", int: "a whole number", float: "a number",
+         bool: "True or False", str: "a text"}  # fmt: skip
 NO_PLAN: Any = None  # of a question that is answered at once
 QUESTIONS: dict[str, type[Question[Any]]] = {}
 VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
@@ -65,6 +65,8 @@ class Option:
         """Return what a value of this option must be, or '' for a good one."""
         pair = isinstance(value, tuple)
         numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
+        if not all(map(isfinite, numbers)):
+            return "must be a finite number"
         if not all(self.at_least <= each <= self.at_most for each in numbers):
             most = f", at most {self.at_most:g}" if self.at_most < inf else ""
             return f"must be {self.at_least:g} or more{most}"
@@ -98,27 +100,20 @@ def option(
 # -- runs --------------------------------------------------------------------------------------------------------------
 
 
-class Cancelled(Exception):
-    """Raised at the next step of a computation that was cancelled."""
-
-
 class Run:
-    """What a computation uses of its surroundings: a log, steps at which it can be cancelled, work shared with others.
+    """What a computation uses of its surroundings: a log, and what several questions of one case share.
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
     page will show moving shapes. meshes, arrays: what was meshed, and arrays that are kept beside the record.
     solved: what one question has solved and another of the same case can go on from, by name.
     """
 
-    def __init__(
-        self, log: Log, *, detailed: bool = True, shapes: bool = False, cancelled: Callable[[], bool] = lambda: False
-    ) -> None:
-        self.log, self.detailed, self.shapes, self.cancelled = log, detailed, shapes, cancelled
+    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False) -> None:
+        self.log, self.detailed, self.shapes = log, detailed, shapes
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
         self.arrays: dict[str, Any] = {}
         self.solved: dict[str, Any] = {}
-        self._made: dict[Any, Any] = {}
 
     def info(self, text: str, id: str = "") -> None:
         """Log a fact."""
@@ -134,22 +129,8 @@ class Run:
         self.log.warning(id, text)
 
     def step(self, name: str) -> AbstractContextManager[None]:
-        """Time a step. Raises Cancelled instead of beginning it."""
-        if self.cancelled():
-            raise Cancelled(name)
+        """Time a step."""
         return self.log.step(name)
-
-    def once(self, make: Callable[..., T], case: Case, *about: Any) -> T:
-        """Return make(case, run, *about), made once in this run: a plate that several questions drive, another's answer."""
-        key = (make, id(case), about)
-        if key not in self._made:
-            self._made[key] = make(case, self, *about)
-        made: T = self._made[key]
-        return made
-
-    def answer(self, case: Case, question: Question[R]) -> R:
-        """Return the answer to another question, computed once in this run."""
-        return self.once(_answer, case, question)
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------
@@ -210,14 +191,21 @@ class Question(_Declared, Generic[R]):
         faults = {f"{n} = {getattr(self, n)!r}": self._fault(n) for n in self.options}
         if any(faults.values()):
             raise InputError([f"{given}: {fault}" for given, fault in faults.items() if fault])
+        for name in self.options:
+            object.__setattr__(self, name, _as_kind(getattr(self, name), kind_of(type(self), name)))
 
     def _fault(self, name: str) -> str:
         """Return what an option must be, or '' where it is so."""
         value, kind = getattr(self, name), kind_of(type(self), name)
-        if get_origin(kind) is Literal and value is not None and value not in get_args(kind):
+        if value is None:
+            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {KINDS[kind]}"
+        if get_origin(kind) is Literal and value not in get_args(kind):
             *first, last = get_args(kind)
             return f"must be {', '.join(first)} or {last}"
-        return self.options[name].fault(value)
+        try:
+            return self.options[name].fault(_as_kind(value, kind))
+        except (TypeError, ValueError):
+            return f"must be {KINDS[kind]}"
 
     @classmethod
     def summary(cls) -> str:
@@ -227,11 +215,6 @@ class Question(_Declared, Generic[R]):
     def given(self) -> dict[str, Any]:
         """Return the options by name, as JSON has them."""
         return {name: plain(getattr(self, name)) for name in self.options}
-
-    def digest(self, case: Case) -> str:
-        """Return the name of this question of this case: a stored answer of another name is out of date."""
-        asked = [self.name, self.given(), case.to_dict()]
-        return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
 
     # what subclasses say
 
@@ -279,42 +262,43 @@ def ask(case: Case, question: Question[R], log: Log | Run) -> R:
     run = log if isinstance(log, Run) else Run(log)
     question.check(case)
     before = len(run.warnings)
-    result = question.compute(case, NO_PLAN, run) if question.is_quick else _planned(case, question, run)
+    plan = NO_PLAN if question.is_quick else question.plan(case)
+    if plan:
+        announce(plan, run)
+    result = question.compute(case, plan, run)
     seconds, warnings = dict(getattr(run.log, "seconds", {})), tuple(run.warnings[before:])
     origin = Origin(case.name, case.to_dict(), version("antinode"), question.given(), warnings, seconds)
     object.__setattr__(result, "origin", origin)
     return result
 
 
-def _planned(case: Case, question: Question[R], run: Run) -> R:
-    """Return the answer by a plan that was announced."""
-    from solvers.threads import one_thread
-
-    plan = question.plan(case)
-    _announce(plan, run)
-    with one_thread():
-        return question.compute(case, plan, run)
-
-
-def _answer(case: Case, run: Run, question: Question[R]) -> R:
-    return ask(case, question, run)
-
-
-def _announce(plan: Plan, run: Run) -> None:
+def announce(plan: Plan, run: Run) -> None:
     """Log what each step leaves out and takes. Raises InputError where this machine cannot hold a step."""
-    from pipeline.planning.foresight import announce
+    from pipeline.planning import foresight
 
     for step in plan.steps:
         for each in step.left_out:
             run.left_out(each.what, each.why)
     for name, demand in plan.demands.items():
-        announce(name, demand, run)
+        foresight.announce(name, demand, run)
 
 
 def kind_of(question: type[Question[Any]], name: str) -> Any:
     """Return the type of an option, without None."""
     hint = get_type_hints(question)[name]
     return next(each for each in get_args(hint) if each is not NoneType) if NoneType in get_args(hint) else hint
+
+
+def _as_kind(value: Any, kind: Any) -> Any:
+    """Return a value as its option's type. Raises TypeError or ValueError for one that is of another."""
+    if value is None or get_origin(kind) is Literal:
+        return value
+    if kind == tuple[float, float]:
+        low, high = value
+        return float(low), float(high)
+    if kind == tuple[str, ...]:
+        return tuple(map(str, value))
+    return index(value) if kind is int else kind(value)
 
 
 def _snake_case(name: str) -> str:

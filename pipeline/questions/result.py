@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
@@ -126,17 +127,18 @@ class Result(Part):
         """Return a column as an array over the main table's axes; NaN for what is missing."""
         import numpy as np
 
-        items = getattr(self, self.table) if self.table else [self]
+        items: list[Part] = getattr(self, self.table) if self.table else [self]
         values = [getattr(item, name) for item in items]
-        sizes = next((len(value) for value in values if isinstance(value, list)), 0)
-        filled = [[np.nan] * sizes if value is None and sizes else value for value in values]
+        along = items[0].declared[name].along if items else ()
+        size = max((_length(item, along) for item in items), default=0)
+        filled = [([np.nan] * size if along and not value else value) for value in values]
         return np.array(filled if self.table else filled[0], dtype=float)
 
     def to_dataframe(self) -> Any:
         """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
         from pipeline.records.frames import frame
 
-        return frame(self.to_rows())
+        return frame(self.to_rows(), self.heading())
 
     def to_xarray(self) -> Any:
         """Return the main table as an xarray Dataset over its axes, `units` in the attributes.
@@ -154,8 +156,8 @@ class Result(Part):
         about = self.origin
         if about is None:
             return {"schema": SCHEMA, "kind": self.question, **self.values()}
-        head = {"case": about.case, "with_defaults": about.with_defaults, "version": about.version}
-        more = {"options": about.options, "warnings": list(about.warnings), "seconds": about.seconds}
+        head = {"case": about.case, "with_defaults": deepcopy(about.with_defaults), "version": about.version}
+        more = {"options": dict(about.options), "warnings": list(about.warnings), "seconds": about.seconds}
         return {"schema": SCHEMA, "kind": self.question, **head, **self.values(), **more}
 
     @classmethod
@@ -197,3 +199,9 @@ class Result(Part):
         self.as_figure().savefig(out, format="png", dpi=110, bbox_inches="tight")
         data = base64.b64encode(out.getvalue()).decode()
         return f'<p>{words}</p><img alt="{words}" src="data:image/png;base64,{data}">'
+
+
+def _length(part: Part, along: Axis) -> int:
+    """Return how many entries the columns of a part have along some axes."""
+    known = [getattr(part, name) for name, each in part.declared.items() if along and each.along == along]
+    return max((len(value) for value in known if value), default=0)

@@ -23,9 +23,9 @@ def unit_of(name: str) -> str | None:
     return UNITS[max(ends, key=len)] if ends else None
 
 
-def frame(rows: Sequence[dict[str, Any]]) -> Any:
-    """The rows as a pandas DataFrame. Raises ImportError without pandas."""
-    return _needed("pandas").DataFrame(list(rows))
+def frame(rows: Sequence[dict[str, Any]], heading: Sequence[str] = ()) -> Any:
+    """The rows as a pandas DataFrame, of these columns where there is no row. Raises ImportError without pandas."""
+    return _needed("pandas").DataFrame(list(rows), columns=None if rows else list(heading))
 
 
 def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:

@@ -112,6 +112,10 @@ class Part:
         given = {each.name: each for each in fields(cls)}  # type: ignore[arg-type]
         return {n for n in cls.declared if given[n].default is MISSING and given[n].default_factory is MISSING}
 
+    def stored(self) -> Self:
+        """Return the part as it is read back: its declared fields alone, nothing that lives in memory."""
+        return type(self).from_dict(self.values())
+
     def to_dict(self) -> dict[str, Any]:
         """Return the declared fields as JSON has them."""
         return self.values()
@@ -144,7 +148,7 @@ def plain(given: Any) -> Any:
     if hasattr(given, "tolist"):
         return plain(given.tolist())
     if isinstance(given, complex):
-        return [given.real, given.imag]
+        return [plain(given.real), plain(given.imag)]
     if isinstance(given, Mapping):
         return {key: plain(value) for key, value in given.items()}
     return [plain(each) for each in given] if isinstance(given, Sequence) else given
@@ -228,7 +232,7 @@ def _expanded(columns: list[Entry], inner: Axis) -> Iterator[dict[str, Any]]:
 
 def _entry(value: Any, index: Sequence[int]) -> Any:
     for place in index:
-        value = None if value is None else value[place]
+        value = value[place] if value else None  # an empty list: not computed
     return value
 
 

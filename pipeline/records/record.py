@@ -938,7 +938,7 @@ class PartFault(Exception):
     """An answer that does not fit its declaration, by its place."""
 
 
-def _first(error: ValidationError) -> str:
+def first_fault(error: ValidationError) -> str:
     """The place of the first fault, and what it is."""
     first = error.errors()[0]
     return f"{'.'.join(str(part) for part in first['loc'])}: {first['msg']}"
@@ -961,9 +961,9 @@ def answer_of(name: str, given: Any) -> part.Part:
     if isinstance(given, part.Part):
         return given
     try:
-        return kind.from_dict(given)
+        return kind.from_dict({key: value for key, value in given.items() if key != "schema"})
     except ValidationError as error:
-        raise PartFault(f"{name}.{_first(error)}") from error
+        raise PartFault(f"{name}.{first_fault(error)}") from error
 
 
 def read(folder: Path) -> Record:
@@ -971,5 +971,5 @@ def read(folder: Path) -> Record:
     try:
         return Record.model_validate(store.read_record(folder))
     except (ValidationError, PartFault) as error:
-        fault = _first(error) if isinstance(error, ValidationError) else str(error)
+        fault = first_fault(error) if isinstance(error, ValidationError) else str(error)
         raise store.BadRecord(f"{store.RECORD} is no record of schema {store.SCHEMA}: {fault}") from error

@@ -92,7 +92,8 @@ def moved(before: dict[str, Any], after: dict[str, Any]) -> tuple[int, list[str]
     for place in one.keys() & two.keys():
         old, new = one[place], two[place]
         name = place.rpartition(".")[2].partition("[")[0]
-        same = old == new or (isinstance(old, float) and abs(new - old) <= ALLOWED * largest[name])
+        numbers = isinstance(old, float) and isinstance(new, int | float)
+        same = old == new or (numbers and abs(new - old) <= ALLOWED * largest[name])
         lines += [] if same else [f"{place}: {old} -> {new}"]
     return len(one.keys() & two.keys()), sorted(lines)
 

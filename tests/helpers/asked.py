@@ -5,11 +5,12 @@ from __future__ import annotations
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.bands import SolvedBands
+from pipeline.models.bands import solve_bands as solved_bands
 from pipeline.planning.plan import Plan
 from pipeline.questions.attenuation import Attenuation, AttenuationResult
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.crosstalk import Crosstalk, CrosstalkResult
-from pipeline.questions.question import Run, ask
+from pipeline.questions.question import Run, announce, ask
 
 
 def bands_of(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> BandsResult:
@@ -18,9 +19,13 @@ def bands_of(case: Case, log: Log, shapes: bool = False, every_gap: bool = True)
 
 
 def solve_bands(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> SolvedBands:
-    """What the bands of a case were made from."""
-    solved: SolvedBands = bands_of(case, log, shapes, every_gap).solved
-    return solved
+    """What the bands of a case are made from, announced as the question does."""
+    question = Bands()
+    question.check(case)
+    (step,) = question.plan(case).steps
+    announce(question.plan(case), Run(log))
+    assert step.choice
+    return solved_bands(case, step.choice, log, shapes=shapes, every_gap=every_gap)
 
 
 def crosstalk_of(case: Case, log: Log, points: int = 401) -> CrosstalkResult:

@@ -53,7 +53,7 @@ def test_it_is_a_command_with_help_limits_and_a_plan(toy: ModuleType, capsys: py
     with pytest.raises(SystemExit):
         main(["mass", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "Share out the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
+    assert "share out the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
     with pytest.raises(SystemExit) as refused:
         main(["mass", CASE, "--strips", "0"])
     assert refused.value.code == 2 and "must be 1 or more, at most 100" in capsys.readouterr().err
@@ -67,6 +67,9 @@ def test_it_is_a_method_with_signature_documentation_and_limits(toy: ModuleType)
     assert inspect.signature(method).parameters["strips"].default == 4
     assert "Parameters\n----------\nstrips\n    number of strips." in method.__doc__ and "mass" in dir(plate)
     assert method(strips=2).total_g == pytest.approx(grams())
+    for wrong in (2.5, "3", None, [1]):
+        with pytest.raises(antinode.InputError, match="a whole number"):
+            method(strips=wrong)
     with pytest.raises(antinode.InputError, match="strips = 0: must be 1 or more, at most 100"):
         method(strips=0)
     with pytest.raises(AttributeError):
@@ -106,6 +109,9 @@ def test_it_is_a_column_of_a_sweep_a_part_of_each_record_and_a_section_of_the_pa
     assert [float(row["mass_total_g"]) for row in table] == pytest.approx([grams() / 2.0, grams()])
     text = page.build(results).read_text()
     assert "Share out the mass of the plate beneath the zone" in text
+    assert any((results / job / "pictures" / "mass.svg").exists() for job in ("thickness_mm=1", "thickness_mm=2")), (
+        "drawn"
+    )
     assert f"{grams():.3f} g beneath the zone" in text and "mass beneath the zone" in text
 
 
