@@ -51,11 +51,23 @@ def figure(
     name
         Its column in table.csv; the question's name and its own by default.
     error
-        The property with the half-width of its error bar, relative for a frequency, else in the unit.
+        The property, or the place of the field, with the half-width of its bar: relative for a frequency, else in the unit.
     is_difference
         Whether it is a difference of frequencies, whose bar is in Hz.
     """
     return lambda of: Figure(of, heading, unit, name, error, is_difference)
+
+
+def figure_at(place: str, heading: str, unit: str | None = "", *, name: str = "", error: str = "") -> Figure[Any]:
+    """Declare a figure that is a field of one of the result's parts, by its place; options as `figure` takes them."""
+    return figure(heading, unit, name=name, error=error)(lambda result: reach(result, place))
+
+
+def reach(part: Any, place: str) -> Any:
+    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is None."""
+    for name in place.split("."):
+        part = None if part is None else getattr(part, name)
+    return part
 
 
 @dataclass(frozen=True)
