@@ -34,6 +34,8 @@ from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions import registered
+from pipeline.questions.active import ActiveBeam, ActiveMason, ActivePillar, ActiveShaping
+from pipeline.questions.active_dq import ActiveDq
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
@@ -146,6 +148,11 @@ class Plate(Frozen):
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
     crosstalk = asks(Crosstalk)
+    active_mason = asks(ActiveMason)
+    active_pillar = asks(ActivePillar)
+    active_beam = asks(ActiveBeam)
+    active_shaping = asks(ActiveShaping)
+    active_dq = asks(ActiveDq)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).

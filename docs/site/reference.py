@@ -156,9 +156,9 @@ def json_fields() -> Iterator[str]:
             yield f"The fields of [{of}](#{of.lower()}){', and' if own else '.'}\n"
         if own:
             yield "\n".join([head("field", "what it is"), *(row(f"`{key}`", text) for key, text in own.items())])
-    for name, question in registered().items():
+    for question in registered().values():
         result = question.result.__name__
-        yield f"\n### `antinode {name} --json FILE`\n\nThe fields of [{result}](#{result.lower()}).\n"
+        yield f"\n### `antinode {question.command()} --json FILE`\n\nThe fields of [{result}](#{result.lower()}).\n"
     yield "\n## Parts"
     for name, answer in answers().items():
         hints = get_type_hints(answer)
@@ -191,11 +191,17 @@ def _summary(part: type) -> str:
 
 def commands() -> Iterator[str]:
     """What each command answers to `--help`."""
-    parser = main._parser()
-    choices = next(each for each in parser._actions if isinstance(each, argparse._SubParsersAction)).choices
-    for name, sub in choices.items():
+    for name, sub in _subcommands("", main._parser()):
         sub.formatter_class = lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=110)
         yield f"\n## {name}\n\n```text\n{sub.format_help().strip()}\n```"
+
+
+def _subcommands(name: str, parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """Every command of a parser, and those of its commands, by their words."""
+    choices = [each.choices for each in parser._actions if isinstance(each, argparse._SubParsersAction)]
+    for word, sub in choices[0].items() if choices else ():
+        yield f"{name} {word}".strip(), sub
+        yield from _subcommands(f"{name} {word}".strip(), sub)
 
 
 def library() -> Iterator[str]:

@@ -7,8 +7,10 @@ from math import inf, nan
 
 from pipeline.case.limits import FREQUENCY_KHZ, span
 from pipeline.errors import InputError
-from pipeline.units import KHZ
+from pipeline.units import KHZ, MS, US
 
+SECONDS = {"ms": MS, "us": US, "s": 1.0}
+MAX_DURATION_S = 1.0  # of a loop's times: a slower one controls no vibration
 HERTZ = {"hz": 1.0, "khz": KHZ, "mhz": 1e6}
 FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
 ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {span(FREQUENCY_KHZ)} kHz"
@@ -28,6 +30,19 @@ def parse_frequency(text: str, what: str = "frequency") -> float:
     if not FREQUENCY_KHZ[0] <= value / KHZ <= FREQUENCY_KHZ[1]:
         raise InputError(f"{what} = {text!r}: must be {ALLOWED}")
     return value
+
+
+def parse_seconds(text: str, what: str = "time") -> float:
+    """Seconds from "2ms", "4us" or "0.002s"; InputError names `what` otherwise, or below 0."""
+    unit = next((unit for unit in SECONDS if text.strip().endswith(unit)), None)
+    try:
+        value = float(text.strip().removesuffix(unit)) * SECONDS[unit] if unit else nan
+    except ValueError:
+        value = nan
+    if 0.0 <= value <= MAX_DURATION_S:
+        return value
+    limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {MAX_DURATION_S:g} s"
+    raise InputError(f"{what} = {text!r}: {limit}")
 
 
 def parse_band(text: str, what: str = "band") -> tuple[float, float]:

@@ -194,13 +194,6 @@ def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], picture
     )
 
 
-def active(arguments: Namespace) -> int:
-    """Run an analogy or control model."""
-    from pipeline.active.models import run
-
-    return run(arguments)
-
-
 def export(arguments: Namespace) -> int:
     """Write files for other programs."""
     case, log, _ = _read(arguments)

@@ -27,6 +27,7 @@ MODULES = ("pipeline.cli.new", "pipeline.cli.explore")
 GROUPS = ("case", "files", "plan")  # of options that every question has
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
+FAMILIES = {"active": ("analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
 RENAMED = {
     "--parity": "--symmetry SS, SA, AS or AA",
@@ -102,7 +103,7 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
         words = [*words[1:2], "--help"]
     arguments, unknown = parser.parse_known_args(words)
     if unknown:
-        own = f"antinode {arguments.command}"
+        own = arguments.prog
         line = f"{own}: unrecognized arguments: {' '.join(unknown)} (see {own} --help)"
         print(one_line(line), file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
@@ -187,12 +188,18 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)
+    families: dict[str, Any] = {}
     for question in registered().values():
-        summary = question.summary()
+        family = question.family
+        if family and family not in families:
+            families[family] = _family(commands, family)
+        summary, name = question.summary(), question.command().rpartition(" ")[2]
         about = f"{summary[0].lower()}{summary[1:]}"
-        sub = _command(commands, question.name, about, question.example, "pipeline.questions.command:run")
+        sub = _command(families.get(family, commands), name, about, question.example, "pipeline.questions.command:run")
+        sub.set_defaults(question=question.name)
         for flag, words in (pair for group in GROUPS for pair in declared["groups"][group].items()):
-            _add(sub, flag, words)
+            optional = {"nargs": "?"} if flag == "case" and question.without_case is not None else {}
+            _add(sub, flag, words, optional)
         add_options(sub, question)
     for name, about in declared["commands"].items():
         sub = _command(commands, name, about["help"], about["example"], about["run"])
@@ -206,13 +213,26 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _family(commands: Any, name: str) -> Any:
+    """A command whose models are commands of their own."""
+    about, example = FAMILIES[name]
+    sub: argparse.ArgumentParser = commands.add_parser(
+        name,
+        help=about,
+        description=about,
+        epilog=f"example: antinode {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    return sub.add_subparsers(dest="model", required=True, metavar="MODEL")
+
+
 def _command(commands: Any, name: str, text: str, example: str, handler: str) -> argparse.ArgumentParser:
     """A command by its name, help and example; `handler` is the module and the function that run it."""
     look: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
     sub: argparse.ArgumentParser = commands.add_parser(
         name, help=text, description=text, epilog=f"example: antinode {example}", **look
     )
-    sub.set_defaults(handler=handler)
+    sub.set_defaults(handler=handler, prog=sub.prog)
     sub.add_argument("-q", "--quiet", action="store_true", help="no progress and no log on standard error")
     sub.add_argument("-v", "--verbose", action="store_true", help="also log what is left out, and why")
     sub.add_argument("--debug", action="store_true", help="show where an error came from")

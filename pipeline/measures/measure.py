@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import Case
@@ -26,7 +27,7 @@ class Work:
     """A case while it is measured by what is no question yet, and the run that it shares with those that are."""
 
     def __init__(self, case: Case, run: Run) -> None:
-        self.case, self.run, self.log, self.folder = case, run, run.log, run.folder
+        self.case, self.run, self.log, self.folder = case, run, run.log, run.folder or Path()
         self.solved, self.record, self.meshes, self.arrays = run.solved, run.found, run.meshes, run.arrays
 
     @property

@@ -45,7 +45,8 @@ OF_SEVERAL = (  # columns that several answers of a case make together
 
 def measures() -> tuple[Measure, ...]:
     """Every measure in the order in which a case is measured, those of questions that other modules have defined last."""
-    asked = {name: of_question(kind.in_study()) for name, kind in known().items() if not kind.follows}
+    questions = {name: kind.in_study() for name, kind in known().items() if not kind.follows}
+    asked = {name: of_question(question) for name, question in questions.items() if question}
     found = asked | WRITTEN
     return (*(found.pop(name) for name in IN_ORDER), *found.values())
 

@@ -324,7 +324,8 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     @property
     def has_pillar(self) -> bool:
         """Whether the cell has a pillar, as far as the result's origin is known."""
-        design = self.origin.with_defaults.get("design") or {} if self.origin else {}
+        known = self.origin.with_defaults if self.origin else None
+        design = (known or {}).get("design") or {}
         return bool(design.get("pillar"))
 
     def details(self) -> Iterator[str]:

@@ -77,6 +77,7 @@ class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures
         from firmware.build import BuildError
         from firmware.emulate import EmulationError, board_run
 
+        assert run.folder
         if not run.wanted:
             raise Unanswered(NAME, "no mode of the wanted shape: there is no mode table")
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from math import nan
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
@@ -18,10 +19,21 @@ if TYPE_CHECKING:
     from pipeline.logs import TerminalLog
 
 Kind = type[Question[Any]]
-EXAMPLES = {tuple[float, float]: ", such as 28kHz:38kHz", float: ", such as 32kHz"}  # of frequencies as typed
+EXAMPLES = {
+    tuple[float, float]: ", such as 28kHz:38kHz",
+    float: ", such as 32kHz",
+    tuple[float, ...]: ", such as 32kHz",
+}  # of frequencies as typed
 FIELDS = "write the field of every mode into --out DIR (fields.npz)"
 MAX_DIGITS = 40  # characters of a number that are read and shown
-SUFFIXES = {"kHz": "_kHz", "mm": "_mm", "dB": "_dB", "rad/m": "_per_m"}  # of options' names, by unit
+SUFFIXES = {
+    "kHz": "_kHz",
+    "mm": "_mm",
+    "dB": "_dB",
+    "rad/m": "_per_m",
+    "s": "_s",
+    "N/m": "_N_per_m",
+}  # of options' names, by unit
 
 
 def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
@@ -43,15 +55,18 @@ def _variants(question: Kind) -> list[Kind]:
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
     """Add an option; its type says how its text is read."""
     shown = about.help + EXAMPLES.get(kind, "") * (about.unit == "kHz")
-    shown += "" if default is None or kind is bool else f" (default: {default})"
+    shown += ", such as 4us" * (about.unit == "s")
+    shown += "" if default in (None, ()) or kind is bool else f" (default: {default})"
     words: dict[str, Any] = {"dest": name, "default": default, "help": shown.replace("%", "%%")}
     if kind is bool:
         words |= {"action": "store_false" if default else "store_true"}
     elif get_origin(kind) is Literal:
         words |= {"choices": get_args(kind)}
-    elif kind == tuple[str, ...]:
+    elif kind in (tuple[str, ...], tuple[float, ...]):
         words |= {"action": "append", "metavar": about.metavar, "default": list(default)}
-        words["help"] = f"{about.help} (repeatable)"
+        words["help"] = f"{shown} (repeatable)"
+    elif about.unit == "s":
+        words |= {"metavar": "T"}
     elif about.unit == "kHz":
         words |= {"metavar": "F:F" if get_origin(kind) is tuple else "F"}
     elif kind is str:
@@ -87,30 +102,44 @@ def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command of a question: read its case, then explain, or ask and write the answer."""
-    from pipeline.case.model import load_case
     from pipeline.case.plausible import warn_of_doubts
     from pipeline.logs import TerminalLog
-    from pipeline.views.answer import Answer, emit, of_case
+    from pipeline.views.answer import Answer, emit
 
     kind = _asked(arguments)
-    case = of_case(arguments, load_case(arguments.case, arguments.set))
-    log = TerminalLog(arguments.quiet)
-    warn_of_doubts(case.design, log)
+    case, log = _case(arguments, kind), TerminalLog(arguments.quiet)
+    if case:
+        warn_of_doubts(case.design, log)
     question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
     if arguments.explain:
-        question.check(case)
+        question.check(case)  # type: ignore[arg-type]
         from pipeline.planning.simplifications import no_figures
 
-        plan = question.plan(case)
+        plan = question.plan(case)  # type: ignore[arg-type]
         undrawn = no_figures(bool(arguments.out or arguments.plot))
         plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
         return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
     return answer(arguments, case, question, log)
 
 
+def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
+    """Return the case of a command line; None for a question that does without. Raises InputError for a wrong case."""
+    from pipeline.case.model import load_case
+    from pipeline.paths import STUDIES
+    from pipeline.views.answer import of_case
+
+    if arguments.case is not None:
+        return of_case(arguments, load_case(arguments.case, arguments.set))
+    if kind.without_case:
+        return of_case(arguments, load_case(STUDIES / kind.without_case, arguments.set))
+    if arguments.set:
+        raise InputError("--set: needs a CASE to change")
+    return None
+
+
 def _asked(arguments: argparse.Namespace) -> Kind:
     """Return the question that a command line asks. Raises InputError for options that are another question's."""
-    own: Kind = registered()[arguments.command]
+    own: Kind = registered()[arguments.question]
     variants = _variants(own)
     kind = next((each for each in variants if getattr(arguments, each.by)), own)
     lines = [
@@ -140,30 +169,44 @@ def _shown(value: Any) -> str:
 
 
 def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) -> Any:
-    """Return an option's value from a command line. Raises InputError for a frequency or a band that is none."""
-    from pipeline.case.quantities import parse_band, parse_frequency
-
+    """Return an option's value from a command line. Raises InputError for a text that is no number, frequency or time."""
     value, named = getattr(arguments, name), flag(name, about)
+    read: Any = kind_of(kind, name)
     if isinstance(value, list):
-        return tuple(value)
-    if about.unit != "kHz" or not isinstance(value, str):
-        return value
-    if kind_of(kind, name) is float:
-        return parse_frequency(value, named) / KHZ
-    return tuple(end / KHZ for end in parse_band(value, named))
+        return tuple(each if read == tuple[str, ...] else _of_text(each, float, about, named) for each in value)
+    return _of_text(value, read, about, named) if isinstance(value, str) else value
 
 
-def answer(arguments: argparse.Namespace, case: Case, question: Question[Any], log: TerminalLog) -> int:
+def _of_text(text: str, kind: Any, about: Option, named: str) -> Any:
+    from pipeline.case.quantities import parse_band, parse_frequency, parse_seconds
+
+    if about.unit == "kHz":
+        return parse_frequency(text, named) / KHZ if kind is float else tuple(e / KHZ for e in parse_band(text, named))
+    if about.unit == "s":
+        return parse_seconds(text, named)
+    if kind is not float:
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if fault := about.fault(value):
+        raise InputError(f"{named} = {text}: {fault}")
+    return value
+
+
+def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
     """Ask a question and write its answer to where the command line asks for it."""
     from pipeline.records import outputs, store
     from pipeline.views.answer import Answer, emit
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
-    result: Result = ask(case, question, Run(log, detailed=kept))
+    folder = outputs.folder(arguments.out) if arguments.out else None
+    result: Result = ask(case, question, Run(log, detailed=kept, folder=folder))
     rows = result.to_rows()
     lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
     head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]
-    whole = Answer(result.to_dict(), lines, head, cells, result.pictures, draw=result.plot)
+    whole = Answer(result.to_dict(), lines, head, cells, result.pictures, figure=result.as_figure)
     code = emit(arguments, question.instead_of or question.name, whole, log)
     if getattr(arguments, "save_all_fields", False):
         store.save_arrays(outputs.folder(arguments.out), result.fields(), store.FIELDS)  # type: ignore[attr-defined]

@@ -59,6 +59,7 @@ class Geometry(Question[GeometryResult], in_studies_only=True):
         """Write STL, STEP and 3MF into the case's folder and read the STL back."""
         from geometry.cad import files, solids
 
+        assert run.folder
         with run.step("build the solid"):
             body = solids.plate_solid(case.design)
         with run.step("write STL, STEP, 3MF"):

@@ -345,6 +345,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
         from pipeline.records import store
 
         solved: PartModes = run.solved["modes"]
+        assert run.folder
         if run.all_fields:
             with run.step("fields in full"):
                 store.save_arrays(run.folder, mode_fields.full_fields(solved), store.FIELDS)

@@ -44,8 +44,15 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
-KINDS = {tuple[float, float]: "two rising numbers", tuple[str, ...]: "names", int: "a whole number", float: "a number",
-         bool: "True or False", str: "a text"}  # fmt: skip
+KINDS: dict[Any, str] = {
+    Pair: "two rising numbers",
+    tuple[str, ...]: "names",
+    tuple[float, ...]: "numbers",
+    int: "a whole number",
+    float: "a number",
+    bool: "True or False",
+    str: "a text",
+}
 NO_PLAN: Any = None  # of a question that is answered at once
 QUESTIONS: dict[str, type[Question[Any]]] = {}
 VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
@@ -64,27 +71,31 @@ class Option:
     at_least: float = -inf
     at_most: float = inf
     metavar: str = ""
+    or_infinite: bool = False
 
     def fault(self, value: Any) -> str:
         """Return what a value of this option must be, or '' for a good one."""
-        pair = isinstance(value, tuple)
-        numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
+        several = isinstance(value, tuple)
+        numbers = [each for each in (value if several else (value,)) if isinstance(each, int | float)]
+        if self.or_infinite:
+            numbers = [each for each in numbers if each != inf]
         is_finite = all(map(isfinite, numbers))
         if not is_finite or not all(self.at_least <= each <= self.at_most for each in numbers):
             return self._limits(is_finite)
-        return "must be two rising numbers" if pair and len(numbers) == 2 and numbers[0] >= numbers[1] else ""
+        return ""
 
     def _limits(self, is_finite: bool) -> str:
         if -inf < self.at_least == -self.at_most:
             return f"must be a number of at most {self.at_most:g} {self.unit}".rstrip()
-        if not is_finite:
+        if not is_finite and not self.or_infinite:
             return "must be a finite number"
-        return f"must be {self.at_least:g} or more" + (f", at most {self.at_most:g}" if self.at_most < inf else "")
+        most = f", at most {self.at_most:g}" if self.at_most < inf else ""
+        return f"must be {self.at_least:g} or more{most}" + ", or inf" * self.or_infinite
 
 
 def option(
     *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, metavar: str = "",
-    kw_only: bool = True,
+    or_infinite: bool = False, kw_only: bool = True,
 ) -> Any:  # fmt: skip
     """Declare an option of a question.
 
@@ -100,10 +111,14 @@ def option(
         Limits of the number, or of each end of a band.
     metavar
         What stands for its value in the help of the command.
+    or_infinite
+        Whether the number may be infinite, too.
     kw_only
         False for an option that the method also takes by position.
     """
-    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar)})
+    return field(
+        default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar, or_infinite)}
+    )
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
@@ -113,7 +128,7 @@ class Run:
     """What a computation uses of its surroundings: a log, and what several questions of one case share.
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
-    page will show moving shapes. folder: of a study's case, for files beside the record; all_fields: whether every mode's
+    page will show moving shapes. folder: where files beside the answer go, None: nowhere; all_fields: whether every mode's
     field goes there. meshes, arrays: what was meshed, and arrays that are kept beside the record. solved: what one question has
     solved and another of the same case can go on from, by name; found: the answers and parts of the record so far.
     """
@@ -128,7 +143,7 @@ class Run:
         all_fields: bool = False,
     ) -> None:
         self.log, self.detailed, self.shapes = log, detailed, shapes
-        self.folder, self.all_fields = folder or Path(), all_fields
+        self.folder, self.all_fields = folder, all_fields
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
         self.arrays: dict[str, Any] = {}
@@ -191,6 +206,8 @@ class Question(_Declared, Generic[R]):
     follows : another question, with which studies ask this one, too, without a step of its own in their plan.
     after : another question that a study must ask, too, and whose answer this one goes on from.
     aliases : further names in study files; several questions may share one.
+    family : the command that this question is a part of, such as active of `antinode active mason`.
+    without_case : that no case has to be given, and the study's case that is then taken; "" for none. No study asks it.
     instead_of, by : the question whose command asks this one where its option `by` is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
     """
@@ -206,6 +223,8 @@ class Question(_Declared, Generic[R]):
     follows: ClassVar[str]
     after: ClassVar[str]
     aliases: ClassVar[Axis]
+    family: ClassVar[str]
+    without_case: ClassVar[str | None]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
@@ -213,7 +232,7 @@ class Question(_Declared, Generic[R]):
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
         by: str = "", is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
-        aliases: Axis = (),
+        aliases: Axis = (), family: str = "", without_case: str | None = None,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         if Question not in cls.__bases__:
@@ -221,6 +240,7 @@ class Question(_Declared, Generic[R]):
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
         cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
         cls.follows, cls.after, cls.aliases = follows, after, aliases
+        cls.family, cls.without_case = family, without_case
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
@@ -247,7 +267,9 @@ class Question(_Declared, Generic[R]):
             *first, last = get_args(kind)
             return f"must be {', '.join(first)} or {last}"
         try:
-            return self.options[name].fault(_as_kind(value, kind))
+            read = _as_kind(value, kind)
+            rising = kind != Pair or read[0] < read[1]
+            return self.options[name].fault(read) or ("" if rising else f"must be {KINDS[Pair]}")
         except (TypeError, ValueError):
             return f"must be {KINDS[kind]}"
 
@@ -255,6 +277,11 @@ class Question(_Declared, Generic[R]):
     def summary(cls) -> str:
         """Return the first paragraph of the docstring, without its full stop."""
         return " ".join(cleandoc(cls.__doc__ or "").partition("\n\n")[0].split()).removesuffix(".")
+
+    @classmethod
+    def command(cls) -> str:
+        """Return the words of its command."""
+        return f"{cls.family} {cls.name.removeprefix(cls.family + '_')}" if cls.family else cls.name
 
     def given(self) -> dict[str, Any]:
         """Return the options by name, as JSON has them."""
@@ -264,7 +291,8 @@ class Question(_Declared, Generic[R]):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
-        case.require(*self.needs, command=self.name)
+        if self.needs:
+            case.require(*self.needs, command=self.name)
 
     @property
     def is_own(self) -> bool:
@@ -272,9 +300,9 @@ class Question(_Declared, Generic[R]):
         return self.result.question == self.name
 
     @classmethod
-    def in_study(cls) -> Self:
-        """Return the question as studies ask it."""
-        return cls()
+    def in_study(cls) -> Self | None:
+        """Return the question as studies ask it; None where they do not."""
+        return cls() if cls.without_case is None else None
 
     @classmethod
     def inputs(cls) -> dict[str, Any]:
@@ -290,20 +318,20 @@ class Question(_Declared, Generic[R]):
         """Return what `compute` will do, what it leaves out and what that takes. Nothing is meshed or solved."""
         from pipeline.planning.plan import Plan, plain_step
 
-        return Plan(case.name, (plain_step(self.name, self.summary(), ""),), ())
+        return Plan(case.name if case else self.name, (plain_step(self.name, self.summary(), ""),), ())
 
     def compute(self, case: Case, plan: Plan, run: Run) -> R:
         """Return the answer, by the decisions of the plan."""
         raise NotImplementedError
 
 
-def ask(case: Case, question: Question[R], log: Log | Run) -> R:
+def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
     """Return the answer of a case to a question.
 
     Parameters
     ----------
     case
-        The case.
+        The case; None for a question that can do without.
     question
         The question with its options.
     log
@@ -319,14 +347,17 @@ def ask(case: Case, question: Question[R], log: Log | Run) -> R:
     from importlib.metadata import version
 
     run = log if isinstance(log, Run) else Run(log)
-    question.check(case)
+    assert case is not None or question.without_case is not None
+    about: Any = case
+    question.check(about)
     before = len(run.warnings)
-    plan = NO_PLAN if question.is_quick else question.plan(case)
+    plan = NO_PLAN if question.is_quick else question.plan(about)
     if plan:
         announce(plan, run)
-    result = question.compute(case, plan, run)
+    result = question.compute(about, plan, run)
     seconds, warnings = dict(getattr(run.log, "seconds", {})), tuple(run.warnings[before:])
-    origin = Origin(case.name, case.to_dict(), version("antinode"), question.given(), warnings, seconds)
+    named, given = (case.name, case.to_dict()) if case else (None, None)
+    origin = Origin(named, given, version("antinode"), question.given(), warnings, seconds)
     object.__setattr__(result, "origin", origin)
     return result
 
@@ -357,6 +388,8 @@ def _as_kind(value: Any, kind: Any) -> Any:
         return float(low), float(high)
     if kind == tuple[str, ...]:
         return tuple(map(str, value))
+    if kind == tuple[float, ...]:
+        return tuple(map(float, value))
     return index(value) if kind is int else kind(value)
 
 

@@ -74,8 +74,8 @@ def reach(part: Any, place: str) -> Any:
 class Origin:
     """What a result answers: case with defaults, the question's options, version, warnings, seconds of each step."""
 
-    case: str
-    with_defaults: dict[str, Any]
+    case: str | None
+    with_defaults: dict[str, Any] | None
     version: str
     options: dict[str, Any]
     warnings: tuple[str, ...]

@@ -15,8 +15,6 @@ from pipeline.records.outputs import check_places, csv_bytes, folder, is_standar
 from pipeline.records.reading import reading_markdown
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from pipeline.case.model import Case
     from pipeline.logs import TerminalLog
     from pipeline.plots.style import ReportFigure
@@ -26,8 +24,8 @@ FORMATS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True)
 class Answer:
-    """A document, lines of text, rows under a head for CSV; pictures (drawn only when asked for) and files for --out; draw:
-    draws what --plot writes and returns its axes.
+    """A document, lines of text, rows under a head for CSV; pictures (drawn only when asked for) and files for --out; figure:
+    draws what --plot writes.
     """
 
     document: dict[str, Any]
@@ -36,7 +34,7 @@ class Answer:
     rows: Sequence[Sequence[Any]] = ()
     pictures: Callable[[], Sequence[ReportFigure]] = tuple
     files: Mapping[str, bytes] = field(default_factory=dict)
-    draw: Callable[[], Axes] | None = None
+    figure: Callable[[], Any] | None = None
 
 
 def of_case(arguments: Namespace, case: Case) -> Case:
@@ -95,8 +93,8 @@ def _figure(name: str, answer: Answer, document: dict[str, Any]) -> Any:
     from pipeline.plots import style
     from pipeline.views import figures
 
-    if answer.draw:
-        return answer.draw().figure
+    if answer.figure:
+        return answer.figure()
     if name in figures.FIGURES:
         return figures.draw(name, document).figure
     with style.style():

@@ -18,9 +18,8 @@ from pipeline.questions import registered
 from tests.helpers.exploring import small_explorer
 
 ROOT = Path(__file__).resolve().parents[2]
-QUESTIONS = sorted(registered())
 HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps")),
-         *(f"pipeline.questions.{name}" for name in QUESTIONS),
+         *sorted({each.__module__ for each in registered().values()}),
          "pipeline.models.mode_parts", "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
@@ -29,6 +28,7 @@ SLOW = {  # a second and more, run by `make test-all`
     *(f"antinode.plate.Plate.{name}"
       for name in ("response", "tolerance", "touch", "hybrid", "travel", "explore")),
     "pipeline.questions.crosstalk.Crosstalk",
+    "pipeline.questions.active.ActiveShaping",
 }  # fmt: skip
 
 

@@ -20,6 +20,11 @@ GOOD = {
     "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
+    "active_mason": "confined: float = plate.active_mason(frequency_kHz=20.0).confinement_db['filtered']",
+    "active_pillar": "stopped: float = plate.active_pillar(cell=False).stopped_hz",
+    "active_beam": "strength: float = plate.active_beam(gain_N_per_m=(1e7,), delay_s=(4e-6,)).cases[0].strength",
+    "active_shaping": "said: str = plate.active_shaping().comparison[0].ours",
+    "active_dq": "steps: int = len(plate.active_dq(settling_time_s=2e-3).steps)",
 }
 WRONG = {  # a line, and the code of the error that it must give
     "plate.crosstalk(pionts=5)": "call-arg",

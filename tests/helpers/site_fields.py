@@ -8,6 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from pipeline.questions import registered
+from pipeline.records.part import Part, part_of
+
 FIELDS = Path(__file__).resolve().parents[2] / "docs" / "site" / "fields.toml"
 EVERY = {"schema", "case", "with_defaults", "version", "seconds", "kind", "options", "warnings"}
 
@@ -24,10 +27,18 @@ def differing(command: str, document: dict[str, Any]) -> list[str]:
 
     Names with a space are of things, as `pair at 3000 Hz`.
     """
-    fields = (documents()["active"] if command.startswith("active ") else {}) | documents()[command]
-    inner = [f"{key}.{name}" for key in fields.keys() & document.keys() for name in _names(document[key])
+    question = registered().get(command)
+    fields = {name: each.about for name, each in question.result.declared.items()} if question else documents()[command]
+    said = {key for key in fields if question and _is_declared(question.result, key)}
+    inner = [f"{key}.{name}" for key in (fields.keys() - said) & document.keys() for name in _names(document[key])
              if " " not in name and not re.search(rf"\b{re.escape(name)}\b", fields[key])]  # fmt: skip
     return sorted((document.keys() ^ fields.keys()) - EVERY) + sorted(inner)
+
+
+def _is_declared(kind: type[Part], name: str) -> bool:
+    """Whether a field holds parts, which say themselves what their fields mean."""
+    held = part_of(kind, name)
+    return isinstance(held, type) and issubclass(held, Part)
 
 
 def _names(value: Any) -> set[str]:

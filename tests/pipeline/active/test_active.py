@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.active import options, thesis, thesis_models
-from pipeline.active.loop import _plant
+from pipeline.active import thesis, thesis_models
+from pipeline.active.loop import plant_of
 from pipeline.board import table_file
+from pipeline.case.quantities import parse_seconds
 from pipeline.cli import main
 from pipeline.errors import InputError
 from solvers.active_beam.study import ActiveBeamData
@@ -48,7 +49,7 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
-    assert document["schema"] == 1 and site_fields.differing(f"active {model}", document) == []
+    assert document["schema"] == 1 and site_fields.differing(f"active_{model}", document) == []
     for entry in document["comparison"]:
         assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
         assert entry["ours"] in text and entry["agreement"] in text
@@ -153,9 +154,9 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
     monkeypatch.setattr("pipeline.questions.question.ask", answer)
     assert run("pillar", "--cell", "--band", "25kHz:45kHz", "--quiet", "--out", str(tmp_path)) == 0
     document = json.loads((tmp_path / "active_pillar.json").read_text())
+    assert site_fields.differing("active_pillar", document) == []
     assert query == {"band": (25.0, 45.0), "kx": 0.0} and document["cell"]["model"] == "stub"
     assert document["cell"]["db_error"] == [f / 1e5 for f in document["cell"]["frequencies_hz"]]
-    assert site_fields.differing("active pillar", document) == []
     assert document["comparison"][-1]["ours"] == "30.5-35.5 kHz"
     assert "edge lies" in document["comparison"][-1]["agreement"]
     capsys.readouterr()
@@ -164,8 +165,8 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("beam", "--gain", "0"), "--gain = 0"),
-        (("beam", "--gain=-1e7"), "above 0"),
+        (("beam", "--gain", "0"), "--gain = 0: must be 0.001 or more"),
+        (("beam", "--gain=-1e7"), "must be 0.001 or more"),
         (("beam", "--gain", "much"), "--gain = much"),
         (("beam", "--frequency", "0"), "--frequency"),
         (("beam", "--frequency=-3kHz"), "above 0"),
@@ -173,12 +174,12 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("mason", "--frequency", "0"), "--frequency"),
         (("mason", "--quality-factor", "inf"), "hit exactly"),
         (("mason", "--quality-factor", "0"), "--quality-factor"),
-        (("mason", "--gain", "1"), "does not take it"),
-        (("mason", "--settling-time", "2ms"), "--settling-time: active mason does not take it"),
-        (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be a number above 0 in N/m, from 0.001 to 1e+12"),
+        (("mason", "--gain", "1"), "active mason: unrecognized arguments: --gain"),
+        (("mason", "--settling-time", "2ms"), "active mason: unrecognized arguments: --settling-time"),
+        (("beam", "--gain", "1e-300"), "--gain = 1e-300: must be 0.001 or more, at most 1e+12"),
         (
             ("pillar", "--quality-factor", "1e-300"),
-            "--quality-factor = 1e-300: must be a number above 0, from 0.5 to 1e+12, or inf",
+            "--quality-factor: 1e-300: must be 0.5 or more, at most 1e+12, or inf",
         ),
         (("dq", "--settling-time", "1e300s"), "--settling-time = '1e300s': must be a time of 0 or more in s, ms or us"),
         (("mason", "--band", "1kHz:30MHz"), "must end at 2500 kHz or below"),
@@ -189,7 +190,6 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
         (("pillar", "--set", "pillar.height_mm=-1"), "pillar.height_mm"),
         (("dq", "--quality-factor", "inf"), "without losses"),
         (("dq", "--frequency", "0"), "--frequency"),
-        (("dq", "--frequency", "1kHz", "--frequency", "2kHz"), "takes one"),
         (("dq", "--settling-time", "0.1ms"), "latency"),
         (("dq", "--table", "nothing.bin"), "nothing.bin"),
         (("dq", "--sweep", "nothing.csv"), "nothing.csv"),
@@ -200,7 +200,7 @@ def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, caps
 def test_what_is_wrong_is_told_in_one_line(arguments: tuple[str, ...], said: str, capsys) -> None:
     assert run(*arguments) == 2
     caught = capsys.readouterr()
-    text = [line for line in caught.err.splitlines() if line.startswith("antinode: ")]
+    text = [line for line in caught.err.splitlines() if line.startswith("antinode")]
     assert len(text) == 1 and said in text[0] and caught.out == ""
 
 
@@ -283,13 +283,13 @@ def test_every_statement_ends_in_a_verdict_that_always_holds() -> None:
 
 @pytest.mark.parametrize(("text", "value"), [("2ms", 2e-3), ("4us", 4e-6), ("0.5 s", 0.5), ("0us", 0.0)])
 def test_times(text: str, value: float) -> None:
-    assert options.seconds(text, "--delay") == pytest.approx(value)
+    assert parse_seconds(text, "--delay") == pytest.approx(value)
 
 
 @pytest.mark.parametrize("text", ["", "4", "-1ms", "infs", "nanms", "ms", "4kHz"])
 def test_times_refused(text: str) -> None:
     with pytest.raises(InputError, match="--delay"):
-        options.seconds(text, "--delay")
+        parse_seconds(text, "--delay")
 
 
 def table(**changes) -> table_file.ModeTable:
@@ -316,7 +316,7 @@ def test_a_table_gives_the_mode_and_its_neighbours(tmp_path: Path, capsys) -> No
 def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
     """A displacement sensor shows a velocity response over j."""
     mode = replace(table().modes[0], gain=gain)
-    assert _plant(mode, True, sensor).gain == pytest.approx(real)
+    assert plant_of(mode, True, sensor).gain == pytest.approx(real)
 
 
 @pytest.mark.parametrize("displacement", [True, False])
@@ -346,7 +346,7 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     assert table_file.to_header(new) == header
     document = json.loads((out / "active_dq.json").read_text())
     assert document["plant"]["frequency_hz"] == pytest.approx(31_437.3, abs=0.1)
-    assert site_fields.differing("active dq", document) == []
+    assert site_fields.differing("active_dq", document) == []
     assert document["measured"]["tau_s"] == pytest.approx(mode.tau_s, rel=1e-6)
     assert main.main(["doctor", "table", str(out / "mode_table.bin"), "--json", str(out / "table.json")]) == 0
     assert site_fields.differing("doctor table", json.loads((out / "table.json").read_text())) == []

@@ -1,0 +1,571 @@
+"""Analogy and control models of the thesis: circuit, pillar on a strip, active beam, patches that shape a beam's field."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from pipeline.case.limits import QUALITY
+from pipeline.errors import InputError
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Result
+from pipeline.records.part import Part, column, live
+from pipeline.units import KHZ, MM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+    from solvers.resonators.mason_study import MasonStudy
+
+MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
+GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
+COMPARED = "what the thesis says and what is computed here, a statement each"
+CURVES = "frequencies that the curves go over"
+
+
+class Compared(Part):
+    """A statement of the thesis next to what is computed here, and how the two agree."""
+
+    quantity: str = column("what it is about")
+    thesis: str = column("what the thesis says")
+    ours: str = column("what is computed")
+    agreement: str = column("whether they agree, and why not")
+
+
+class Modelled(Result, axes=()):
+    """The answer of a model, with the study that its pictures are drawn from."""
+
+    study: Any = live()
+
+    def compared(self) -> Iterator[str]:
+        """Yield a block a statement: the thesis' value, ours, and how they agree."""
+        for one in self.comparison:  # type: ignore[attr-defined]
+            yield f"{one.quantity}\n  thesis: {one.thesis}\n  ours:   {one.ours}\n  {one.agreement}"
+
+    def as_figure(self) -> Any:
+        """Return the first of the pictures; of an answer that was read from a file what `plot` draws."""
+        return self.pictures()[0].figure if self.study else super().as_figure()
+
+
+@contextmanager
+def asked(model: str) -> Iterator[None]:
+    """Turn a SolverError into an InputError: these models have no meshes, what stops them is what was asked."""
+    from solvers.errors import SolverError
+
+    try:
+        yield
+    except SolverError as error:
+        raise InputError(f"active {model}: {' '.join(str(error).split())}") from error
+
+
+def quality_option(of: str) -> Any:
+    """Declare the option --quality-factor."""
+    return option(
+        default=None, at_least=QUALITY[0], at_most=QUALITY[1], or_infinite=True, metavar="Q",
+        help=f"quality factor of {of}, inf for no losses",
+    )  # fmt: skip
+
+
+def frequencies_hz(given_kHz: tuple[float, ...], default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return frequencies in Hz, or the default where none is given."""
+    return tuple(KHZ * each for each in given_kHz) or default
+
+
+# -- circuit -----------------------------------------------------------------------------------------------------------
+
+
+class MasonResult(Modelled, table="comparison", axes=("quantity",)):
+    """Five cells of a bar with and without a filter that confines a mode in the middle ones, as a circuit."""
+
+    target_hz: float = column("the mode to confine; the middle one of three cells between fixed ends", "Hz")
+    quality_factor: float | None = column("quality factor of cells and filter; None without losses")
+    cell: dict[str, Any] = column("one cell of the bar: length_m, area_m2 of its section, material")
+    filter: dict[str, float | None] = column(
+        "the filter at two joints as a mechanical circuit: inductance_kg, capacitance_m_n in m/N, resistance_n_s_m (None "
+        "without losses), and rejected_hz, the frequency that it lets nothing of through"
+    )
+    modes_hz: dict[str, list[float]] = column(
+        "frequencies without losses in the band of three cells between fixed ends (clamped), of five free ones without "
+        "filter (bare) and with it (filtered)"
+    )
+    confinement_db: dict[str, float] = column(
+        "rms velocity of the two inner joints over that of the outer ones at target_hz: bare and filtered", "dB"
+    )
+    frequencies_hz: list[float] = column(CURVES, "Hz", along="frequency")
+    clamped_abs: list[list[float]] = column(
+        "velocity of each joint of the three cells for 1 N in the middle one", "m/s", along=("frequency", "joint")
+    )
+    bare_abs: list[list[float]] = column("that of the five cells without filter", "m/s", along=("frequency", "joint"))
+    filtered_abs: list[list[float]] = column("that with it", "m/s", along=("frequency", "joint"))
+    filter_impedance_abs: list[float] = column("size of the filter's impedance, N s/m", along="frequency")
+    comparison: list[Compared] = column(COMPARED)
+
+    def lines(self) -> Iterator[str]:
+        """Yield bar, filter, modes and the comparison."""
+        from pipeline.quantity import figure, frequency
+
+        cell, one = self.cell, self.filter
+        yield (
+            f"five cells of {cell['material']}, each {figure(cell['length_m'] / MM)} mm long, section "
+            f"{cell['area_m2'] / MM**2:g} mm2, quality factor {self.quality_factor or inf:g}; 1 N in the middle one"
+        )
+        yield (
+            f"filter: L = {figure(one['inductance_kg'])} kg, C = {figure(one['capacitance_m_n'])} m/N, "
+            f"rejects {frequency(one['rejected_hz'])}"  # type: ignore[arg-type]
+        )
+        for name, modes in self.modes_hz.items():
+            yield f"modes, {name}: {', '.join(map(figure, modes)) + ' Hz' if modes else 'none in the band'}"
+        yield from self.compared()
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the velocity of the middle joint with the filter and without."""
+        khz = [each / KHZ for each in self.frequencies_hz]
+        for name, curves in (("without filter", self.bare_abs), ("with it", self.filtered_abs)):
+            ax.semilogy(khz, [joints[2] for joints in curves], label=name)
+        ax.legend()
+        ax.set(xlabel="frequency (kHz)", ylabel="velocity (m/s per N)")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the velocities of all joints."""
+        from pipeline.active import plots
+
+        return [plots.mason(self.study)]
+
+
+class ActiveMason(
+    Question[MasonResult], family="active", without_case="", is_quick=True, example="active mason --frequency 20kHz"
+):
+    """Confine a mode of a bar by a filter, as Mason's circuit.
+
+    A case gives material and losses.
+
+    >>> import antinode
+    >>> round(antinode.load("examples/small.toml").active_mason().filter["rejected_hz"])  # Hz
+    25000
+    """
+
+    frequency_kHz: float | None = option(default=None, unit="kHz", at_least=0.0, help="the mode to confine")
+    quality_factor: float | None = quality_option("cells and filter")
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help="frequencies to show")
+
+    def compute(self, case: Case | None, plan: Plan, run: Run) -> MasonResult:
+        """Solve the circuit over its own window, and over the band to show."""
+        import numpy as np
+
+        from pipeline.active import thesis_models
+        from pipeline.active.thesis import beside
+        from solvers.resonators.mason_study import MasonData, mason_study
+
+        data = MasonData()
+        data = replace(
+            data,
+            target_hz=KHZ * self.frequency_kHz if self.frequency_kHz else data.target_hz,
+            quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
+            material=case.design.material if case else data.material,
+        )
+        with asked("mason"):
+            whole = study = mason_study(data)
+            if band := self._band(data.target_hz):
+                study = mason_study(data, np.linspace(*band, 3121))
+                _refuse_empty(band, study, whole)
+        return MasonResult(
+            **_fields(study.to_dict()), comparison=_parts(beside("mason", thesis_models.mason(whole))), study=study
+        )
+
+    def _band(self, target_hz: float) -> Pair | None:
+        """Return the band to show, Hz. Raises InputError beyond the range of a one-dimensional bar."""
+        band = hz(self.band_kHz)
+        if band and band[1] > MASON_HIGHEST * target_hz:
+            highest = f"{MASON_HIGHEST * target_hz / KHZ:g} kHz or below, {MASON_HIGHEST} times the mode to confine"
+            reason = "the waves beyond are shorter than the bar is thick"
+            raise InputError(f"--band = {_shown(band)}: must end at {highest}: {reason}")
+        return band
+
+
+def _shown(band: Pair) -> str:
+    return f"{band[0] / KHZ:g}kHz:{band[1] / KHZ:g}kHz"
+
+
+def _refuse_empty(band: Pair, study: MasonStudy, whole: MasonStudy) -> None:
+    """Raise InputError that names where the modes are, when none of the three lines has one in the band."""
+    from pipeline.quantity import interval
+
+    if not any(len(modes) for modes in study.modes_hz.values()):
+        every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
+        listed = f"from {interval(min(every), max(every))}, {len(every)} of them"
+        raise InputError(f"--band = {_shown(band)}: holds no mode of the three bars; they have modes {listed}")
+
+
+def _fields(document: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in document.items() if name != "schema"}
+
+
+def _parts(entries: list[dict[str, str]]) -> list[Compared]:
+    return [Compared(**entry) for entry in entries]
+
+
+# -- pillar ------------------------------------------------------------------------------------------------------------
+
+
+class PillarModelResult(Modelled, table="comparison", axes=("quantity",)):
+    """One pillar and rows of pillars on a strip of plate: what passes of a flexural wave."""
+
+    clamped_hz: float = column("first bending frequency of the pillar on a rigid foot (Timoshenko)", "Hz")
+    stopped_hz: float = column("where one pillar's moment lets nothing of a flexural wave through", "Hz")
+    oscillator_stopped_hz: float = column(
+        "the same for a vertical oscillator of the pillar's mass and clamped frequency", "Hz"
+    )
+    band_hz: list[float] | None = column(
+        "the widest stretch in which one row lets at most half the power through; None without one", "Hz"
+    )
+    bands_hz: list[list[float] | None] = column("that of 1, 2, ... rows, one each", "Hz")
+    stop_hz: list[float] | None = column(
+        "the widest stretch in which endless rows let no wave through without losses; None without one", "Hz"
+    )
+    frequencies_hz: list[float] = column(CURVES, "Hz", along="frequency")
+    transmitted: list[list[float]] = column(
+        "share of the power that passes 1, 2, ... rows", along=("rows", "frequency")
+    )
+    reflected: list[list[float]] = column(
+        "share that comes back; the rest is lost in the pillars", along=("rows", "frequency")
+    )
+    decay_db: list[float | None] = column("decay per row of endless rows", "dB", along="frequency")
+    point_force: dict[str, Any] = column(
+        "what stands at one point of a beam in the way of a flexural wave: cases by name (spring, pin, damper, moment, "
+        "printed force), each with the shares transmitted, reflected and absorbed and the amplitude (abs, of the incoming "
+        "wave's) at x_over_wavelength"
+    )
+    cell: dict[str, Any] | None = column(
+        "with --cell the computed cell: model, frequencies_hz, db_per_row (None where no flexural wave could be kept) and "
+        "db_error, the half-width of its error bar (None without an estimate)"
+    )
+    comparison: list[Compared] = column(COMPARED)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the comparison."""
+        yield from self.compared()
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the share of the power that passes each number of rows."""
+        khz = [each / KHZ for each in self.frequencies_hz]
+        for rows, passed in enumerate(self.transmitted, start=1):
+            ax.plot(khz, passed, label=f"{rows} row{'s' * (rows > 1)}")
+        ax.legend()
+        ax.set(xlabel="frequency (kHz)", ylabel="share of power that passes")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the point in the wave's way, and the rows."""
+        from pipeline.active import plots
+
+        row, point = self.study
+        return plots.pillar(row, point, self.cell)
+
+
+class ActivePillar(
+    Question[PillarModelResult],
+    needs=("plate", "pillar", "array.pitch_mm"),
+    family="active",
+    without_case="three-rows.toml",
+    is_quick=True,
+    example="active pillar --cell",
+):
+    """Stop flexural waves by pillars on a strip of the case's plate.
+
+    Without a case it is about studies/three-rows.toml.
+
+    >>> import antinode
+    >>> len(antinode.load("examples/small.toml").active_pillar(band_kHz=(25.0, 45.0)).transmitted)
+    1
+    """
+
+    quality_factor: float | None = quality_option("plate and pillar")
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, help="frequencies")
+    cell: bool = option(default=False, help="compare with the computed plate cell (takes seconds)")
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without pillar and pitch, or without a unit cell."""
+        case.require(*self.needs, command="active pillar")
+        case.require_lattice("active pillar is")
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> PillarModelResult:
+        """Scatter the wave at 1, 2, ... rows."""
+        import numpy as np
+
+        from pipeline.active import thesis_models
+        from pipeline.active.thesis import beside
+        from solvers.analytic.predesign import pillar_frequencies_hz
+        from solvers.resonators.pillar_row import pillar_filter
+        from solvers.resonators.point_load import point_force
+
+        assert case.design.pillar is not None
+        clamped = float(pillar_frequencies_hz(case.design.pillar, "timoshenko")[0])
+        band = hz(self.band_kHz) or (0.5 * clamped, 1.5 * clamped)
+        loss = 1.0 / (self.quality_factor or (case.quality_factor if "damping" in case.given else inf))
+        with asked("pillar"):
+            row, point = pillar_filter(case.design, np.linspace(*band, 801), loss), point_force()
+        cell = _computed_cell(case, run, band) if self.cell else None
+        entries = beside("pillar", thesis_models.pillar(row, point, cell))
+        return PillarModelResult(
+            **_fields(row.to_dict()),
+            point_force=point.to_dict(),
+            cell=cell,
+            comparison=_parts(entries),
+            study=(row, point),
+        )
+
+
+def _computed_cell(case: Case, run: Run, band_hz: Pair) -> dict[str, Any]:
+    """Return the decay per row of the least attenuated flexural wave of the computed plate cell at normal incidence."""
+    from pipeline.questions.attenuation import Attenuation
+    from pipeline.questions.question import ask
+
+    solved = ask(case, Attenuation((band_hz[0] / KHZ, band_hz[1] / KHZ), kx_per_m=0.0, points=81), run.log)
+    named = {"frequencies_hz": "frequency_hz", "db_per_row": "db_per_row", "db_error": "db_error"}
+    return {"model": solved.model} | {
+        key: [getattr(point, name) for point in solved.points] for key, name in named.items()
+    }
+
+
+# -- beam --------------------------------------------------------------------------------------------------------------
+
+
+class LoopCase(Part):
+    """A layout of loops at a frequency and a gain: amplitudes between the loops (inside) and beyond (outside), and forces."""
+
+    layout: str = column("point, pair, couple or opposed")
+    frequency_hz: float = column("frequency of the force", "Hz")
+    gain_n_m: float = column("gain K' of the loops", "N/m")
+    strength: float = column("K'/(4 EI beta^3)")
+    before_inside_max_m: float = column("largest amplitude between the loops, without them", "m", table=False)
+    before_inside_rms_m: float = column("rms amplitude between the loops, without them", "m", table=False)
+    before_outside_max_m: float = column("largest amplitude beyond the loops, without them", "m", table=False)
+    before_outside_rms_m: float = column("rms amplitude beyond the loops, without them", "m", table=False)
+    after_inside_max_m: float = column("largest amplitude between the loops, with them", "m", table=False)
+    after_inside_rms_m: float = column("rms amplitude between the loops, with them", "m", table=False)
+    after_outside_max_m: float = column("largest amplitude beyond the loops, with them", "m", table=False)
+    after_outside_rms_m: float = column("rms amplitude beyond the loops, with them", "m", table=False)
+    ratio_before: float = column("rms inside over rms outside, without loops")
+    ratio_after: float = column("rms inside over rms outside, with them")
+    outside_reduced_by: float = column("rms beyond without loops over that with them", table=False)
+    largest_force_n: float = column("largest force of a point in the steady state", "N")
+    switch_on_force_n: float = column("largest force when the loops are closed", "N", table=False)
+
+
+class BeamResult(Modelled, table="cases", axes=("layout",)):
+    """A strip driven in its middle with velocity feedback on both sides: amplitudes, forces, stability."""
+
+    beam: dict[str, Any] = column(
+        "the strip, both ends free, driven in its middle: length_m, width_m, thickness_m, material, quality_factor (None "
+        "without losses), bending_n_m2 (bending stiffness), mass_kg_m, force_n; left_m, middle of the loops on the left, the "
+        "right ones mirrored; apart_m between two points of a pair; natural_hz, its first frequencies"
+    )
+    frequencies_hz: list[float] = column("frequencies of the force", "Hz", table=False)
+    point_stiffness_n_m: list[float] = column(
+        "stiffness of the endless beam at a point, one a frequency: what a gain is large or small against", "N/m"
+    )
+    thin_beam_limit_hz: float = column(
+        "where the wavenumber times the thickness is 1: beyond it the beam's theory does not hold", "Hz", table=False
+    )
+    gains_n_m: list[float] = column("gains K' of the loops", "N/m")
+    delays_s: list[float] = column("delays of the loops that stability is looked at for", "s")
+    cases: list[LoopCase] = column("each layout at each frequency and gain")
+    stability: list[dict[str, Any]] = column(
+        "each layout: dual, whether a loop senses what its forces do work on; growth_per_s of the slowest pole at each gain, "
+        "above 0 unstable; unstable_from_n_m, the gain from which a pole grows (None: none found); delay_margin_s at each "
+        "gain (None where the loop is unstable without delay); gain_limits_n_m at each delay and, as the last, for "
+        "demodulation over one period, and gain_limits_hz that sets each (None: none found)"
+    )
+    gain_sweep: dict[str, list[float]] = column(
+        "rms inside over rms outside of each layout (point, pair, couple, opposed) over gains_n_m at the first frequency"
+    )
+    place_sweep: dict[str, list[float]] = column(
+        "the same over the place of the loops, places_m, with the last gain: one list a layout and frequency, such as "
+        "`pair at 3000 Hz`"
+    )
+    comparison: list[Compared] = column(COMPARED)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the strip, the cases and the comparison."""
+        from pipeline.quantity import figure
+        from pipeline.records.reading import reading_table
+
+        beam, rows = self.beam, self.to_rows()
+        size = f"{beam['length_m'] / MM:g} x {beam['width_m'] / MM:g} x {beam['thickness_m'] / MM:g} mm"
+        yield (
+            f"free-free {beam['material']} strip {size}, 1 N in the middle, loops {figure(beam['left_m'] / MM)} mm from both "
+            "ends; strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond"
+        )
+        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield from self.compared()
+
+    def draw(self, ax: Axes) -> None:
+        """Draw rms inside over rms outside of each layout over the gain."""
+        for layout, ratio in self.gain_sweep.items():
+            if layout != "gains_n_m":
+                ax.loglog(self.gain_sweep["gains_n_m"], ratio, label=layout)
+        ax.legend()
+        ax.set(xlabel="gain K' (N/m)", ylabel="rms inside / outside")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the shapes, and what gain and place change."""
+        from pipeline.active import plots
+
+        return plots.beam(self.study)
+
+
+class ActiveBeam(
+    Question[BeamResult], family="active", without_case="", is_quick=True, example="active beam --gain 1e7 --gain 1e8"
+):
+    """Confine a strip's motion by velocity feedback on both sides of it.
+
+    A case gives material and losses.
+
+    >>> import antinode
+    >>> loops = antinode.load("examples/small.toml").active_beam(frequency_kHz=(3.0,), gain_N_per_m=(1e7,))
+    >>> [case.layout for case in loops.cases]
+    ['point', 'pair', 'couple', 'opposed']
+    """
+
+    frequency_kHz: tuple[float, ...] = option(
+        default=(), unit="kHz", at_least=0.0, metavar="F", help="frequency of the force"
+    )
+    gain_N_per_m: tuple[float, ...] = option(
+        default=(), unit="N/m", at_least=GAIN_N_M[0], at_most=GAIN_N_M[1], metavar="K", help="gain K' in N/m"
+    )
+    quality_factor: float | None = quality_option("the strip")
+    delay_s: tuple[float, ...] = option(default=(), unit="s", at_least=0.0, metavar="T", help="dead time of the loops")
+
+    def compute(self, case: Case | None, plan: Plan, run: Run) -> BeamResult:
+        """Close the loops at each frequency and gain."""
+        from pipeline.active import thesis_models
+        from pipeline.active.thesis import beside
+        from solvers.active_beam.study import ActiveBeamData, active_beam_study
+
+        data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
+        data = replace(
+            data,
+            frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz),
+            gains_n_m=self.gain_N_per_m or data.gains_n_m,
+            quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
+            delays_s=self.delay_s or data.delays_s,
+        )
+        with asked("beam"):
+            study = active_beam_study(data)
+        fields = _fields(study.to_dict())
+        cases = [LoopCase(**one) for one in fields.pop("cases")]
+        return BeamResult(
+            **fields, cases=cases, comparison=_parts(beside("beam", thesis_models.beam(study))), study=study
+        )
+
+
+# -- shaping -----------------------------------------------------------------------------------------------------------
+
+
+class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
+    """Patches on beams that shape the field: regions that move alone, and travelling waves."""
+
+    assumptions: list[str] = column("what the thesis leaves open and is assumed here, a sentence each")
+    errors_assumed: dict[str, Any] = column(
+        "errors of measured matrices: noise, gain, phase_rad and crosstalk, relative but for the phase; trials drawn from seed"
+    )
+    limit_v: float = column("largest voltage of a patch", "V")
+    beams: list[dict[str, Any]] = column(
+        "the beams, by name: length_m, width_m, thickness_m, material, piezo (material of the patches), centres_m of the "
+        "patches, quality_factor; modes_hz with patches, antinodes of each, bare_modes_hz without; calibration of the sensors "
+        "(None without any): on mode_hz, m_per_v as abs and phase_rad, common_phase_rad"
+    )
+    conditioning: list[dict[str, Any]] = column(
+        "how well patches and sensors are told apart, of each beam and signal (calibrated sensors, or displacement) over "
+        "frequencies_hz: condition, the matrix' condition number; coupling, 0 for orthogonal rows to 1; independence, "
+        "1 - coupling; best_hz, the best frequencies"
+    )
+    choices: list[dict[str, Any]] = column(
+        "what distance of patches and quality factor would change: pitch_m, quality_factor, peak_twr and peak_wavelength_m of "
+        "the best wave; condition and independence by calibrated sensors and by displacement"
+    )
+    confinement: list[dict[str, Any]] = column(
+        "each beam, signal, frequency_hz, region (left, middle, right) and target (in phase, alternating): peak_ratio of the "
+        "field inside over that outside, contrast_db, volts_per_um, the largest voltage for 1 um; beyond_to_inside, largest "
+        "voltage outside the region over that inside; with limit_v kept limited_error and limited_peak_ratio; of any voltages "
+        "best_peak_ratio and best_contrast_db"
+    )
+    travelling: list[dict[str, Any]] = column(
+        "waves asked of each beam, signal and frequency_hz: window_m where they are looked at, free_wavelength_m of the beam "
+        "itself; over wavelengths_m twr (1 travels, 0 stands), swr (1 - twr), fitted_twr (near fields left out); peak: the "
+        "best of them with wavelength_m, twr, forward_energy_share, net_flux_over_forward; free: any voltages, with twr, "
+        "fitted_twr, near_field_share and voltages_relative as abs and phase_rad"
+    )
+    errors: list[dict[str, Any]] = column(
+        "what the assumed errors make of each beam and signal: q05, median and q95 of peak_ratio, twr and pattern_error"
+    )
+    filter: dict[str, Any] = column(
+        "the low-pass between bridge and patch: inductance_h, resistance_ohm, capacitance_f, corner_hz; pwm_ripple, what it "
+        "lets through of the carrier; compensation at each frequency_hz as abs and phase_rad; "
+        "compensation_error_of_moving_patches, relative"
+    )
+    mode_pairs: list[dict[str, Any]] = column(
+        "two modes held a quarter period apart on each beam: modes by number from 1, frequency_hz, twr, "
+        "twr_of_the_two_modes_alone, wavenumber_rad_m, voltages_relative as abs and phase_rad"
+    )
+    passive_and_active: list[dict[str, Any]] = column(
+        "resonators and patches on each beam: levels of the wanted region with neither_db, resonators alone passive_db, "
+        "patches alone active_db, both_db"
+    )
+    comparison: list[Compared] = column(COMPARED)
+
+    def lines(self) -> Iterator[str]:
+        """Yield what is assumed, and the comparison."""
+        yield from (f"assumed: {text}" for text in self.assumptions)
+        yield from self.compared()
+
+    def draw(self, ax: Axes) -> None:
+        """Draw how independent the patches are over frequency, of each beam and signal."""
+        for one in self.conditioning:
+            khz = [each / KHZ for each in one["frequencies_hz"]]
+            ax.plot(khz, one["independence"], label=f"{one['beam']}, {one['signal']}")
+        ax.legend(fontsize=7)
+        ax.set(xlabel="frequency (kHz)", ylabel="independence")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return conditioning, patterns and travelling waves."""
+        from pipeline.active import plots_shaping
+
+        return plots_shaping.report_figures(self.study)
+
+
+class ActiveShaping(
+    Question[ShapingResult], family="active", without_case="", is_quick=True, example="active shaping --out shaping"
+):
+    """Shape the field of beams by their patches: regions that move alone, travelling waves, errors, limits.
+
+    It has its own beams, stated in its document.
+
+    >>> import antinode
+    >>> antinode.load("examples/small.toml").active_shaping(frequency_kHz=(30.0,)).limit_v > 0.0
+    True
+    """
+
+    frequency_kHz: tuple[float, ...] = option(
+        default=(), unit="kHz", at_least=0.0, metavar="F", help="frequency of the patches"
+    )
+
+    def compute(self, case: Case | None, plan: Plan, run: Run) -> ShapingResult:
+        """Compute the study of all beams."""
+        from pipeline.active.thesis import beside
+        from pipeline.active.thesis_shaping import shaping
+        from solvers.shaping_study.document import document
+        from solvers.shaping_study.study import ShapingData, shaping_study
+
+        if case is not None:
+            run.info("the case is not used: shaping has its own beams, stated in its document")
+        data = ShapingData()
+        with asked("shaping"):
+            study = shaping_study(replace(data, frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz)))
+        entries = beside("shaping", shaping(study))
+        return ShapingResult(**_fields(document(study)), comparison=_parts(entries), study=study)
