@@ -317,9 +317,9 @@ class Plate(Frozen):
 
         serve(Server(explorer), port, lambda address: explore.opened(address, browser))
 
-    def _log(self, progress: bool | None) -> _Log:
-        """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook. What is doubtful is said."""
-        log = _Log(quiet=not (is_watched() if progress is None else progress))
+    def _log(self, progress: bool | None) -> TerminalLog:
+        """A log of a computation. What is doubtful of the plate is said."""
+        log = log_of(progress)
         warn_of_doubts(self._case.design, log)
         return log
 
@@ -434,9 +434,10 @@ class _Log(TerminalLog):
         warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
 
 
-def is_watched() -> bool:
-    """Whether somebody sees progress: a terminal or a notebook."""
-    return sys.stderr.isatty() or "ipykernel" in sys.modules
+def log_of(progress: bool | None) -> TerminalLog:
+    """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
+    wanted = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
+    return _Log(quiet=not wanted)
 
 
 __all__ = ["Caution", "Plate", "Table", "load"]

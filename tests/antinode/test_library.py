@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,9 @@ from pydantic import ValidationError
 
 import antinode
 from antinode import sweeps
+from pipeline.batch import journal
 from pipeline.batch.study_file import load_study
+from pipeline.case.model import load_case
 from pipeline.cli import explore
 from pipeline.cli.main import main
 from tests.helpers import synthetic
@@ -227,7 +230,7 @@ def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "table.csv"):
         again = antinode.open(place)
         assert isinstance(again, antinode.SweepTable) and again.swept == table.swept and list(again) == list(table)
-    (tmp_path / "said.csv").write_text("case,wanted_error,confined,array.stagger\na,0.21%,yes,false\nb,,no,true\n")
+    (tmp_path / "said.csv").write_text("case,wanted_error,confined,array.stagger\na,0.0021,yes,false\nb,,no,true\n")
     assert antinode.open(tmp_path / "said.csv").to_dict() == {
         "case": ["a", "b"], "wanted_error": [0.0021, None], "confined": [True, False], "array.stagger": [False, True]
     }  # fmt: skip
@@ -299,17 +302,33 @@ def test_a_sweep_is_a_table_and_stands_when_asked_again(
         antinode.sweep(coarse)
 
 
-def test_a_script_without_a_guard_may_sweep(tmp_path: Path) -> None:
-    """Workers are started anew and would run the caller's script again."""
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import antinode\n"
-        f"plate = antinode.load({str(SMALL)!r}, accuracy=0.1, pillar=None, array__rows=0, bands__points=1, bands__count=3)\n"
-        f"table = antinode.sweep(plate, measure=['bands'], folder={str(tmp_path / 'two words')!r}, pitch_mm=[4.0])\n"
-        "print(len(table), table[0]['status'])\n"
-    )
-    done = subprocess.run([sys.executable, str(script)], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stdout.split()[0]) == (0, "1"), done.stderr[-800:]
+SCRIPT = """
+import antinode
+from pipeline.batch import case_study
+from tests.helpers import dying
+open("runs.txt", "a").write("x")
+case_study.computer, before = dying.computer, case_study.computer
+plate = antinode.load({case!r}, accuracy=0.1, pillar=None, array__rows=0, bands__points=1, bands__count=3)
+asked = dict(measure=[antinode.Bands], folder="two words", jobs=2, pitch_mm=[4.0, 5.0, 6.0])
+table = antinode.sweep(plate, **asked)
+print([row["status"] for row in table], [bands and bands.dof > 0 for bands in table.of(antinode.Bands)])
+case_study.computer = before
+print([row["status"] for row in antinode.sweep(plate, **asked)])
+"""
+
+
+def test_a_worker_that_dies_costs_a_script_without_a_guard_one_case(tmp_path: Path) -> None:
+    """Workers are started anew and would run the caller's script again; the next sweep computes what is missing alone."""
+    (tmp_path / "script.py").write_text(SCRIPT.format(case=str(SMALL)))
+    words = [sys.executable, "-W", "always::antinode.Caution", "script.py"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert done.returncode == 0, done.stderr[-800:]
+    assert done.stdout.splitlines() == ["['OK', 'FAILED', 'OK'] [True, None, True]", "['OK', 'OK', 'OK']"]
+    assert "CASE_FAILED: case pitch_mm=5 failed: the worker process was lost: ended by SIGKILL" in done.stderr
+    assert (tmp_path / "runs.txt").read_text() == "x"
+    entries = journal.read(tmp_path / "two words")[0]
+    assert [each["case"] for each in entries if each["event"] == "started"][3:] == ["pitch_mm=5"]
 
 
 def test_numbers_of_numpy_are_numbers() -> None:
@@ -317,9 +336,10 @@ def test_numbers_of_numpy_are_numbers() -> None:
     array = plate.to_dict()["array"]
     assert (array["pitch_mm"], array["rows"], array["heights_mm"]) == (4.5, 2, [6.0, 6.5])
     assert type(array["pitch_mm"]) is float and type(array["rows"]) is int
-    assert "np." not in sweeps.case_text(plate)
 
 
 def test_a_sweep_over_an_array_is_written_as_a_file_reads_it(tmp_path: Path) -> None:
-    path = sweeps._written(antinode.load(SMALL), tmp_path, ["bands"], False, {"pitch_mm": np.linspace(4, 5, 3)})
-    assert load_study(path).sweep == {"array.pitch_mm": (4, 4.5, 5)}
+    plate = antinode.load(SMALL, rows=np.int64(2))
+    study = sweeps._study(plate, tmp_path, ["bands"], False, {"pitch_mm": np.linspace(4, 5, 3)})
+    assert study.sweep == {"array.pitch_mm": (4, 4.5, 5)} and load_study(study.source) == study
+    assert load_case(study.case_path).to_dict() == plate.case.to_dict()

@@ -21,6 +21,10 @@ GOOD = {
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
 }
+SWEPT = (
+    "table: antinode.SweepTable = antinode.sweep(plate, measure=['modes', antinode.Bands], jobs=1, pitch_mm=[4.0, 5.0])",
+    "swept_edges: list[float] = [gap.lower_hz for bands in table.of(antinode.Bands) if bands for gap in bands.gaps]",
+)
 WRONG = {  # a line, and the code of the error that it must give
     "plate.crosstalk(pionts=5)": "call-arg",
     'plate.crosstalk(points="5")': "arg-type",
@@ -28,12 +32,15 @@ WRONG = {  # a line, and the code of the error that it must give
     "plate.bands().gaps[0].lower_dB": "attr-defined",
     "plate.predesign(points=3)": "call-arg",
     "plate.band()": "attr-defined",
+    "antinode.sweep(plate, measure=[antinode.Plate], pitch_mm=[4.0])": "list-item",
+    "antinode.sweep(plate, pitch_mm=4.0)": "arg-type",
+    "[bands and bands.dB for bands in table.of(antinode.Bands)]": "attr-defined",
 }
 
 
 @pytest.mark.slow
 def test_a_type_checker_sees_options_and_results(tmp_path: Path) -> None:
-    lines = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *WRONG]
+    lines = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *SWEPT, *WRONG]
     (tmp_path / "use.py").write_text("\n".join(lines) + "\n")
     command = [sys.executable, "-m", "mypy", "--strict", "--hide-error-context", "--no-error-summary", "use.py"]
     silent = ["--follow-imports", "silent", "--ignore-missing-imports", "--cache-dir", str(tmp_path / "cache")]
