@@ -26,7 +26,7 @@ from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
 WRITTEN = {"modes", "attenuation"}  # questions whose measure keeps more than their result: its module has it
-ASKED = {name: of_question(kind()) for name, kind in registered().items() if name not in WRITTEN}
+ASKED = {name: of_question(kind()) for name, kind in registered().items() if kind.is_measure and name not in WRITTEN}
 MEASURES: tuple[Measure, ...] = (
     *(
         MODES,
@@ -47,7 +47,7 @@ MEASURES: tuple[Measure, ...] = (
 def measures() -> tuple[Measure, ...]:
     """Every measure, those of questions that other modules have defined last."""
     listed = {measure.name for measure in MEASURES}
-    others = (of_question(kind()) for name, kind in registered().items() if name not in listed)
+    others = (of_question(kind()) for name, kind in registered().items() if kind.is_measure and name not in listed)
     return (*MEASURES, *others)
 
 

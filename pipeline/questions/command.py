@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
 from pipeline.questions import registered
-from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, kind_of
+from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
 
@@ -43,15 +43,16 @@ def _variants(question: Kind) -> list[Kind]:
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
     """Add an option; its type says how its text is read."""
     shown = about.help + EXAMPLES.get(kind, "") * (about.unit == "kHz")
-    shown += "" if default is None or kind is bool else f" (default: {default})"
+    known = f"{default:g}kHz" if about.unit == "kHz" and isinstance(default, float) else default
+    shown += "" if default is None or kind is bool else f" (default: {known})"
     words: dict[str, Any] = {"dest": name, "default": default, "help": shown.replace("%", "%%")}
     if kind is bool:
         words |= {"action": "store_false" if default else "store_true"}
     elif get_origin(kind) is Literal:
         words |= {"choices": get_args(kind)}
-    elif kind == tuple[str, ...]:
+    elif item_of(kind):
         words |= {"action": "append", "metavar": about.metavar, "default": list(default)}
-        words["help"] = f"{about.help} (repeatable)"
+        words["help"] = f"{about.help} (repeatable)".replace("%", "%%")
     elif about.unit == "kHz":
         words |= {"metavar": "F:F" if get_origin(kind) is tuple else "F"}
     elif kind is str:
@@ -145,12 +146,27 @@ def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) 
 
     value, named = getattr(arguments, name), flag(name, about)
     if isinstance(value, list):
-        return tuple(value)
+        return _items(value, item_of(kind_of(kind, name)))
     if about.unit != "kHz" or not isinstance(value, str):
         return value
     if kind_of(kind, name) is float:
         return parse_frequency(value, named) / KHZ
     return tuple(end / KHZ for end in parse_band(value, named))
+
+
+def _items(texts: list[str], item: Any) -> tuple[Any, ...]:
+    """Return the items of an option that is given several times. Raises InputError, one line a fault."""
+    if item is str:
+        return tuple(texts)
+    found, lines = [], []
+    for text in texts:
+        try:
+            found.append(item.read(text))
+        except InputError as error:
+            lines += error.lines
+    if lines:
+        raise InputError(lines)
+    return tuple(found)
 
 
 def answer(arguments: argparse.Namespace, case: Case, question: Question[Any], log: TerminalLog) -> int:

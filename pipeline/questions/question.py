@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
-KINDS = {tuple[float, float]: "two rising numbers", tuple[str, ...]: "names", int: "a whole number", float: "a number",
-         bool: "True or False", str: "a text"}  # fmt: skip
+KINDS = {tuple[float, float]: "two rising numbers", int: "a whole number", float: "a number", bool: "True or False",
+         str: "a text"}  # fmt: skip
 NO_PLAN: Any = None  # of a question that is answered at once
 QUESTIONS: dict[str, type[Question[Any]]] = {}
 VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
@@ -157,6 +157,7 @@ class Question(_Declared, Generic[R]):
     pictures : functions that draw a study's case from several answers together, in the place of the result's own.
     instead_of, by : the question whose command asks this one where its option `by` is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
+    is_measure : whether studies ask it of each case, with its default options.
     """
 
     name: ClassVar[str]
@@ -167,17 +168,18 @@ class Question(_Declared, Generic[R]):
     instead_of: ClassVar[str]
     by: ClassVar[str]
     is_quick: ClassVar[bool]
+    is_measure: ClassVar[bool]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str = "", is_quick: bool = False,
+        by: str = "", is_quick: bool = False, is_measure: bool = True,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
-        cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
+        cls.instead_of, cls.by, cls.is_quick, cls.is_measure = instead_of, by, is_quick, is_measure
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
@@ -198,14 +200,14 @@ class Question(_Declared, Generic[R]):
         """Return what an option must be, or '' where it is so."""
         value, kind = getattr(self, name), kind_of(type(self), name)
         if value is None:
-            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {KINDS[kind]}"
+            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {_in_words(kind)}"
         if get_origin(kind) is Literal and value not in get_args(kind):
             *first, last = get_args(kind)
             return f"must be {', '.join(first)} or {last}"
         try:
             return self.options[name].fault(_as_kind(value, kind))
         except (TypeError, ValueError):
-            return f"must be {KINDS[kind]}"
+            return f"must be {_in_words(kind)}"
 
     @classmethod
     def summary(cls) -> str:
@@ -289,6 +291,17 @@ def kind_of(question: type[Question[Any]], name: str) -> Any:
     return next(each for each in get_args(hint) if each is not NoneType) if NoneType in get_args(hint) else hint
 
 
+def item_of(kind: Any) -> Any:
+    """Return the type of the items of an option that may be given several times; None for another."""
+    first, *rest = get_args(kind) or (None,)
+    return first if rest == [...] else None
+
+
+def _in_words(kind: Any) -> str:
+    item = item_of(kind)
+    return KINDS[kind] if item is None else "names" if item is str else f"{item.__name__.lower()}s"
+
+
 def _as_kind(value: Any, kind: Any) -> Any:
     """Return a value as its option's type. Raises TypeError or ValueError for one that is of another."""
     if value is None or get_origin(kind) is Literal:
@@ -296,8 +309,8 @@ def _as_kind(value: Any, kind: Any) -> Any:
     if kind == tuple[float, float]:
         low, high = value
         return float(low), float(high)
-    if kind == tuple[str, ...]:
-        return tuple(map(str, value))
+    if item := item_of(kind):
+        return tuple(item(*each) if issubclass(item, tuple) else item(each) for each in value)
     return index(value) if kind is int else kind(value)
 
 

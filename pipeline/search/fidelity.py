@@ -19,12 +19,12 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.request import of_case, with_defaults
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
+from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP
 from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
     from solvers.measures.driven_zones import DrivenZones
 
-STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
     COLUMN: "one column of reduced cells at the wavenumber between free ends",
@@ -214,15 +214,14 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.questions.crosstalk import Crosstalk
-    from pipeline.questions.question import ask
+    from pipeline.models.driven_zones import solve
+    from pipeline.models.zone_parts import worst_of
 
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    band_kHz = None if band_hz is None else (band_hz[0] / KHZ, band_hz[1] / KHZ)
-    record = ask(case, Crosstalk(band_kHz, points=PEAKS), log)
-    zones = record.zones
+    zones = solve(case, log, band_hz, PEAKS).zones
     confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
+    level, _ = worst_of(zones)
     return FidelityResult(
         fidelity,
         min(zone.peak_hz for zone in zones),
@@ -230,8 +229,8 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         None,
         min((zone.mac for zone in zones if zone.mac is not None), default=None),
         warnings=tuple(log.warnings),
-        isolation_db=None if record.worst_db is None else -record.worst_db,
-        gap_mm=record.gap_m / MM,
+        isolation_db=None if level is None else -level,
+        gap_mm=case.design.zone_gap_m / MM,
     )
 
 

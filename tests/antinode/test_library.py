@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import json
 import os
@@ -21,6 +22,7 @@ from pipeline.batch.study_file import load_study
 from pipeline.case.model import load_case
 from pipeline.cli import explore
 from pipeline.cli.main import main
+from pipeline.questions.search import Search
 from tests.helpers import synthetic
 from tests.helpers.at_once import sweep_here
 
@@ -160,19 +162,25 @@ def test_a_search_is_that_of_the_command_and_its_best_is_a_plate(plate: antinode
     assert main(args) == 0
     stored = antinode.open(tmp_path / "s.json")
     assert isinstance(stored, antinode.Search) and stored.best_values == search.best_values
-    assert search.best == plate.with_(pillar__height_mm=search.best_values["pillar.height_mm"])
-    assert search.plot().get_ylabel() and len(search.to_dataframe()) == len(search.to_dict()["evaluations"])
-    with pytest.raises(ValueError, match="apply best_values"):
-        _ = stored.best
+    best = plate.with_(**stored.changes)
+    assert best == plate.with_(pillar__height_mm=search.best_values["pillar.height_mm"])
+    assert search.plot().get_ylabel() and len(search.to_dataframe()) == len(search.evaluations)
+
+
+def test_a_searchs_method_has_the_options_of_its_question() -> None:
+    own = inspect.signature(antinode.Plate.search).parameters
+    assert {name: each.default for name, each in own.items() if name in Search.options} == {
+        each.name: each.default for each in dataclasses.fields(Search) if each.name in Search.options.keys() - {"vary"}
+    }
 
 
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be one of confinement, extension, worst"),
+        ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be confinement, extension, worst"),
         ({"height_mm": (8.0, 5.0)}, "low end must lie below"),
         ({}, "at least one KEY"),
-        ({"height_mm": (5.0, 8.0), "mac": 2.0}, "from 0 to 1"),
+        ({"height_mm": (5.0, 8.0), "mac": 2.0}, "must be 0 or more, at most 1"),
     ],
 )
 def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, settings: dict, said: str) -> None:

@@ -18,6 +18,7 @@ GOOD = {
     "bands": "edges: list[float] = [gap.lower_hz for gap in plate.bands(progress=False).gaps]",
     "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
+    "search": "found: float | None = plate.search(height_mm=(6.0, 6.6), material=('steel', 'brass'), goal='worst').best.mac",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
 }
 SWEPT = (
@@ -30,6 +31,9 @@ WRONG = {  # a line, and how mypy and pyright name the error that it must give
     'plate.modes(part="lid")': ("arg-type", "reportArgumentType"),
     "plate.bands().gaps[0].lower_dB": ("attr-defined", "reportAttributeAccessIssue"),
     "plate.predesign(points=3)": ("call-arg", "reportCallIssue"),
+    "plate.search(height_mm=(6.0, 6.6), evalutions=3)": ("arg-type", "reportArgumentType"),
+    "plate.search(goal='loud', height_mm=(6.0, 6.6))": ("arg-type", "reportArgumentType"),
+    "plate.search(height_mm=(6.0, 6.6)).evaluations[0].frequency": ("attr-defined", "reportAttributeAccessIssue"),
     "plate.band()": ("attr-defined", "reportAttributeAccessIssue"),
     "antinode.sweep(plate, measure=[antinode.Plate], pitch_mm=[4.0])": ("list-item", "reportArgumentType"),
     "antinode.sweep(plate, pitch_mm=4.0)": ("arg-type", "reportArgumentType"),
