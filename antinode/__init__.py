@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
         Response,
-        Search,
         Tolerance,
         Touch,
         Travel,
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
+    from pipeline.questions.search import SearchResult as Search
     from solvers.errors import SolverError
 
 HOMES = {
@@ -42,7 +42,6 @@ HOMES = {
     "antinode.results": (
         "Hybrid",
         "Response",
-        "Search",
         "Tolerance",
         "Touch",
         "Travel",
@@ -67,7 +66,7 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign")
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign", "Search")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

@@ -5,11 +5,10 @@ from __future__ import annotations
 import copy
 import sys
 import warnings
-from argparse import Namespace
 from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from antinode.tables import (
     Array,
@@ -40,16 +39,18 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.crosstalk import Crosstalk
-from pipeline.questions.method import asks
+from pipeline.questions.method import asks, numpydoc
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
+from pipeline.questions.question import ask
+from pipeline.questions.search import Goal, Search, SearchResult
+from pipeline.search.terms import End, Range
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
         Response,
-        Search,
         Tolerance,
         Touch,
         Travel,
@@ -252,50 +253,22 @@ class Plate(Frozen):
     def search(
         self,
         *,
-        goal: str = "confinement",
+        goal: Goal = "confinement",
         evaluations: int = 16,
         min_frequency_kHz: float = 25.0,
         max_half_wavelength_mm: float = 20.0,
         min_feature_mm: float = 0.4,
         mac: float = 0.8,
         min_isolation_dB: float | None = None,
+        verify_with: Literal["plate", "solid"] = "plate",
         progress: bool | None = None,
-        **ranges: Pair,
-    ) -> Search:
-        """Search the design that confines the wanted mode best between (low, high) of keys as in `with_`, in their units.
+        **ranges: tuple[End, End],
+    ) -> SearchResult:
+        options = {name: value for name, value in locals().items() if name in Search.options}
+        vary = tuple(Range(key_of(name, self._raw), *ends) for name, ends in ranges.items())
+        return ask(self._case, Search(vary=vary, **options), self._log(progress))
 
-        goal: confinement, extension, worst, widest; of several zones confinement, worst, isolation, closest; mac: the least, 0
-        to 1; min_isolation_dB: of a driven zone over the others. Spends up to `evaluations` assembled
-        plates, three columns of cells to each; minutes. Raises InputError for a
-        range that cannot be searched, CheckFailed where no design keeps the limits.
-
-        >>> from antinode import load
-        >>> plate = load("examples/small.toml", accuracy=0.1)
-        >>> best = plate.search(height_mm=(6.0, 6.6), evaluations=2, mac=0.3)
-        >>> best.best_values, round(best.gain_db)
-        ({'pillar.height_mm': 6.0}, 3)
-        """
-        from antinode.results import Search
-        from pipeline.cli.search import limits_of, to_dict
-        from pipeline.search.designs import GOALS, Settings
-        from pipeline.search.optimiser import search
-        from pipeline.search.space import space_of
-
-        texts = [f"{key_of(name, self._raw)}={_end(low)}:{_end(high)}" for name, (low, high) in ranges.items()]
-        space = space_of(self._raw, self._source or Path(f"{self.name}.toml"), (), texts)
-        if goal not in GOALS:
-            raise InputError(f"goal = {goal!r}: must be one of {', '.join(GOALS)}")
-        limits = limits_of(
-            Namespace(
-                min_frequency=f"{min_frequency_kHz}kHz",
-                max_half_wavelength=max_half_wavelength_mm,
-                min_feature=min_feature_mm,
-                mac=mac,
-                min_isolation=min_isolation_dB,
-            )
-        )
-        outcome = search(space, Settings(goal, limits, evaluations), self._log(progress))
-        return Search(to_dict(outcome) | self._about, self)
+    search.__doc__ = numpydoc(Search)
 
     def explore(
         self, path: str | Path | None = None, *, port: int = 0, browser: bool = True, progress: bool | None = None
@@ -324,9 +297,9 @@ class Plate(Frozen):
 
         serve(Server(explorer), port, lambda address: explore.opened(address, browser))
 
-    def _log(self, progress: bool | None) -> _Log:
-        """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook. What is doubtful is said."""
-        log = _Log(quiet=not (is_watched() if progress is None else progress))
+    def _log(self, progress: bool | None) -> TerminalLog:
+        """A log of a computation. What is doubtful of the plate is said."""
+        log = log_of(progress)
         warn_of_doubts(self._case.design, log)
         return log
 
@@ -408,11 +381,6 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
     raise InputError(f"{name}: no such key{nearest(name, known)}")
 
 
-def _end(value: float | str | bool) -> str:
-    """An end of a range as a search reads it."""
-    return str(value).lower() if isinstance(value, str | bool) else f"{value:g}"
-
-
 def _hz(band_kHz: Pair | None) -> Pair | None:
     if band_kHz is None:
         return None
@@ -441,9 +409,10 @@ class _Log(TerminalLog):
         warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
 
 
-def is_watched() -> bool:
-    """Whether somebody sees progress: a terminal or a notebook."""
-    return sys.stderr.isatty() or "ipykernel" in sys.modules
+def log_of(progress: bool | None) -> TerminalLog:
+    """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
+    wanted = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
+    return _Log(quiet=not wanted)
 
 
 __all__ = ["Caution", "Plate", "Table", "load"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
-from pipeline.quantity import figure, frequency, level, signed
+from pipeline.quantity import figure, frequency
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -256,66 +256,6 @@ class Travel(Result):
         return f"<antinode.Travel: {tone}, travelling-wave ratio {figure(self.twr, self._document.get('twr_error'))}>"
 
 
-class Search(Result):
-    """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
-
-    `plate.search(height_mm=(5.0, 8.0))` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> best = {"set": {"pillar.height_mm": 6.6}, "confinement_db": 13.0}
-    >>> search = antinode.Search({"best": best, "gain_db": 1.9, "goal": "confinement", "evaluations": []})
-    >>> search.best_values, search.gain_db
-    ({'pillar.height_mm': 6.6}, 1.9)
-    """
-
-    kind = "search"
-    _dimensions = ("evaluation",)
-
-    def __init__(self, document: dict[str, Any], start: Any = None) -> None:
-        super().__init__(document)
-        self._start = start
-
-    @property
-    def best_values(self) -> dict[str, float | str]:
-        """Values of the varied keys in the best design, in the file's units, or words."""
-        return dict(self._document["best"]["set"])
-
-    @property
-    def best(self) -> Any:
-        """The best design as a Plate. Raises ValueError for a search that was read from a file."""
-        if self._start is None:
-            raise ValueError("this search was read from a file: apply best_values to its plate with with_")
-        from pipeline.case.overrides import apply_overrides, parse_override
-
-        varied = {name.partition("[")[0] for name in self.best_values}
-        settings = [parse_override(text) for text in self._document["repeat"] if text.partition("=")[0] in varied]
-        return self._start._of(apply_overrides(self._start.to_dict(), settings), self._start.source)
-
-    @property
-    def gain_db(self) -> float | None:
-        """What the goal gained over the first design, dB; None where one has no wanted mode, or the goal is no level."""
-        return self._document["gain_db"]
-
-    @property
-    def tradeoff(self) -> tuple[dict[str, Any], ...]:
-        """Designs that no other beats in goal, frequency and mass at once, the best first."""
-        return tuple(copy.deepcopy(self._document["tradeoff"]))
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the goal over the varied keys into matplotlib axes (new ones where none are given) and return them."""
-        from pipeline.plots import style
-        from pipeline.search.plots import over_keys
-
-        with style.style():
-            drawn: Axes = style.panels(3.6)[1] if ax is None else ax
-            over_keys(drawn, self._document)
-            return drawn
-
-    def __repr__(self) -> str:
-        gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
-        return f"<antinode.Search: {len(self._document['evaluations'])} evaluations, best {self.best_values}{gain}>"
-
-
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
@@ -324,6 +264,5 @@ KINDS: dict[str, type[Result]] = {
         Touch,
         Hybrid,
         Travel,
-        Search,
     )
 }

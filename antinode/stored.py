@@ -19,7 +19,6 @@ MARKS = {
     "touch": "states",
     "travel": "twr",
     "hybrid": "methods",
-    "search": "evaluations",
 }
 
 

@@ -1,29 +1,31 @@
-"""Sweeps: one plate over a grid of values, computed by the batch engine, resumable."""
+"""Sweeps: one plate over a grid of values, computed by the batch engine in the caller's process, resumable."""
 
 from __future__ import annotations
 
 import csv
 import io
-import os
 import re
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import nan, prod
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from antinode.plate import Plate, is_watched, key_of
+from antinode.plate import Plate, key_of, log_of
 from antinode.tables import Frozen, plain
-from pipeline.cli.main import DONE, INTERRUPTED, NOT_TRUSTED
 from pipeline.errors import CheckFailed, InputError
+from pipeline.process import terminable
+from pipeline.questions.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from pipeline.batch.study_file import StudyFile
+
+R = TypeVar("R", bound=Result)
 NUMBERS = (int, float)
-PERCENT = re.compile(r"-?[\d.]+%")  # as table.csv writes shares
+FILES = {"file", "sweep", "map"}  # keys of a case that name one
 VERDICTS = {"yes": True, "no": False, "true": True, "false": False}
 STUDY, TABLE = "study.toml", "table.csv"
 
@@ -68,6 +70,20 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
     def columns(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(self._rows[0]) if self._rows else ()
+
+    def of(self, kind: type[R]) -> list[R | None]:
+        """The whole results of a kind, such as antinode.Bands, one a case; None where a case has none.
+
+        Raises InputError for a table without records in its folder.
+        """
+        from pipeline.records.store import BadRecord
+        from pipeline.records.study import read_study
+
+        try:
+            stored = {case.case_id: case.record for case in read_study(self.folder).cases}
+        except BadRecord as error:
+            raise InputError(str(error)) from error
+        return [stored[row["case"]].of(kind) for row in self._rows]
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame. Raises ImportError without pandas."""
@@ -137,111 +153,105 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 def sweep(
     plate: Plate,
     *,
-    measure: Sequence[str] = ("modes", "confinement"),
+    measure: Sequence[str | type[Result]] = ("modes", "confinement"),
     folder: str | Path | None = None,
     jobs: int | None = None,
     zip: bool = False,
     progress: bool | None = None,
-    **values: Sequence[Any],
+    **values: Iterable[Any],
 ) -> SweepTable:
-    """Compute a plate over a full grid of values (or pairs of them with zip) and return the table.
+    """Compute a plate over a full grid of values and return the table; what its folder holds already is not computed again.
 
-    Keywords are keys as in `Plate.with_`, each with its values. What the folder (default: results/NAME-sweep) holds from
-    the same input and sources is not computed again. Raises InputError for values that cannot be, CheckFailed where a
-    case failed: the others are kept in the folder.
+    Parameters
+    ----------
+    plate
+        The plate that is varied.
+    measure
+        Measures of a study by their names, or results by their class, such as antinode.Bands.
+    folder
+        Where records, table and study go; results/NAME-sweep by default.
+    jobs
+        Worker processes; one per core by default. They never run the caller's script.
+    zip
+        Whether the values are paired instead of a full grid.
+    progress
+        Whether to report on standard error; None: in a terminal or a notebook.
+    **values
+        Keys as in `Plate.with_`, each with its values.
 
+    Returns
+    -------
+    SweepTable
+        One row a case. A case that failed, or whose process died, has its diagnosis there, and an `antinode.Caution` names it.
+
+    Raises
+    ------
+    InputError
+        For values that cannot be, before anything is computed.
+    CheckFailed
+        Where no case gave an answer.
+
+    Examples
+    --------
     >>> import antinode, tempfile
     >>> plate = antinode.load("examples/small.toml", accuracy=0.1, bands__points=2, bands__count=4)
     >>> table = antinode.sweep(
-    ...     plate, measure=["bands"], folder=tempfile.mkdtemp(), jobs=1, pillar__height_mm=[6.0, 6.3]
+    ...     plate, measure=[antinode.Bands], folder=tempfile.mkdtemp(), jobs=1, pillar__height_mm=[6.0, 6.3]
     ... )
-    >>> [row["pillar.height_mm"] for row in table]
-    [6, 6.3]
+    >>> [row["pillar.height_mm"] for row in table], [len(bands.points) for bands in table.of(antinode.Bands)]
+    ([6.0, 6.3], [7, 7])
     """
     from pipeline import paths
-    from pipeline.batch import case_study
-    from pipeline.batch.study_file import load_study
+    from pipeline.batch import case_study, runner
+    from pipeline.batch.progress import Progress
+    from pipeline.measures import registry
 
     if not values:
         raise InputError("sweep: needs at least one key with its values, such as pitch_mm=[4, 5, 6]")
     place = Path(folder) if folder is not None else paths.RESULTS / f"{plate.name}-sweep"
     place.mkdir(parents=True, exist_ok=True)
-    study = load_study(_written(plate, place, measure, zip, values))
-    case_study.jobs_of(study)  # every fault of every case, before anything is computed
-    quiet = not (is_watched() if progress is None else progress)
-    failed = _computed(place, jobs, quiet)
-    if failed:
-        raise CheckFailed(failed)
-    return read_table(place / TABLE, [key_of(name, plate.to_dict()) for name in values])
+    study = _study(plate, place, [each if isinstance(each, str) else each.question for each in measure], zip, values)
+    cases = case_study.jobs_of(study)  # every fault of every case, before anything is computed
+    log = log_of(progress)
+    with terminable():
+        options, shown = runner.Options(jobs=jobs), Progress(log.quiet)
+        outcome = runner.run_study(cases, case_study.computer(study), place, options, shown, study.about)
+    registry.write_table(place)
+    said = [f"case {end.case_id} failed: {end.diagnosis}" for end in outcome.failed]
+    if len(said) == len(cases):
+        raise CheckFailed(said)
+    for line in said:
+        log.warning("CASE_FAILED", line)
+    return _stored(place, list(study.sweep))
 
 
-def _computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
-    """Run the study in a process of its own, whose workers know nothing of the caller's script; failed cases, a line each."""
-    from pipeline.paths import ROOT
+def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: dict[str, Iterable[Any]]) -> StudyFile:
+    """The study; its files stand in the folder, where the workers read the case and `antinode run` takes both."""
+    import tomli_w
 
-    words = [sys.executable, "-m", "antinode.sweeps", str(place), str(jobs or 0), *(["--quiet"] if quiet else [])]
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    done = subprocess.run(words, stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": paths})
-    if done.returncode == INTERRUPTED:
-        raise KeyboardInterrupt
-    if done.returncode not in (DONE, NOT_TRUSTED):
-        raise CheckFailed(
-            f"the sweep in {place} ended with exit code {done.returncode}: what was finished is kept there"
-        )
-    return done.stdout.splitlines()
-
-
-def main(words: Sequence[str]) -> int:
-    """Run the study of a folder and write its table: `python -m antinode.sweeps FOLDER JOBS [--quiet]`."""
-    from pipeline.batch import case_study, runner
-    from pipeline.batch.progress import Progress
-    from pipeline.batch.study_file import load_study
-    from pipeline.measures import registry
-    from pipeline.process import terminable
-
-    place = Path(words[0])
-    study = load_study(place / STUDY)
-    options, progress = runner.Options(jobs=int(words[1]) or None), Progress("--quiet" in words)
-    try:
-        with terminable():
-            jobs, compute = case_study.jobs_of(study), case_study.computer(study)
-            outcome = runner.run_study(jobs, compute, place, options, progress, study.about)
-            registry.write_table(place)
-    except KeyboardInterrupt:
-        return INTERRUPTED
-    for end in outcome.failed:
-        print(f"case {end.case_id} failed: {end.diagnosis}")
-    return outcome.exit_code
-
-
-def _written(plate: Plate, place: Path, measure: Sequence[str], paired: bool, values: dict[str, Sequence[Any]]) -> Path:
-    """The case and the study as files in the folder, which `antinode run` takes as well."""
-    from pipeline.case.overrides import toml_text
+    from pipeline.batch.study_file import study_of
     from pipeline.records.outputs import write_file
 
-    write_file(place / "plate.toml", case_text(plate).encode())
+    raw, here = plate.to_dict(), plate.source.parent if plate.source else Path()
+    for table in (each for each in raw.values() if isinstance(each, dict)):
+        table.update({key: str((here / table[key]).resolve()) for key in FILES & table.keys()})
     name = re.sub(r"[^A-Za-z0-9._+-]", "-", place.name).strip("-.") or "sweep"
-    head = {"name": name, "case": "plate.toml", "measure": list(measure)}
-    keys = {key_of(name, plate.to_dict()): plain(list(each)) for name, each in values.items()}
-    lines = ["[study]", *(f"{key} = {toml_text(value)}" for key, value in head.items()), "", "[sweep]"]
-    lines += [f'"{key}" = {toml_text(each)}' for key, each in keys.items()] + (["zip = true"] if paired else [])
-    write_file(place / STUDY, ("\n".join(lines) + "\n").encode())
-    return place / STUDY
+    swept = {key_of(name, raw): plain(list(each)) for name, each in values.items()}
+    given = {"study": {"name": name, "case": "plate.toml", "measure": measure, "zip": paired}, "sweep": swept}
+    for file, tables in (("plate.toml", raw), (STUDY, given)):
+        write_file(place / file, tomli_w.dumps(tables).encode())
+    return study_of(given, place / STUDY)
 
 
-def case_text(plate: Plate) -> str:
-    """A plate as the text of a case file; files that it names by their whole paths."""
-    from pipeline.case.overrides import toml_text
+def _stored(place: Path, swept: Sequence[str]) -> SweepTable:
+    """The table of what a folder holds."""
+    from pipeline.measures import registry
+    from pipeline.records.study import read_study
 
-    raw = plate.to_dict()
-    tables = {key: value for key, value in raw.items() if isinstance(value, dict) and key != "material"}
-    lines = [f"{key} = {toml_text(value)}" for key, value in raw.items() if key not in tables]
-    for name, table in tables.items():
-        lines += ["", f"[{name}]"]
-        for key, value in table.items():
-            known = plate.source.parent / value if key in ("file", "sweep", "map") and plate.source else value
-            lines.append(f"{key} = {toml_text(str(Path(known).resolve()) if known is not value else value)}")
-    return "\n".join(lines) + "\n"
+    study = read_study(place)
+    columns = registry.columns_of(study)
+    rows = [{each.name: _known(each.cell(case.record)) for each in columns} for case in study.cases]
+    return SweepTable(rows, place, swept)
 
 
 def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
@@ -258,17 +268,15 @@ def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
 
 
 def _value(cell: str | None) -> Any:
-    if not cell:
-        return None
-    for kind in NUMBERS:
-        try:
-            return kind(cell)
-        except ValueError:
-            continue
-    if PERCENT.fullmatch(cell):
-        return round(float(cell[:-1]) / 100.0, 12)
-    return VERDICTS.get(cell.lower(), cell)
+    """A cell of a file as a value."""
+    for kind in NUMBERS if cell else ():
+        with suppress(ValueError):
+            return kind(cell)  # type: ignore[arg-type]
+    return _known(cell)
 
 
-if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+def _known(value: Any) -> Any:
+    """A value: None for an empty text, verdicts as True or False, lists as the file has them."""
+    if isinstance(value, str):
+        return VERDICTS.get(value.lower(), value or None)
+    return str(value) if isinstance(value, list) else value

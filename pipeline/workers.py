@@ -1,7 +1,8 @@
 """Worker processes that may die without taking anything along: one process, one case at a time, its end known.
 
 concurrent.futures.ProcessPoolExecutor ends every worker when one dies and does not say which; this one fails one
-future and starts a fresh process. Workers end with their parent, whatever ended it.
+future and starts a fresh process. Workers end with their parent, whatever ended it. They never run the caller's script again,
+so that a script without `if __name__ == "__main__"` may start them.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import queue
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -33,6 +34,7 @@ THREAD_VARIABLES = (
 PR_SET_PDEATHSIG = 1
 # Sent to a whole process group by terminals, `timeout` and service managers; the main process ends its workers itself.
 MAIN_ALONE = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
+STARTING = threading.Lock()  # one process at a time: a start looks at the caller's script
 
 
 class WorkerLost(Exception):
@@ -110,10 +112,24 @@ class LocalWorkers(Executor):
         context = multiprocessing.get_context("spawn")  # no lock, thread or memory of ours is inherited
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs, self._threads), daemon=False)
-        process.start()
+        with STARTING, _caller_hidden():
+            process.start()
         theirs.close()
         self._processes[slot] = process
         return ours
+
+
+@contextmanager
+def _caller_hidden() -> Iterator[None]:
+    """Hide the script that runs here from a process that starts, which else would run it as its own main module."""
+    main = sys.modules["__main__"]
+    kept = {name: getattr(main, name) for name in ("__file__", "__spec__") if hasattr(main, name)}
+    for name in kept:
+        setattr(main, name, None)
+    try:
+        yield
+    finally:
+        vars(main).update(kept)
 
 
 def _ask(connection: Connection, process: multiprocessing.process.BaseProcess, call: Any) -> Any:

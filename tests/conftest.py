@@ -49,12 +49,17 @@ def no_study_is_remembered(tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 @pytest.fixture(scope="module")
-def coarsest_cells() -> Iterator[None]:
-    """Plates and cells on the fewest elements, for modules whose assertions hold on any mesh."""
+def coarsest_cells(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Plates and cells on the fewest elements, for modules whose assertions hold on any mesh.
+
+    Designs that a search evaluated on them are kept for no later search.
+    """
+    from pipeline.search.fidelity import EvaluationCache
     from tests.helpers import coarse_cells
 
     with pytest.MonkeyPatch.context() as patch:
         coarse_cells.mesh_coarsest(patch)
+        patch.setattr(EvaluationCache.__init__, "__defaults__", (tmp_path_factory.mktemp("evaluations"),))
         yield
 
 

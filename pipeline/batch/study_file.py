@@ -74,7 +74,11 @@ class StudyFile:
 def load_study(path_or_name: str | Path) -> StudyFile:
     """The study of a file, or of studies/NAME.toml of the checkout; InputError with one line for every fault."""
     path = find_study(path_or_name)
-    raw = read_toml(path, MAX_BYTES)
+    return study_of(read_toml(path, MAX_BYTES), path)
+
+
+def study_of(raw: dict[str, Any], path: Path) -> StudyFile:
+    """The study of a parsed file, its case beside it; InputError as load_study."""
     diagnostics = Diagnostics(str(path))
     if "study" not in raw and {"plate", "zone", "material"} & set(raw):
         raise InputError(f"{path}: a case file, must be a study file with a [study] table")

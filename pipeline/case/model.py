@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import Any
@@ -86,7 +86,10 @@ class MeasuredFiles:
 
 @dataclass(frozen=True)
 class Case:
-    """One scene in SI, with defaults. Lengths of tables that the file does not have are NaN: ask `require` first."""
+    """One scene in SI, with defaults. Lengths of tables that the file does not have are NaN: ask `require` first.
+
+    raw, overrides: the parsed file and what was set in it, from which other designs of the same file are made.
+    """
 
     name: str
     source: Path | None
@@ -99,6 +102,8 @@ class Case:
     tolerance: Tolerance | None = None
     measured: MeasuredFiles | None = None
     touch: Touch | None = None
+    raw: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+    overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
 
     @property
     def symmetry_wanted(self) -> str | None:
@@ -203,7 +208,8 @@ def read_case(file: Path) -> dict[str, Any]:
 
 def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: Iterable[Override] = ()) -> Case:
     """The case of a parsed file; STEP paths are taken from the folder of `source`. InputError as load_case."""
-    settings = _parsed(overrides)
+    given = tuple(overrides)
+    settings = parsed(given)
     raw = one_table(raw, str(source) if source is not None else "case")
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
@@ -223,19 +229,22 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         tolerance=_tolerance(values),
         measured=measured,
         touch=touch,
+        raw=raw,
+        overrides=given,
     )
 
 
-def _parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
-    parsed, lines = [], []
+def parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
+    """Overrides as keys and values. InputError, one line a fault, for texts that are none."""
+    settings, lines = [], []
     for given in overrides:
         try:
-            parsed.append(parse_override(given) if isinstance(given, str) else given)
+            settings.append(parse_override(given) if isinstance(given, str) else given)
         except InputError as error:
             lines += error.lines
     if lines:
         raise InputError(lines)
-    return parsed
+    return settings
 
 
 def _design(values: Values) -> Design:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
 from pipeline.questions import registered
-from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, kind_of
+from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
 
@@ -55,16 +55,17 @@ def _variants(question: Kind) -> list[Kind]:
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
     """Add an option; its type says how its text is read."""
     shown = about.help + EXAMPLES.get(kind, "") * (about.unit == "kHz")
+    known = f"{default:g}kHz" if about.unit == "kHz" and isinstance(default, float) else default
     shown += ", such as 4us" * (about.unit == "s")
-    shown += "" if default in (None, ()) or kind is bool else f" (default: {default})"
+    shown += "" if default in (None, ()) or kind is bool else f" (default: {known})"
     words: dict[str, Any] = {"dest": name, "default": default, "help": shown.replace("%", "%%")}
     if kind is bool:
         words |= {"action": "store_false" if default else "store_true"}
     elif get_origin(kind) is Literal:
         words |= {"choices": get_args(kind)}
-    elif kind in (tuple[str, ...], tuple[float, ...]):
+    elif item_of(kind):
         words |= {"action": "append", "metavar": about.metavar, "default": list(default)}
-        words["help"] = f"{shown} (repeatable)"
+        words["help"] = f"{shown} (repeatable)".replace("%", "%%")
     elif about.unit == "s":
         words |= {"metavar": "T"}
     elif about.unit == "kHz":
@@ -173,7 +174,7 @@ def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) 
     value, named = getattr(arguments, name), flag(name, about)
     read: Any = kind_of(kind, name)
     if isinstance(value, list):
-        return tuple(each if read == tuple[str, ...] else _of_text(each, float, about, named) for each in value)
+        return _items(value, item_of(read), about, named)
     return _of_text(value, read, about, named) if isinstance(value, str) else value
 
 
@@ -193,6 +194,21 @@ def _of_text(text: str, kind: Any, about: Option, named: str) -> Any:
     if fault := about.fault(value):
         raise InputError(f"{named} = {text}: {fault}")
     return value
+
+
+def _items(texts: list[str], item: Any, about: Option, named: str) -> tuple[Any, ...]:
+    """Return the items of an option that is given several times. Raises InputError, one line a fault."""
+    if item is str:
+        return tuple(texts)
+    found, lines = [], []
+    for text in texts:
+        try:
+            found.append(_of_text(text, float, about, named) if item is float else item.read(text))
+        except InputError as error:
+            lines += error.lines
+    if lines:
+        raise InputError(lines)
+    return tuple(found)
 
 
 def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
-from pipeline.models.wave_parts import DrivenZone, worst_level
+from pipeline.models.zone_parts import DrivenZone, worst_of
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
 from pipeline.records.part import column
@@ -28,7 +28,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
 
     >>> import antinode
-    >>> from pipeline.models.wave_parts import DrivenZone
+    >>> from pipeline.models.zone_parts import DrivenZone
     >>> zone = {"centre_m": 0.0, "drivers": [0], "peak_hz": 33e3, "passive_db": None, "over_rms_m_per_V": []}
     >>> zones = [DrivenZone(**zone, rms_m_per_V=[1e-9, 2e-11], level_db=[0.0, -34.0])] * 2
     >>> levels = antinode.Crosstalk(model="", dof=0, shared_rows=3, gap_m=0.01, frequency_hz=[], zones=zones)
@@ -58,7 +58,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     @figure("largest cross-talk", "dB", name="crosstalk_db", error="worst_error_db")
     def worst_db(self) -> float | None:
         """The largest level of a zone while another is driven; None with one zone."""
-        return self._worst[0]
+        return worst_of(self.zones)[0]
 
     @figure("peak of the first zone, driven", "Hz", name="crosstalk_hz", error="first_error")
     def first_hz(self) -> float:
@@ -73,7 +73,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     @property
     def worst_error_db(self) -> float | None:
         """Half-width of the bar of worst_db."""
-        return self._worst[1]
+        return worst_of(self.zones)[1]
 
     @property
     def first_error(self) -> float | None:
@@ -84,10 +84,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     def passive_error_db(self) -> float | None:
         """Half-width of the bar of passive_db."""
         return self.zones[0].passive_error_db
-
-    @property
-    def _worst(self) -> tuple[float | None, float | None]:
-        return worst_level(self.zones)
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
@@ -168,9 +164,11 @@ class Crosstalk(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
-        from pipeline.models.crosstalk import require_drivers
+        from pipeline.models.driven_zones import check_zones
 
-        require_drivers(case)
+        case.require_plate(command="crosstalk", several=True)
+        super().check(case)
+        check_zones(case)
 
     def plan(self, case: Case) -> Plan:
         """Plan each zone driven and all measured."""
@@ -185,13 +183,10 @@ class Crosstalk(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""
-        from pipeline.models.crosstalk import solve
+        from pipeline.models.driven_zones import solve
 
-        solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes)
-        result = CrosstalkResult(
-            model=solved.model, dof=solved.dof, shared_rows=case.design.shared_rows, gap_m=case.design.zone_gap_m,
-            frequency_hz=solved.frequency_hz, zones=solved.zones,
-        )  # fmt: skip
+        solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True)
+        result = CrosstalkResult.of(solved)
         for line in result.lines():
             run.info(line)
         return result

@@ -46,8 +46,6 @@ R = TypeVar("R", bound=Result)
 Pair = tuple[float, float]
 KINDS: dict[Any, str] = {
     Pair: "two rising numbers",
-    tuple[str, ...]: "names",
-    tuple[float, ...]: "numbers",
     int: "a whole number",
     float: "a number",
     bool: "True or False",
@@ -210,6 +208,7 @@ class Question(_Declared, Generic[R]):
     without_case : that no case has to be given, and the study's case that is then taken; "" for none. No study asks it.
     instead_of, by : the question whose command asks this one where its option `by` is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
+    is_measure : whether studies ask it of each case, with its default options.
     """
 
     name: ClassVar[str]
@@ -225,6 +224,7 @@ class Question(_Declared, Generic[R]):
     aliases: ClassVar[Axis]
     family: ClassVar[str]
     without_case: ClassVar[str | None]
+    is_measure: ClassVar[bool]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
@@ -232,7 +232,7 @@ class Question(_Declared, Generic[R]):
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
         by: str = "", is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
-        aliases: Axis = (), family: str = "", without_case: str | None = None,
+        is_measure: bool = True, aliases: Axis = (), family: str = "", without_case: str | None = None,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         if Question not in cls.__bases__:
@@ -241,6 +241,7 @@ class Question(_Declared, Generic[R]):
         cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
         cls.follows, cls.after, cls.aliases = follows, after, aliases
         cls.family, cls.without_case = family, without_case
+        cls.is_measure = is_measure and without_case is None
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
@@ -262,7 +263,7 @@ class Question(_Declared, Generic[R]):
         """Return what an option must be, or '' where it is so."""
         value, kind = getattr(self, name), kind_of(type(self), name)
         if value is None:
-            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {KINDS[kind]}"
+            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {_in_words(kind)}"
         if get_origin(kind) is Literal and value not in get_args(kind):
             *first, last = get_args(kind)
             return f"must be {', '.join(first)} or {last}"
@@ -271,7 +272,7 @@ class Question(_Declared, Generic[R]):
             rising = kind != Pair or read[0] < read[1]
             return self.options[name].fault(read) or ("" if rising else f"must be {KINDS[Pair]}")
         except (TypeError, ValueError):
-            return f"must be {KINDS[kind]}"
+            return f"must be {_in_words(kind)}"
 
     @classmethod
     def summary(cls) -> str:
@@ -302,7 +303,7 @@ class Question(_Declared, Generic[R]):
     @classmethod
     def in_study(cls) -> Self | None:
         """Return the question as studies ask it; None where they do not."""
-        return cls() if cls.without_case is None else None
+        return cls() if cls.is_measure else None
 
     @classmethod
     def inputs(cls) -> dict[str, Any]:
@@ -379,6 +380,17 @@ def kind_of(question: type[Question[Any]], name: str) -> Any:
     return next(each for each in get_args(hint) if each is not NoneType) if NoneType in get_args(hint) else hint
 
 
+def item_of(kind: Any) -> Any:
+    """Return the type of the items of an option that may be given several times; None for another."""
+    first, *rest = get_args(kind) or (None,)
+    return first if rest == [...] else None
+
+
+def _in_words(kind: Any) -> str:
+    item = item_of(kind)
+    return KINDS[kind] if item is None else "names" if item is str else f"{item.__name__.lower()}s"
+
+
 def _as_kind(value: Any, kind: Any) -> Any:
     """Return a value as its option's type. Raises TypeError or ValueError for one that is of another."""
     if value is None or get_origin(kind) is Literal:
@@ -386,10 +398,8 @@ def _as_kind(value: Any, kind: Any) -> Any:
     if kind == tuple[float, float]:
         low, high = value
         return float(low), float(high)
-    if kind == tuple[str, ...]:
-        return tuple(map(str, value))
-    if kind == tuple[float, ...]:
-        return tuple(map(float, value))
+    if item := item_of(kind):
+        return tuple(item(*each) if issubclass(item, tuple) else item(each) for each in value)
     return index(value) if kind is int else kind(value)
 
 

@@ -20,7 +20,7 @@ TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes
 SHOWING = (
     *(f"pipeline/{name}.py" for name in ("logs", "paths", "process", "workers")),
     *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report", "views")),
-    *("pipeline/search/plots.py", "pipeline/active/plots*.py"),
+    "pipeline/active/plots*.py",
     *(f"pipeline/records/{name}.py" for name in ("outputs", "run_log", "study", "tables")),
     *(f"pipeline/batch/{name}.py" for name in ("job", "journal", "lock", "peak_memory")),
     *(f"pipeline/batch/{name}.py" for name in ("progress", "runner", "script_study")),

@@ -4,26 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
-from pipeline.search.fidelity import PLATE, FidelityResult, frequency_slack
+from pipeline.search.fidelity import FidelityResult, frequency_slack
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
+from pipeline.search.terms import GOALS, LESS, PLATE, UNITS
 
-GOALS = {
-    "confinement": "confinement_db",
-    "extension": "extension_db",
-    "worst": "worst_db",
-    "widest": "band_khz",
-    "isolation": "isolation_db",
-    "closest": "gap_mm",
-}
-UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
-LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
 EVALUATIONS = 16  # assembled plates
 VIOLATION_DB = 1000.0  # dB below any design that keeps the limits
 STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
@@ -124,7 +116,7 @@ def front(evaluations: Sequence[Evaluation]) -> list[Evaluation]:
 
 def rate(values: Values, result: FidelityResult, settings: Settings, design: Design) -> Evaluation:
     """Compute goal, mass and limits of an evaluated design."""
-    goal: float | None = getattr(result, GOALS[settings.goal])
+    goal: float | None = getattr(result, GOALS[settings.goal][0])
     if goal is None or result.frequency_hz is None or result.mac is None:
         return Evaluation(values, result, None, None, (), UNBUILT, UNBUILT)
     unit = UNITS.get(settings.goal, "dB")
@@ -145,10 +137,15 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
 
 def summary(each: Evaluation) -> str:
     """Describe an evaluation in a few words."""
-    if each.goal_db is None or each.result.frequency_hz is None:
-        return f"not evaluated: {each.result.why_not}"
-    breaks = f"; breaks: {'; '.join(each.violations)}" if each.violations else ""
-    goal = -each.goal_db if each.unit in LESS else each.goal_db
-    best = level_with_bar(goal, each.goal_error_db) if each.unit == "dB" else with_bar(goal, None, each.unit)
-    tone = frequency_with_bar(each.result.frequency_hz, each.result.frequency_error)
-    return f"{best} at {tone}, MAC {figure(each.result.mac)}{breaks}"
+    goal = None if each.goal_db is None else -each.goal_db if each.unit in LESS else each.goal_db
+    return in_words(goal, each.unit, each.goal_error_db, each.result, each.violations)
+
+
+def in_words(goal: float | None, unit: str, error: float | None, judged: Any, violations: Sequence[str]) -> str:
+    """Describe a goal with its bar, the mode that it is of, and the limits that it breaks."""
+    if goal is None or judged.frequency_hz is None:
+        return f"not evaluated: {judged.why_not}"
+    breaks = f"; breaks: {'; '.join(violations)}" if violations else ""
+    best = level_with_bar(goal, error) if unit == "dB" else with_bar(goal, None, unit)
+    tone = frequency_with_bar(judged.frequency_hz, judged.frequency_error)
+    return f"{best} at {tone}, MAC {figure(judged.mac)}{breaks}"

@@ -19,12 +19,12 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.request import of_case, with_defaults
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
+from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP
 from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
     from solvers.measures.driven_zones import DrivenZones
 
-STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
     COLUMN: "one column of reduced cells at the wavenumber between free ends",
@@ -214,15 +214,14 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.models import crosstalk
-    from pipeline.models.wave_parts import worst_level
+    from pipeline.models.driven_zones import solve
+    from pipeline.models.zone_parts import worst_of
 
     log = WarningLog()
-    crosstalk.require_drivers(case)
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = crosstalk.solve(case, log, band_hz, PEAKS).zones
-    worst_db, _ = worst_level(zones)
+    zones = solve(case, log, band_hz, PEAKS).zones
     confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
+    level, _ = worst_of(zones)
     return FidelityResult(
         fidelity,
         min(zone.peak_hz for zone in zones),
@@ -230,7 +229,7 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         None,
         min((zone.mac for zone in zones if zone.mac is not None), default=None),
         warnings=tuple(log.warnings),
-        isolation_db=None if worst_db is None else -worst_db,
+        isolation_db=None if level is None else -level,
         gap_mm=case.design.zone_gap_m / MM,
     )
 

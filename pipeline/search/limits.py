@@ -2,29 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import atan2, degrees
+from typing import TYPE_CHECKING
 
-from geometry.cad.printability import SUPPORT_DEG, features
-from geometry.layout import Design, Pillar
-from pipeline.quantity import figure, frequency, level
+from pipeline.records.part import Part, column
 from pipeline.units import KHZ, MM
 
+if TYPE_CHECKING:
+    from geometry.layout import Design, Pillar
 
-@dataclass(frozen=True)
-class Limits:
-    """Limits on the wanted mode's frequency (Hz), modal assurance and half-wavelength, on the smallest feature (m), and on a
-    driven zone's level over the others.
-    """
 
-    lowest_hz: float = 25 * KHZ
-    half_wavelength_m: float = 20 * MM
-    feature_m: float = 0.4 * MM
-    mac: float = 0.8
-    isolation_db: float | None = None
+class Limits(Part):
+    """What a design must keep: limits on the target mode, on what is printed, and on a driven zone's level over the others."""
+
+    lowest_hz: float = column("least frequency of the target mode", "Hz", default=25 * KHZ)
+    half_wavelength_m: float = column("largest half-wavelength along the zone", "m", default=20 * MM)
+    feature_m: float = column("smallest feature", "m", default=0.4 * MM)
+    mac: float = column("least modal assurance to the target shape", default=0.8)
+    isolation_db: float | None = column(
+        "least level of a driven zone over every other; None for no limit", "dB", default=None
+    )
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone violates: in words, and by how much (relative)."""
+        from geometry.cad.printability import SUPPORT_DEG, features
+        from pipeline.quantity import figure
+
         violations = []
         half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
         if not half <= self.half_wavelength_m:
@@ -49,6 +52,8 @@ class Limits:
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
         """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
+        from pipeline.quantity import figure, frequency
+
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
@@ -59,6 +64,8 @@ class Limits:
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
         """The limit on a driven zone's level over the others, in the same way."""
+        from pipeline.quantity import level
+
         least = self.isolation_db
         if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
             return []

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
-from pipeline.models.crosstalk import require_drivers
+from pipeline.models.driven_zones import check_zones
 from pipeline.planning import simplifications
+from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import figure, frequency
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
@@ -51,13 +53,41 @@ FINEST = 0.004
 MAX_CONFIRMED = 3
 
 
-def search(space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None) -> Outcome:
+class Budget(NamedTuple):
+    """How many designs each model evaluates at most: 0 where it is left out, by the rules in `left_out`."""
+
+    strips: int
+    columns: int
+    plates: int
+    left_out: tuple[Simplification, ...] = ()
+
+
+def budget_of(space: Space, settings: Settings) -> Budget:
+    """Decide which models lead to the assembled plates."""
+    design = space.case().design
+    shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
+    columns = bool(design.pillar and not shifted and _have_columns(space))
+    screened, rules = settings.goal != "widest", []
+    if not screened:
+        what, why = "strips over the whole box", "they say nothing of how wide a band the rows stop"
+        rules.append(Simplification("no_strips", what, why))
+    if not columns:
+        what, why = "columns of reduced cells", "they take rows in line of pillars that hexahedra follow"
+        rules.append(Simplification("no_columns", what, why))
+    strips = len(screening_points(space)) if screened else 0
+    return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
+
+
+def search(
+    space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None, budget: Budget | None = None
+) -> Outcome:
     """Search the best design of a space. Raises InputError without rows, CheckFailed when no design keeps the limits."""
-    _check(space, settings)
-    return _Search(space, settings, log, cache or EvaluationCache()).go()
+    check(space, settings)
+    return _Search(space, settings, budget or budget_of(space, settings), log, cache or EvaluationCache()).go()
 
 
-def _check(space: Space, settings: Settings) -> None:
+def check(space: Space, settings: Settings) -> None:
+    """InputError for a case or keys that a goal cannot be searched of."""
     case = space.case()
     case.require_plate(command="search", several=True)
     case.require("pillar", "array.pitch_mm", command="search")
@@ -83,7 +113,8 @@ def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
         if settings.goal not in OF_ZONES:
             what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
             raise InputError(f"--goal {settings.goal}: {what}")
-        require_drivers(case)
+        case.require("patches", command="search")
+        check_zones(case)
     elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
         name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
         raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")
@@ -112,32 +143,25 @@ def _have_columns(space: Space) -> bool:
 class _Search:
     """State of one search."""
 
-    def __init__(self, space: Space, settings: Settings, log: Log, cache: EvaluationCache) -> None:
+    def __init__(self, space: Space, settings: Settings, budget: Budget, log: Log, cache: EvaluationCache) -> None:
         self.space, self.settings, self.log, self.cache = space, settings, log, cache
         self.known: dict[str, dict[Values, Evaluation]] = {STRIP: {}, COLUMN: {}, PLATE: {}}
-        plates = settings.evaluations
-        self.budget = {COLUMN: COLUMNS_A_PLATE * plates, PLATE: plates}
+        self.budget = {STRIP: budget.strips, COLUMN: budget.columns, PLATE: budget.plates}
         self.softness = SOFTNESS
-        design = space.case().design
-        shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
-        self.columns = bool(design.pillar and not shifted and _have_columns(space))
+        self.columns = bool(budget.columns)
         self.goal_options = {"banded": True} if settings.goal == "widest" else {}
 
     def go(self) -> Outcome:
-        if not self.goal_options:
+        screened, source = bool(self.budget[STRIP]), STRIP
+        if screened:
             if self.columns:
                 self._calibrate()
             self._screen()
-        else:
-            self.log.left_out("strips over the whole box", "they say nothing of how wide a band the rows stop")
-        source = STRIP
         if self.columns:
             first = max(2, self.budget[COLUMN] // 2)
-            even = first if self.goal_options else first // 3
+            even = first // 3 if screened else first
             self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
-        else:
-            self.log.left_out("columns of reduced cells", "they take rows in line of pillars that hexahedra follow")
         self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
         own = (
             evaluate(self.space.case(), COLUMN, None, self.cache, **self.goal_options).frequency_hz

@@ -6,25 +6,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.diagnostics import nearest
-from pipeline.case.model import Case, case_from_dict
-from pipeline.case.overrides import apply_overrides, parse_override, parse_value, read_toml
+from pipeline.case.model import Case, Override, case_from_dict, parsed
+from pipeline.case.overrides import apply_overrides, toml_text
 from pipeline.case.rows import HEIGHTS, INSTEAD, SIDES
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
-from pipeline.case.zones import one_table
 from pipeline.errors import InputError
+from pipeline.search.terms import Range
 from pipeline.units import MM
 
 VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # a printer holds no more
 EXAMPLE = "such as pillar.height_mm=5:8"
+WORDS = {"true": True, "false": False}  # that stand for values
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Variable:
 
     def written(self, value: float) -> float | str:
         """A value as it is told: the word where the key has words."""
-        return self.words[round(value)] if self.words else value
+        return self.words[round(value)] if self.words else round(value) if self.whole else value
 
     def share(self, value: float) -> float:
         """Where a value lies between the ends, 0 to 1."""
@@ -64,12 +66,20 @@ class Variable:
 
 @dataclass(frozen=True)
 class Space:
-    """A case file and the keys that vary."""
+    """A case and the keys that vary."""
 
-    path: Path
-    raw: dict[str, Any]
-    fixed: tuple[str, ...]
+    base: Case
     variables: tuple[Variable, ...]
+
+    @property
+    def path(self) -> Path:
+        """The case's file, or the one that it might be."""
+        return self.base.source or Path(f"{self.base.name}.toml")
+
+    @property
+    def fixed(self) -> list[str]:
+        """The --set texts of the case itself."""
+        return [each if isinstance(each, str) else _text(*each) for each in self.base.overrides]
 
     def values(self, shares: Sequence[float] | FloatArray) -> tuple[float | int, ...]:
         """Snapped values at a point of the unit cube."""
@@ -79,17 +89,17 @@ class Space:
         """The point of the unit cube at values."""
         return np.array([variable.share(value) for variable, value in zip(self.variables, values, strict=True)])
 
+    def settings(self, values: Sequence[float | int]) -> list[tuple[str, Any]]:
+        """The keys and values that make a design."""
+        return _settings(self.variables, values)
+
     def overrides(self, values: Sequence[float | int]) -> list[str]:
         """The --set texts that make a design."""
-        return _overrides(self.variables, values)
+        return [_text(*each) for each in self.settings(values)]
 
-    def written(self, values: Sequence[float | int]) -> list[float | str]:
-        """Values as they are told, words where a key has them."""
-        return [variable.written(value) for variable, value in zip(self.variables, values, strict=True)]
-
-    def case(self, values: Sequence[float | int] = (), more: Sequence[str] = ()) -> Case:
+    def case(self, values: Sequence[float | int] = (), more: Sequence[Override] = ()) -> Case:
         """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
-        return case_from_dict(self.raw, self.path, [*self.fixed, *(self.overrides(values) if values else ()), *more])
+        return _other(self.base, [*(self.settings(values) if values else ()), *more])
 
     def own_values(self) -> tuple[float | int, ...] | None:
         """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""
@@ -101,9 +111,8 @@ class Space:
     def _own(self, variable: Variable) -> float | None:
         """The file's own value of a key, of one with words its number; None where it has none."""
         table, _, name = variable.key.rpartition(".")
-        raw = apply_overrides(self.raw, [parse_override(text) for text in self.fixed])
+        raw, design = apply_overrides(self.base.raw, parsed(self.base.overrides)), self.base.design
         value = (raw.get(table, {}) if table else raw).get(name)
-        design = self.case().design
         if variable.row is not None:
             return self._of_row(design, variable.key, variable.row)
         if variable.key == "zone.gap_mm" and design.zones > 1:
@@ -122,86 +131,84 @@ class Space:
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
 
 
+def _other(case: Case, settings: Sequence[Override]) -> Case:
+    """Another case of the same file. InputError for what cannot be built."""
+    return case_from_dict(case.raw, case.source, [*case.overrides, *settings])
+
+
 def _material(design: Design, owner: str) -> str:
     """Name of the material of a table, "" for the top of the file."""
     pillar = design.pillar if owner else None
     return (pillar.tip if pillar and pillar.tip and owner == "tip" else pillar or design).material.name
 
 
-def _overrides(variables: Sequence[Variable], values: Sequence[float | int]) -> list[str]:
-    """KEY=VALUE of each key, KEY=[...] of one with a value a row."""
-    texts: dict[str, list[str]] = {}
+def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> list[tuple[str, Any]]:
+    """Each key with its value, one with a value a row with their list."""
+    found: dict[str, list[Any]] = {}
     for variable, value in zip(variables, values, strict=True):
         written = variable.written(value)
-        texts.setdefault(variable.key, []).append(written if isinstance(written, str) else f"{written:g}")
+        found.setdefault(variable.key, []).append(WORDS.get(written, written) if isinstance(written, str) else written)
     listed = {variable.key for variable in variables if variable.row}
-    return [f"{key}=[{','.join(each)}]" if key in listed else f"{key}={each[0]}" for key, each in texts.items()]
+    return [(key, each if key in listed else each[0]) for key, each in found.items()]
 
 
-def read_space(path: str, fixed: Sequence[str], texts: Sequence[str]) -> Space:
-    """The search space of a case file. InputError, one line a fault, for a --vary that cannot be searched."""
-    file = Path(path)
-    raw = read_toml(file)
-    case_from_dict(raw, file, fixed)  # a fault of the file itself is told first
-    return space_of(raw, file, fixed, texts)
+def _text(key: str, value: Any) -> str:
+    """KEY=VALUE as --set takes it, words without quotes."""
+    if isinstance(value, list):
+        return f"{key}=[{','.join(map(toml_text, value))}]"
+    return f"{key}={value if isinstance(value, str) else toml_text(value)}"
 
 
-def space_of(raw: dict[str, Any], file: Path, fixed: Sequence[str], texts: Sequence[str]) -> Space:
-    """The search space of a parsed case. InputError as read_space."""
-    raw = one_table(raw, str(file))
+def space_of(case: Case, ranges: Sequence[Range]) -> Space:
+    """The search space of a case. InputError, one line a fault, for a range that cannot be searched."""
     faults: list[str] = []
-    parsed: dict[str, tuple[str, list[Variable]]] = {}
-    for text in texts:
+    found: dict[str, tuple[Range, list[Variable]]] = {}
+    for each in ranges:
         try:
-            variable = parse_vary(text)
-            if variable.key in parsed:
-                raise InputError(f"--vary {text}: {variable.key} is varied already")
-            parsed[variable.key] = text, _rows(raw, file, fixed, variable, text)
+            variable = variable_of(each)
+            if variable.key in found:
+                raise InputError(f"--vary {each}: {variable.key} is varied already")
+            found[variable.key] = each, _rows(case, variable, each)
         except InputError as error:
             faults += error.lines
-    variables = [variable for _, rows in parsed.values() for variable in rows]
-    for text, rows in parsed.values():
+    variables = [variable for _, rows in found.values() for variable in rows]
+    for each, rows in found.values():
         try:
-            _check_ends(raw, file, fixed, rows, [each for each in variables if each not in rows], text)
+            _check_ends(case, rows, [other for other in variables if other not in rows], each)
         except InputError as error:
             faults += error.lines
-    if not texts:
+    if not ranges:
         faults.append(f"--vary: missing, search needs at least one KEY=LOW:HIGH, {EXAMPLE}")
     if any(variable.row for variable in variables) and "array.rows" in {variable.key for variable in variables}:
         faults.append("--vary array.rows: must be left alone beside a key with one value a row")
     if faults:
         raise InputError(faults)
-    return Space(file, raw, tuple(fixed), tuple(variables))
+    return Space(case, tuple(variables))
 
 
-def parse_vary(text: str) -> Variable:
-    """A variable from "key=low:high". InputError for an unknown key, or ends that are no rising numbers."""
-    key, equals, ends = (part.strip() for part in text.partition("="))
-    parts = ends.split(":")
-    if not equals or len(parts) != 2:
-        raise InputError(f"--vary {text}: must be KEY=LOW:HIGH, {EXAMPLE}")
+def variable_of(between: Range) -> Variable:
+    """The variable of a range. InputError for an unknown key, or ends that are no rising numbers."""
+    key, *ends = between
     known, worded = searchable_keys(), word_keys()
     if key in worded:
-        words = tuple(word for word in worded[key] if word in {part.strip() for part in parts})
+        words = tuple(word for word in worded[key] if word in map(_word, ends))
         if len(words) != 2:
             others = "" if len(worded[key]) == 2 else f", two of {', '.join(worded[key])}"
-            raise InputError(f"--vary {text}: must be {key}={':'.join(worded[key][:2])}{others}")
+            raise InputError(f"--vary {between}: must be {key}={':'.join(worded[key][:2])}{others}")
         return Variable(key, 0.0, 1.0, 1.0, True, None, words)
     if key not in known:
         guess = "" if key in known_keys() else nearest(key, sorted({*known, *worded}))
-        tables = ", ".join(f"[{table}]" for table in VARIED)
-        raise InputError(
-            f"--vary {text}: {key} is no number that shapes the plate{guess}, must be a number or a choice in one of {tables}"
-        )
+        allowed = f"must be a number or a choice in one of {', '.join(f'[{table}]' for table in VARIED)}"
+        raise InputError(f"--vary {between}: {key} is no number that shapes the plate{guess}, {allowed}")
     whole = known[key]
-    numbers = [parse_value(part) for part in parts]
-    if not all(isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n) for n in numbers):
-        raise InputError(f"--vary {text}: both ends must be numbers, {EXAMPLE}")
-    low, high = (float(n) for n in numbers)
+    numbers = [float(n) for n in ends if isinstance(n, int | float) and not isinstance(n, bool) and isfinite(n)]
+    if len(numbers) != 2:
+        raise InputError(f"--vary {between}: both ends must be numbers, {EXAMPLE}")
+    low, high = numbers
     if not low < high:
-        raise InputError(f"--vary {text}: the low end must lie below the high end")
+        raise InputError(f"--vary {between}: the low end must lie below the high end")
     if whole and not (low.is_integer() and high.is_integer()):
-        raise InputError(f"--vary {text}: {key} counts something, both ends must be whole numbers")
+        raise InputError(f"--vary {between}: {key} counts something, both ends must be whole numbers")
     return Variable(key, low, high, 1.0 if whole else min(STEP_MM, (high - low) / 10.0), whole)
 
 
@@ -233,40 +240,50 @@ def _word(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def _rows(raw: dict[str, Any], file: Path, fixed: Sequence[str], variable: Variable, text: str) -> list[Variable]:
+def _rows(case: Case, variable: Variable, between: Range) -> list[Variable]:
     """The variable, or one for each of the file's rows where its key has a value a row. InputError without rows."""
     if variable.key not in INSTEAD:
         return [variable]
-    rows = case_from_dict(raw, file, fixed).design.rows
+    rows = case.design.rows
     if not rows:
-        raise InputError(f"--vary {text}: {variable.key} has one value a row, and array.rows is 0 or missing")
+        raise InputError(f"--vary {between}: {variable.key} has one value a row, and array.rows is 0 or missing")
     return [replace(variable, row=row) for row in range(1, rows + 1)]
 
 
-def _check_ends(
-    raw: dict[str, Any], file: Path, fixed: Sequence[str], variables: list[Variable], others: list[Variable], text: str
-) -> None:
+def _check_ends(case: Case, variables: list[Variable], others: list[Variable], between: Range) -> None:
     """InputError when an end is no value that the key may have, or neither end can be built: with the others as the file has
     them, nor with all of them at an end.
     """
     lines: list[list[str]] = []
-    settings = [_overrides(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
+    beside = [_settings(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
     for end in (variables[0].low, variables[0].high):
+        ((key, value),) = own = _settings(variables, [end] * len(variables))
         refused = None
-        for more in ([], *settings):
+        for more in ([], *beside):
             try:
-                case_from_dict(raw, file, [*fixed, *more, *_overrides(variables, [end] * len(variables))])
+                _other(case, [*more, *own])
                 break
             except InputError as error:
                 refused = refused or error.lines
         else:
             assert refused is not None
             lines.append(refused)
-            if variables[0].words or any(
-                "must be a " in line for line in refused
-            ):  # the schema's words: wrong by itself
+            if variables[0].words or not _is_allowed(key, value):
                 break
     else:
         if len(lines) < 2:
             return
-    raise InputError(f"--vary {text}: {lines[-1][0].partition(': ')[2] or lines[-1][0]}")
+    raise InputError(f"--vary {between}: {lines[-1][0].partition(': ')[2] or lines[-1][0]}")
+
+
+def _is_allowed(key: str, value: Any) -> bool:
+    """Whether the schema has a value for a key, whatever stands beside it."""
+    table, _, name = key.rpartition(".")
+    field = TABLES[table].model_fields[name]
+    try:
+        strictly = ConfigDict(strict=True, allow_inf_nan=False)
+        kind: Any = Annotated[field.annotation, field]
+        TypeAdapter(kind, config=strictly).validate_python(value)
+    except ValidationError:
+        return False
+    return True

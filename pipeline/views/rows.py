@@ -60,16 +60,6 @@ def travel(document: Document) -> Rows:
     ]
 
 
-def search(document: Document) -> Rows:
-    """One row an evaluated design, its varied keys first."""
-    return [
-        each["set"]
-        | {key: value for key, value in each.items() if key != "set"}
-        | {"violations": "; ".join(each["violations"])}
-        for each in document["evaluations"]
-    ]
-
-
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
@@ -78,6 +68,5 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
         touch,
         hybrid,
         travel,
-        search,
     )
 }

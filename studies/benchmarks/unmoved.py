@@ -27,6 +27,7 @@ NOT_COMPARED = ("seconds", "version", "kind", "options", "warnings")
 SMALL, ROUGH = "examples/small.toml", ("--set", "solve.accuracy=0.1")
 PATCHED = (SMALL, *ROUGH, "--set", "patches.size_mm=[8.0,3.0,0.3]")
 BAND = ("--band", "33kHz:36kHz")
+VARY = ("--vary", "pillar.height_mm=6:6.6", "--evaluations", "2", "--mac", "0.1", "--min-frequency", "20kHz")
 TASKS: dict[str, tuple[str, ...]] = {
     "predesign": ("predesign", SMALL),
     "modes": ("modes", SMALL, *ROUGH),
@@ -53,6 +54,18 @@ TASKS: dict[str, tuple[str, ...]] = {
     "tolerance": ("tolerance", *PATCHED, *BAND, "--set", "tolerance.height_mm=0.05", "--samples", "3"),
     "touch": ("touch", *PATCHED, *BAND, "--set", "touch.radius_mm=5.0", "--no-map"),
     "crosstalk": ("crosstalk", "examples/small-zones.toml", *ROUGH, *BAND, "--points", "9"),
+    "search": ("search", SMALL, *ROUGH, *VARY, "--vary", "pillar.faces=back:both", "--goal", "confinement"),
+    "search of the widest band": ("search", SMALL, *ROUGH, *VARY, "--goal", "widest"),
+    "search of two zones": (
+        "search",
+        "examples/small-zones.toml",
+        *ROUGH,
+        "--vary",
+        "zone.shared_rows=1:3",
+        "--goal",
+        "closest",
+        *VARY[2:],
+    ),
     "check-gap": ("check-gap",),
 }
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
-
-import pytest
 
 from pipeline.questions import registered
 
@@ -19,6 +18,7 @@ GOOD = {
     "bands": "edges: list[float] = [gap.lower_hz for gap in plate.bands(progress=False).gaps]",
     "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
+    "search": "found: float | None = plate.search(height_mm=(6.0, 6.6), material=('steel', 'brass'), goal='worst').best.mac",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
     "active_mason": "confined: float = plate.active_mason(frequency_kHz=20.0).confinement_db['filtered']",
     "active_pillar": "stopped: float = plate.active_pillar(cell=False).stopped_hz",
@@ -26,29 +26,52 @@ GOOD = {
     "active_shaping": "said: str = plate.active_shaping().comparison[0].ours",
     "active_dq": "steps: int = len(plate.active_dq(settling_time_s=2e-3).steps)",
 }
-WRONG = {  # a line, and the code of the error that it must give
-    "plate.crosstalk(pionts=5)": "call-arg",
-    'plate.crosstalk(points="5")': "arg-type",
-    'plate.modes(part="lid")': "arg-type",
-    "plate.bands().gaps[0].lower_dB": "attr-defined",
-    "plate.predesign(points=3)": "call-arg",
-    "plate.band()": "attr-defined",
+SWEPT = (
+    "table: antinode.SweepTable = antinode.sweep(plate, measure=['modes', antinode.Bands], jobs=1, pitch_mm=[4.0, 5.0])",
+    "swept_edges: list[float] = [gap.lower_hz for bands in table.of(antinode.Bands) if bands for gap in bands.gaps]",
+)
+WRONG = {  # a line, and how mypy and pyright name the error that it must give
+    "plate.crosstalk(pionts=5)": ("call-arg", "reportCallIssue"),
+    'plate.crosstalk(points="5")': ("arg-type", "reportArgumentType"),
+    'plate.modes(part="lid")': ("arg-type", "reportArgumentType"),
+    "plate.bands().gaps[0].lower_dB": ("attr-defined", "reportAttributeAccessIssue"),
+    "plate.predesign(points=3)": ("call-arg", "reportCallIssue"),
+    "plate.search(height_mm=(6.0, 6.6), evalutions=3)": ("arg-type", "reportArgumentType"),
+    "plate.search(goal='loud', height_mm=(6.0, 6.6))": ("arg-type", "reportArgumentType"),
+    "plate.search(height_mm=(6.0, 6.6)).evaluations[0].frequency": ("attr-defined", "reportAttributeAccessIssue"),
+    "plate.band()": ("attr-defined", "reportAttributeAccessIssue"),
+    "antinode.sweep(plate, measure=[antinode.Plate], pitch_mm=[4.0])": ("list-item", "reportArgumentType"),
+    "antinode.sweep(plate, pitch_mm=4.0)": ("arg-type", "reportArgumentType"),
+    "[bands and bands.dB for bands in table.of(antinode.Bands)]": ("attr-defined", "reportAttributeAccessIssue"),
 }
+LINES = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *SWEPT, *WRONG]
+CONFIG = {"extraPaths": [str(ROOT)], "typeCheckingMode": "strict", "reportUnusedExpression": False}
 
 
-@pytest.mark.slow
-def test_a_type_checker_sees_options_and_results(tmp_path: Path) -> None:
-    lines = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *WRONG]
-    (tmp_path / "use.py").write_text("\n".join(lines) + "\n")
-    command = [sys.executable, "-m", "mypy", "--strict", "--hide-error-context", "--no-error-summary", "use.py"]
-    silent = ["--follow-imports", "silent", "--ignore-missing-imports", "--cache-dir", str(tmp_path / "cache")]
-    done = subprocess.run(
-        [*command, *silent], cwd=tmp_path, env=os.environ | {"MYPYPATH": str(ROOT)}, capture_output=True, text=True
-    )
-    said = [line for line in done.stdout.splitlines() if ": error:" in line]
-    first = len(lines) - len(WRONG) + 1
-    found = {int(line.split(":")[1]): line.rpartition("[")[2].rstrip("]") for line in said}
-    assert found == {first + place: code for place, code in enumerate(WRONG.values())}, done.stdout
+def said_by(words: list[str], folder: Path) -> str:
+    (folder / "use.py").write_text("\n".join(LINES) + "\n")
+    whole = [sys.executable, "-m", *words, "use.py"]
+    return subprocess.run(
+        whole, cwd=folder, env=os.environ | {"MYPYPATH": str(ROOT)}, capture_output=True, text=True
+    ).stdout
+
+
+def expected(checker: int) -> dict[int, str]:
+    return {number: WRONG[line][checker] for number, line in enumerate(LINES, start=1) if line in WRONG}
+
+
+def test_mypy_sees_options_and_results(tmp_path: Path) -> None:
+    options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache")]
+    said = said_by(["mypy", *options, "--hide-error-context"], tmp_path)
+    errors = [line for line in said.splitlines() if ": error:" in line]
+    assert {int(line.split(":")[1]): line.rpartition("[")[2].rstrip("]") for line in errors} == expected(0), said
+
+
+def test_pyright_sees_options_and_results(tmp_path: Path) -> None:
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(CONFIG))
+    said = said_by(["pyright", "--outputjson", "--pythonpath", sys.executable], tmp_path)
+    errors = {each["range"]["start"]["line"] + 1: each["rule"] for each in json.loads(said)["generalDiagnostics"]}
+    assert errors == expected(1), said
 
 
 def test_every_question_is_used_here() -> None:

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from concurrent.futures import Executor, Future
-from contextlib import redirect_stdout
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from antinode import sweeps
 from pipeline.batch import runner
 
 
@@ -28,12 +24,5 @@ class AtOnce(Executor):
 
 
 def sweep_here(patch: pytest.MonkeyPatch) -> None:
-    """Sweeps of `import antinode` on this process' meshes; else they start others."""
-
-    def computed(place: Path, jobs: int | None, quiet: bool) -> list[str]:
-        with redirect_stdout(io.StringIO()) as said:
-            sweeps.main([str(place), str(jobs or 0), "--quiet"])
-        return said.getvalue().splitlines()
-
+    """Sweeps of `import antinode` on this process' meshes; else workers compute them."""
     patch.setattr(runner, "_local", lambda count: AtOnce())
-    patch.setattr(sweeps, "_computed", computed)

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.batch.study_file import load_study
 from pipeline.models.mode_parts import WantedMode
-from pipeline.models.wave_parts import DrivenZone
+from pipeline.models.zone_parts import DrivenZone
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.records.record import (
     PillarRecord,

@@ -73,7 +73,7 @@ def test_the_search_doubts_it_too(
     def begun(*given: object) -> None:
         raise InputError("begun")
 
-    monkeypatch.setattr("pipeline.search.optimiser.search", begun)
+    monkeypatch.setattr("pipeline.search.optimiser.check", begun)
     assert main(["search", str(written(tmp_path, *SLIPS["too stiff"])), "--vary", "plate.thickness_mm=1:2"]) == 2
     said = capsys.readouterr().err
     assert "warning MATERIAL" in said and "begun" in said

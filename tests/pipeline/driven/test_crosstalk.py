@@ -16,9 +16,9 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models import parts, patched_plate
+from pipeline.models import driven_zones, parts
 from pipeline.models.patched_plate import forced_plate
-from pipeline.models.wave_parts import DrivenZone
+from pipeline.models.zone_parts import DrivenZone
 from pipeline.plots import style
 from pipeline.plots.mesh import _dimensions
 from pipeline.plots.plate import draw_outlines
@@ -237,8 +237,8 @@ def test_curves_have_bars_that_hold_what_a_resonance_within_its_own_makes(
     """Any resonance moved anywhere within its bar, of a percent here: no zone's curve leaves its own, some come near."""
     case = case_of(patches=PATCHES)
     assert case.patches is not None
-    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
-    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.01, 0.0))
+    monkeypatch.setattr(driven_zones, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(driven_zones, "doubts", lambda *_: doubts_of(forced, 0.01, 0.0))
     monkeypatch.setattr(curve_bars, "AT_ONCE", 5)
     record = crosstalk_of(case, QUIET, points=9)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
@@ -264,8 +264,8 @@ def test_curves_have_bars_about_as_wide_as_all_that_is_wrong_together(
     Independent shares that add up by their squares come to 1/sqrt(3) of the bar: nine of ten lie within it, and half of them
     beyond a tenth of it.
     """
-    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
-    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.002, 0.0))
+    monkeypatch.setattr(driven_zones, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(driven_zones, "doubts", lambda *_: doubts_of(forced, 0.002, 0.0))
     record = crosstalk_of(case_of(patches=PATCHES), QUIET, points=41)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(PATCHES["centres_mm"]) * 1e-3)[0]
     nominal, bars = (
@@ -292,8 +292,8 @@ def test_a_peak_s_bars_follow_its_mode(forced: ForcedPlate, monkeypatch: pytest.
     """
     case = case_of(patches=PATCHES)
     assert case.patches is not None
-    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
-    monkeypatch.setattr(curve_bars, "doubts", lambda *_: doubts_of(forced, 0.01, 0.02))
+    monkeypatch.setattr(driven_zones, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(driven_zones, "doubts", lambda *_: doubts_of(forced, 0.01, 0.02))
     record = crosstalk_of(case, QUIET, points=2)
     zones, fed = zones_of(forced), zone_volts(forced, np.array(case.patches.centres_m))[0]
     first = record.zones[0]
@@ -320,7 +320,7 @@ def test_a_zone_whose_peak_is_not_its_wanted_mode_is_told(
     macs = np.array([zones.mac(volts, float(tone), 0) for tone in tones])
     assert ((macs >= 0.0) & (macs <= 1.0)).all() and macs.max() > SIMILAR > macs.min()
     case = case_of(patches=PATCHES)
-    monkeypatch.setattr(patched_plate, "forced_plate", lambda *_, **__: forced)
+    monkeypatch.setattr(driven_zones, "forced_plate", lambda *_, **__: forced)
     for tone, said in ((tones[macs.argmax()], False), (tones[macs.argmin()], True)):
         monkeypatch.setattr(Zones, "peak_hz", lambda *_, tone=float(tone): tone)
         crosstalk_of(case, TerminalLog(quiet=False), points=2)

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from dataclasses import replace
 from math import isnan
 from pathlib import Path
@@ -17,9 +16,9 @@ from geometry.layout import Pillar
 from pipeline.case.model import Case, load_case
 from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
-from pipeline.cli.search import to_dict
 from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
+from pipeline.questions.search import SearchResult
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Evaluation, Settings, front
 from pipeline.search.fidelity import (
@@ -35,9 +34,9 @@ from pipeline.search.fidelity import (
     worst,
 )
 from pipeline.search.limits import Limits, mass_kg
-from pipeline.search.plots import landscape
-from pipeline.search.space import parse_vary, read_space, searchable_keys, word_keys
+from pipeline.search.space import searchable_keys, word_keys
 from tests.helpers.recording_log import RecordingLog
+from tests.helpers.searching import parse_vary, read_space
 
 CASE = str(STUDIES / "three-rows.toml")
 SMALL = (
@@ -136,7 +135,8 @@ def test_a_key_with_a_value_a_row_varies_row_by_row() -> None:
 
 def test_a_key_of_two_words_is_chosen() -> None:
     space = read_space(CASE, [], ["array.stagger=false:true", "pillar.faces=both:back", "pillar.height_mm=5:8"])
-    assert space.own_values() == (0, 0, 6.3) and space.written((1, 0, 6.3)) == ["true", "back", 6.3]
+    told = [variable.written(value) for variable, value in zip(space.variables, (1, 0, 6.3), strict=True)]
+    assert space.own_values() == (0, 0, 6.3) and told == ["true", "back", 6.3]
     assert space.overrides((1, 1, 6.0)) == ["array.stagger=true", "pillar.faces=both", "pillar.height_mm=6"]
     assert {space.values((share, share, 0.0))[:2] for share in (0.0, 0.2, 0.7, 1.0)} == {(0, 0), (1, 1)}
     with pytest.raises(InputError, match=r"must be pillar\.faces=back:both"):
@@ -228,9 +228,9 @@ def test_the_widest_band_ranks_columns_and_plates(monkeypatch: pytest.MonkeyPatc
     outcome = optimiser.search(space, Settings("widest"), RecordingLog())
     assert not outcome.by_fidelity[STRIP] and outcome.best.unit == "kHz"
     assert outcome.gain_db is not None and 0.4 < outcome.gain_db < 0.6 and outcome.gain_error_db is None
-    document = to_dict(outcome)
-    assert document["gain_db"] is None and document["gain_khz"] == outcome.gain_db
-    assert document["best"]["band_khz"] == outcome.best.goal_db and landscape(document).alt
+    result = SearchResult.of_outcome(outcome)
+    assert result.gain_db is None and result.gain_khz == outcome.gain_db
+    assert result.best.band_khz == outcome.best.goal_db and result.pictures()[0].alt
 
 
 def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> None:
@@ -425,8 +425,7 @@ def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dic
     assert {"search.json", "search.csv", "search.svg", "search.png"} <= names
     assert (folder / "first.pdf").read_bytes().startswith(b"%PDF")
     assert (folder / "first.csv").read_bytes() == (folder / "first" / "search.csv").read_bytes()
-    documents = tomllib.loads((ROOT / "docs" / "site" / "fields.toml").read_text())["documents"]
-    assert set(document) - set(documents["every"]) == set(documents["search"]) - {"solid"}
+    assert document["solid"] is None and document["options"]["vary"] == [["pillar.height_mm", 5.6, 6.6]]
 
 
 def test_a_search_repeats_from_what_it_kept(searched: tuple[dict, dict, Path], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Zones on one plate, each driven in turn by its own patches: levels of all, at the driven one's peak and over a band."""
+"""Several zones on one plate: each driven in turn at its own peak while the others' patches are held at 0 V."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
-from pipeline.models.wave_parts import DrivenZone
+from pipeline.models.zone_parts import DrivenZone
 from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
@@ -23,19 +23,19 @@ from solvers.threads import one_thread
 
 
 @dataclass(frozen=True)
-class DrivenZones:
-    """Every zone driven at its own peak, and frequencies of the curves, Hz."""
+class SolvedZones:
+    """The plate, its zones by ascending y, and the frequencies that their curves go over."""
 
     model: str
     dof: int
+    shared_rows: int
+    gap_m: float
     frequency_hz: list[float]
     zones: list[DrivenZone]
 
 
-def require_drivers(case: Case) -> None:
-    """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
-    case.require_plate(command="crosstalk", several=True)
-    case.require("patches", command="crosstalk")
+def check_zones(case: Case) -> None:
+    """Raise InputError for patches that do not drive each zone with the others' at 0 V."""
     patches, design = case.patches, case.design
     assert patches is not None
     said = []
@@ -50,24 +50,20 @@ def require_drivers(case: Case) -> None:
 
 
 def solve(
-    case: Case, log: Log, band_hz: tuple[float, float] | None, points: int, meshes: list[MeshRecord] | None = None
-) -> DrivenZones:
-    """Drive each zone in turn and measure all.
+    case: Case,
+    log: Log,
+    band_hz: tuple[float, float] | None,
+    points: int,
+    meshes: list[MeshRecord] | None = None,
+    is_announced: bool = False,
+) -> SolvedZones:
+    """Drive each zone at its own peak and measure every zone, there and at so many frequencies of a band.
 
-    Parameters
-    ----------
-    case
-        A case whose zones have drivers (`require_drivers`).
-    log
-        Where progress and warnings go.
-    band_hz
-        Frequencies that are searched for peaks; the case's own where None.
-    points
-        How many frequencies the curves have.
-    meshes
-        Where the meshes are noted.
+    InputError as `check_zones` and `forced_plate`.
     """
-    forced = forced_plate(case, log, band_hz, meshes, is_announced=True)
+    case.require("patches", command="crosstalk")
+    check_zones(case)
+    forced = forced_plate(case, log, band_hz, meshes, is_announced)
     patches, design = case.patches, case.design
     assert patches is not None
     with log.step(f"{design.zones} zones, each driven in turn"), one_thread():
@@ -79,23 +75,30 @@ def solve(
         for zone, fed in enumerate(volts):
             peak = zones.peak_hz(fed, zone)
             (at,) = zones.rms(fed, np.array([peak]))
-            one = DrivenZone(
-                centre_m=float(design.zone_centres_m[zone]),
-                drivers=np.flatnonzero(fed).tolist(),
-                peak_hz=peak,
-                rms_m_per_V=at[:-1].tolist(),
-                level_db=ratio_db(at[:-1], at[zone]).tolist(),
-                passive_db=float(ratio_db(at[-1], at[zone])),
-                mac=zones.mac(fed, peak, zone),
-                over_rms_m_per_V=zones.rms(fed, frequencies)[:, :-1].T.tolist(),
-                over_rms_error_m_per_V=curves[zone].tolist(),
-                peak_error=frequency_error(forced, peak, errors),
-                **peak_half_widths(zones, fed, zone, peak, known),
+            driven.append(
+                DrivenZone(
+                    centre_m=float(design.zone_centres_m[zone]),
+                    drivers=np.flatnonzero(fed).tolist(),
+                    peak_hz=peak,
+                    rms_m_per_V=at[:-1].tolist(),
+                    level_db=ratio_db(at[:-1], at[zone]).tolist(),
+                    passive_db=float(ratio_db(at[-1], at[zone])),
+                    mac=zones.mac(fed, peak, zone),
+                    over_rms_m_per_V=zones.rms(fed, frequencies)[:, :-1].T.tolist(),
+                    over_rms_error_m_per_V=curves[zone].tolist(),
+                    peak_error=frequency_error(forced, peak, errors),
+                    **peak_half_widths(zones, fed, zone, peak, known),
+                )
             )
-            driven.append(one)
-            _warn_of_shape(zone, one, log)
-    dof = sum(group.pencil.dof for group in forced.plate.groups)
-    return DrivenZones(f"{forced.plate.name} with {patches.count} patches", dof, frequencies.tolist(), driven)
+            _warn_of_shape(zone, driven[-1], log)
+    return SolvedZones(
+        model=f"{forced.plate.name} with {patches.count} patches",
+        dof=sum(group.pencil.dof for group in forced.plate.groups),
+        shared_rows=design.shared_rows,
+        gap_m=design.zone_gap_m,
+        frequency_hz=frequencies.tolist(),
+        zones=driven,
+    )
 
 
 def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:

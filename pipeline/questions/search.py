@@ -1,0 +1,477 @@
+"""The design that confines the target mode best: keys of the case varied between two ends, within limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Literal
+
+from pipeline.case.limits import MAX_EVALUATIONS
+from pipeline.errors import InputError
+from pipeline.questions.question import Question, Run, option
+from pipeline.questions.result import Result
+from pipeline.records.part import Part, column, live
+from pipeline.search.limits import Limits
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range
+from pipeline.units import GRAM, KHZ, MM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+    from pipeline.search.designs import Evaluation, Outcome, Settings
+    from pipeline.search.space import Space
+
+Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
+SHOWN = 8
+NO_ESTIMATE = "half-width of the error bar of {}{}; None without an estimate"
+
+
+class Varied(Part):
+    """A key between two ends, in the file's unit."""
+
+    key: str = column("key of the case file, with its row in brackets where every row has its own")
+    low: float = column("low end; 0 for a choice")
+    high: float = column("high end; 1 for a choice")
+    step: float = column("grid that values are snapped to")
+    words: list[str] | None = column("what 0 and 1 stand for; None for numbers", default=None)
+
+    @property
+    def title(self) -> str:
+        """The key as the title of an axis."""
+        name, _, unit = self.key.partition(".")[2].rpartition("_")
+        return f"{self.key.partition('.')[0]} {name.replace('_', ' ')} ({unit})" if unit == "mm" else self.key
+
+
+class Fidelity(Part):
+    """A model and how many designs it evaluated."""
+
+    name: str = column("strip, column or plate")
+    model: str = column("model in words")
+    designs: int = column("designs that it evaluated")
+    not_evaluated: int = column("designs that it could not evaluate")
+
+
+class FoundDesign(Part):
+    """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
+
+    fidelity: str = column("model that evaluated it: strip, column or plate")
+    set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
+    frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error")
+    frequency_error: float | None = column(NO_ESTIMATE.format("frequency_hz", ", relative"))
+    confinement_db: float | None = column("confinement", "dB", error="confinement_error_db")
+    confinement_error_db: float | None = column(NO_ESTIMATE.format("confinement_db", ""), "dB")
+    extension_db: float | None = column("level of the zone over the plate beyond the rows", "dB")
+    mac: float | None = column("modal assurance criterion with the target shape")
+    worst_db: float | None = column("least confinement with all heights as designed, too low and too high", "dB")
+    band_khz: float | None = column("width of the band about the mode in which the rows take 10 dB", "kHz")
+    isolation_db: float | None = column("least level of a driven zone over another one", "dB")
+    gap_mm: float | None = column("distance of two zones' borders", "mm")
+    mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
+    violations: list[str] = column("limits that it breaks")
+    why_not: str | None = column("why it could not be evaluated; None where it was")
+
+
+class SearchResult(Result, table="evaluations", axes=("evaluation",)):
+    """The best design next to the one it started from, and every evaluation as a row; dB, Hz, mm, kg.
+
+    >>> import antinode
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1)
+    >>> found = plate.search(height_mm=(6.0, 6.6), evaluations=2, mac=0.3)
+    >>> found.best_values, plate.with_(**found.changes).to_dict()["pillar"]["height_mm"]
+    ({'pillar.height_mm': 6.0}, 6.0)
+    """
+
+    goal: str = column("what was raised")
+    vary: list[Varied] = column("the varied keys")
+    limits: Limits = column("what designs had to keep")
+    fidelities: list[Fidelity] = column("how many designs each model evaluated")
+    softness: float = column("compliance of the pillars' feet that the strips were calibrated to, of a half-space's")
+    repeat: list[str] = column("KEY=VALUE of the best design, for --set")
+    base: FoundDesign = column("the design as given, as `antinode modes` solves it")
+    best: FoundDesign = column("the best design, as `antinode modes` solves it")
+    gain_db: float | None = column(
+        "gain of the goal; None where a design has no target mode or the goal is no level", "dB"
+    )
+    gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
+    gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
+    gain_error_db: float | None = column("half-width of the error bar of gain_db; None without an estimate", "dB")
+    tradeoff: list[FoundDesign] = column(
+        "designs that no other beats in goal, frequency and mass at once, the best first"
+    )
+    evaluations: list[FoundDesign] = column("every design that was evaluated")
+    solid: dict[str, FoundDesign] | None = column(
+        "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid", default=None
+    )
+    file: str = live(default="CASE")  # of the design as given
+
+    @classmethod
+    def of_outcome(cls, outcome: Outcome, solid: dict[str, FoundDesign] | None = None) -> SearchResult:
+        """Return the result of a search."""
+        from pipeline.search.fidelity import MODELS
+
+        listed = outcome.by_fidelity.items()
+        counts = {name: (len(each), sum(e.goal_db is None for e in each)) for name, each in listed}
+        gain = dict.fromkeys(("dB", "kHz", "mm")) | {outcome.best.unit: outcome.gain_db}
+        return cls.of(
+            outcome,
+            goal=outcome.settings.goal,
+            vary=[Varied.of(each, key=each.name, words=list(each.words) or None) for each in outcome.space.variables],
+            limits=outcome.settings.limits,
+            fidelities=[
+                Fidelity(name=name, model=MODELS[name], designs=all_, not_evaluated=none)
+                for name, (all_, none) in counts.items()
+            ],
+            base=_design(outcome.space, outcome.base),
+            best=_design(outcome.space, outcome.best),
+            gain_db=gain["dB"],
+            gain_khz=gain["kHz"],
+            gain_mm=gain["mm"],
+            tradeoff=[_design(outcome.space, each) for each in outcome.tradeoff],
+            evaluations=[_design(outcome.space, each) for _, found in listed for each in found],
+            solid=solid,
+            file=str(outcome.space.path),
+        )
+
+    @property
+    def best_values(self) -> dict[str, float | str]:
+        """Values of the varied keys in the best design, in the file's units, or words."""
+        return dict(self.best.set)
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The best design as keywords: `plate.with_(**found.changes)` is that plate."""
+        found: dict[str, Any] = {}
+        for name, value in self.best.set.items():
+            key, row, _ = name.replace(".", "__").partition("[")
+            if row:
+                found.setdefault(key, []).append(value)
+            else:
+                found[key] = {"true": True, "false": False}.get(value, value) if isinstance(value, str) else value
+        return found
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """Return the evaluations, the varied keys after the model."""
+        rows = []
+        for row, each in zip(super().to_rows(), self.evaluations, strict=True):
+            first = {name: row.pop(name) for name in ("evaluation", "fidelity")}
+            last = {"violations": "; ".join(each.violations), "why_not": row.pop("why_not")}
+            rows.append(first | each.set | row | last)
+        return rows
+
+    # -- words
+
+    @property
+    def _value(self) -> str:
+        return GOALS[self.goal][0]
+
+    @property
+    def _title(self) -> str:
+        return GOALS[self.goal][1]
+
+    @property
+    def _unit(self) -> str:
+        return UNITS.get(self.goal, "dB")
+
+    def _said(self, design: FoundDesign) -> str:
+        from pipeline.search.designs import in_words
+
+        goal = getattr(design, self._value)
+        error = design.confinement_error_db if goal == design.confinement_db else None
+        return in_words(goal, self._unit, error, design, design.violations)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the best designs as a table, the gain, and the words to repeat it."""
+        from pipeline.quantity import frequency, level, level_with_bar, signed, with_bar
+        from pipeline.records.reading import filled, reading_table
+
+        keeping = [each for each in self._of(PLATE) if getattr(each, self._value) is not None and not each.violations]
+        keeping.sort(key=lambda each: getattr(each, self._value), reverse=self._unit not in LESS)
+        names = [name for name, each in FoundDesign.declared.items() if each.unit or name in ("frequency_error", "mac")]
+        names.remove("mass_kg")
+        rows = [
+            [
+                *each.set.values(),
+                *(getattr(each, name) for name in names),
+                None if each.mass_kg is None else each.mass_kg / GRAM,
+            ]
+            for each in keeping[:SHOWN]
+        ]
+        yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
+        yield reading_table(*filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
+        yield f"as given: {self._said(self.base)}"
+        gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
+        text = ""
+        if gain is not None:
+            own = level_with_bar(gain, self.gain_error_db) if self._unit == "dB" else with_bar(gain, None, self._unit)
+            text = f", {signed(own)}"
+        yield f"best:     {self._said(self.best)}{text}"
+        for name, design in (self.solid or {}).items():
+            told = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
+            yield f"solid mesh, {name}: {told}"
+        command = "modes" if self.best.isolation_db is None else "crosstalk"
+        yield f"repeat it: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
+
+    def __repr__(self) -> str:
+        from pipeline.quantity import level, signed
+
+        gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
+        return f"<antinode.Search: {len(self.evaluations)} evaluations, best {self.best_values}{gain}>"
+
+    # -- pictures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the goal over one or two keys."""
+        keys = self._shown_keys()
+        if len(keys) == 1:
+            self._line(ax, keys[0])
+        else:
+            self._map(ax, keys)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the goal over what was varied, and against frequency and mass."""
+        from pipeline.plots import style
+
+        drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
+        self.draw(left)
+        self._tradeoff(right)
+        title = "Where the wanted mode is confined best"
+        return [style.ReportFigure("search", title, self._alt(), drawn, vector=True)]
+
+    def _of(self, fidelity: str) -> list[FoundDesign]:
+        return [each for each in self.evaluations if each.fidelity == fidelity]
+
+    def _number(self, design: FoundDesign, key: Varied) -> float:
+        """A design's value of a key; of a choice 0 or 1."""
+        value = design.set[key.key]
+        return float(key.words.index(str(value))) if key.words else float(value)
+
+    def _points(self, listed: list[FoundDesign], keys: list[Varied]) -> Any:
+        """Rows of the keys' values and of the goal's, of the evaluated designs."""
+        import numpy as np
+
+        known = [each for each in listed if getattr(each, self._value) is not None]
+        return np.array([[*(self._number(each, key) for key in keys), getattr(each, self._value)] for each in known]).T
+
+    def _shown_keys(self) -> list[Varied]:
+        """One or two keys; of several those that the cheapest model's goal follows most (rank correlation)."""
+        import numpy as np
+
+        if len(self.vary) <= 2:
+            return self.vary
+        from scipy.stats import spearmanr
+
+        known = (self._points(self._of(name), self.vary) for name in (STRIP, COLUMN, PLATE))
+        *columns, goal = next(points for points in known if points.size)
+        strength = [np.nan_to_num(abs(spearmanr(values, goal).statistic)) for values in columns]
+        places = sorted(range(len(self.vary)), key=lambda place: -strength[place])
+        return [self.vary[place] for place in places[:2]]
+
+    def _line(self, axes: Any, key: Varied) -> None:
+        """Draw the goal over one key, by every model."""
+        import numpy as np
+
+        from pipeline.plots import style
+
+        looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
+        for fidelity, (colour, marker, line) in looks.items():
+            points = self._points(self._of(fidelity), [key])
+            if points.size:
+                x, y = points[:, np.argsort(points[0])]
+                axes.plot(x, y, color=colour, marker=marker or None, ls=line or "none", ms=4, label=fidelity)
+        best = self._points([self.best], [key])
+        axes.plot(*best, "*", color=style.VERMILION, ms=13, label="best")
+        axes.set(xlabel=key.title, ylabel=self._title, title="Landscape")
+        axes.grid(True)
+        axes.legend(fontsize=7)
+
+    def _map(self, axes: Any, keys: list[Varied]) -> None:
+        """Draw the goal over two keys: the strips as a ground, computed designs as points of the same colours."""
+        import numpy as np
+
+        from pipeline.plots import style
+
+        strips, columns, plates = (self._points(self._of(name), keys) for name in (STRIP, COLUMN, PLATE))
+        low = min(0.0, float(np.percentile(strips[2], 5))) if strips.size else 0.0
+        high = max(float(np.percentile(strips[2], 99)) if strips.size else 1.0, *plates[2], low + 1.0)
+        look: dict[str, Any] = {"cmap": style.QUALITY, "vmin": low, "vmax": high}
+        if strips.size and len(self.vary) == 2:
+            axes.tripcolor(*strips[:2], strips[2], shading="gouraud", rasterized=True, **look)
+        if columns.size:
+            own: dict[str, Any] = {"marker": "s", "s": 14, "edgecolors": "white", "linewidths": 0.5, "label": "column"}
+            axes.scatter(*columns[:2], c=columns[2], **own, **look)
+        own = {"marker": "o", "s": 42, "edgecolors": "black", "linewidths": 0.8, "label": "assembled plate"}
+        image = axes.scatter(*plates[:2], c=plates[2], **own, **look)
+        best = [self._number(self.best, key) for key in keys]
+        axes.plot(*best, "*", color=style.VERMILION, mec="white", ms=15, ls="none", label="best")
+        axes.set(xlabel=keys[0].title, ylabel=keys[1].title, title="Landscape (ground: strips)")
+        axes.legend(fontsize=7, loc="upper right", framealpha=0.8, frameon=True)
+        axes.figure.colorbar(image, ax=axes, label=self._title)
+
+    def _tradeoff(self, axes: Any) -> None:
+        """Draw the goal against frequency, coloured by mass; designs that no other beats are connected."""
+        import numpy as np
+
+        from pipeline.plots import style
+
+        value = self._value
+        for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
+            listed = [each for each in self._of(fidelity) if getattr(each, value) is not None and not each.violations]
+            if not listed:
+                continue
+            mass = [each.mass_kg / GRAM if each.mass_kg is not None else np.nan for each in listed]
+            x, y = [(each.frequency_hz or np.nan) / KHZ for each in listed], [getattr(each, value) for each in listed]
+            own: dict[str, Any] = {"cmap": "viridis_r", "plotnonfinite": True, "edgecolors": "black", "linewidths": 0.4}
+            image = axes.scatter(x, y, c=mass, **own, **look)
+        axes.figure.colorbar(image, ax=axes, label="mass (g)")
+        front = sorted(((each.frequency_hz or 0.0) / KHZ, getattr(each, value)) for each in self.tradeoff)
+        axes.plot(*zip(*front, strict=True), color=style.GREY, lw=0.8, ls="--", label="no other design beats these")
+        marked = (("as given", self.base, "D", style.ORANGE), ("best", self.best, "*", style.VERMILION))
+        for name, design, marker, colour in marked:
+            if design.frequency_hz is not None and getattr(design, value) is not None:
+                place = design.frequency_hz / KHZ, getattr(design, value)
+                axes.plot(*place, marker, color=colour, mec="white", ms=11, label=name)
+        axes.axvline(self.limits.lowest_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
+        axes.set(xlabel="frequency of the wanted mode (kHz)", ylabel=self._title, title="Trade-off")
+        axes.grid(True)
+        axes.legend(fontsize=7)
+
+    def _alt(self) -> str:
+        from pipeline.quantity import frequency, level_figure
+
+        base, best = (getattr(design, self._value) for design in (self.base, self.best))
+        where = ", ".join(f"{key.key} = {self._number(self.best, key):g}" for key in self.vary)
+        was = "" if base is None else f"; as given, {level_figure(base)}"
+        counts = ", ".join(f"{each.designs} by {each.name}" for each in self.fidelities)
+        return (
+            f"Goal over what was varied ({counts}) and against frequency: best {level_figure(best)} {self._title} at "
+            f"{frequency(self.best.frequency_hz or 0.0)} with {where}{was}"
+        )
+
+
+class Search(
+    Question[SearchResult],
+    needs=("pillar", "array.pitch_mm"),
+    example="search studies/three-rows.toml --vary pillar.height_mm=5:8 --vary array.pitch_mm=4:8 --out found",
+    is_measure=False,
+):
+    """Search the design that confines the target mode best between ends of keys, in their units.
+
+    Strips rank many designs, three columns of cells go before each assembled plate, and the best one is solved once more;
+    minutes. CheckFailed where no design keeps the limits.
+
+    >>> from antinode import load
+    >>> plate = load("examples/small.toml", accuracy=0.1)
+    >>> best = plate.search(height_mm=(6.0, 6.6), evaluations=2, mac=0.3)
+    >>> best.best_values, round(best.gain_db)
+    ({'pillar.height_mm': 6.0}, 3)
+    """
+
+    vary: tuple[Range, ...] = option(
+        default=(), metavar="KEY=LOW:HIGH",
+        help="a key of plate, zone, pillar, tip or array between two ends; array.heights_mm=5:7 varies every row by itself, "
+        "array.stagger=false:true, pillar.faces=back:both and tip.material=steel:brass choose",
+    )  # fmt: skip
+    goal: Goal = option(
+        default="confinement",
+        help="what to raise: dB on the zone over the passive face, or over the plate beyond the rows, or the least of the "
+        "first with all heights off by tolerance.height_mm, or the width of the band about the wanted mode in which the rows "
+        "take 10 dB from a wave; of several zones, each driven in turn, the first, the third, the least dB on the driven zone "
+        "over another one, or the smallest gap between them",
+    )
+    evaluations: int = option(
+        default=16,
+        at_least=1,
+        at_most=MAX_EVALUATIONS,
+        help="assembled plates to spend, three columns of cells to each",
+    )
+    min_frequency_kHz: float = option(default=25.0, unit="kHz", at_least=0.0, help="lowest frequency allowed")
+    max_half_wavelength_mm: float = option(
+        default=20.0, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="largest half-wavelength along the zone"
+    )
+    min_feature_mm: float = option(
+        default=0.4, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="smallest printable size"
+    )
+    mac: float = option(
+        default=0.8, at_least=0.0, at_most=1.0, metavar="SHARE", help="least modal assurance to the wanted shape"
+    )
+    min_isolation_dB: float | None = option(
+        default=None, unit="dB", at_least=1e-3, at_most=1e3, metavar="DB",
+        help="least level of a driven zone over every other one, of several zones",
+    )  # fmt: skip
+    verify_with: Literal["plate", "solid"] = option(
+        default="plate", help="solve the design as given and the best one by this model, too (solid: minutes each)"
+    )
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for keys, limits and cases that the goal cannot be searched of."""
+        space = self._space(case)  # a fault is told before anything heavy is loaded
+        from pipeline.search.optimiser import check
+
+        check(space, self._settings())
+        if case.design.zones > 1 and self.verify_with == "solid":
+            count = case.design.zones
+            raise InputError(f"--verify-with solid: zone.count = {count}, must be plate: no solid carries patches")
+
+    def _space(self, case: Case) -> Space:
+        from pipeline.search.space import space_of
+
+        return space_of(case, self.vary)
+
+    def _settings(self) -> Settings:
+        from pipeline.search.designs import Settings
+
+        limits = Limits(
+            lowest_hz=KHZ * self.min_frequency_kHz,
+            half_wavelength_m=MM * self.max_half_wavelength_mm,
+            feature_m=MM * self.min_feature_mm,
+            mac=self.mac,
+            isolation_db=self.min_isolation_dB,
+        )
+        return Settings(self.goal, limits, self.evaluations)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan how many designs each model evaluates."""
+        from pipeline.planning.plan import Step, plan_of
+        from pipeline.search.fidelity import MODELS
+        from pipeline.search.optimiser import budget_of
+
+        budget = budget_of(self._space(case), self._settings())
+        numbers = {"strips": budget.strips, "columns": budget.columns, "plates": budget.plates}
+        counts = ", ".join(f"{most} {name}" for name, most in numbers.items() if most)
+        looks = f"at most {counts} over {', '.join(each.key for each in self.vary)}; then the design as given and the best one"
+        step = Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
+        return plan_of(case, step)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> SearchResult:
+        """Evaluate designs by cheap models first, and the best ones by assembled plates."""
+        from pipeline.search.optimiser import Budget, search
+
+        outcome = search(self._space(case), self._settings(), run, budget=Budget(**plan.steps[0].numbers))
+        return SearchResult.of_outcome(outcome, _solid(outcome, run) if self.verify_with == "solid" else None)
+
+
+def _design(space: Space, each: Evaluation) -> FoundDesign:
+    """Return an evaluation as a result holds it; the design as given varies nothing."""
+    own = {
+        variable.name: variable.written(value) for variable, value in zip(space.variables, each.values, strict=False)
+    }
+    about = {"mass_kg": each.mass_kg, "violations": list(each.violations), "why_not": each.result.why_not or None}
+    return FoundDesign.of(each.result, set=own, **about)
+
+
+def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
+    """Solve both designs by the whole plate as a solid mesh."""
+    from dataclasses import replace
+
+    from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
+
+    solved = {}
+    for name, each in (("base", outcome.base), ("best", outcome.best)):
+        with run.step(f"solid model of the {name} design"):
+            result = evaluate(outcome.space.case(each.values), SOLID, each.result.frequency_hz, EvaluationCache())
+        if result.why_not:
+            raise InputError(f"--verify-with solid: the {name} design: {result.why_not}")
+        solved[name] = _design(outcome.space, replace(each, result=result))
+    return solved

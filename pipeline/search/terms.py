@@ -1,0 +1,45 @@
+"""The terms of a search: models, goals, and keys between two ends. Only light modules are imported: help shows them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from pipeline.errors import InputError
+
+STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
+GOALS = {  # of a design: the figure that is raised, and its words on an axis
+    "confinement": ("confinement_db", "confinement (dB)"),
+    "extension": ("extension_db", "zone to extension (dB)"),
+    "worst": ("worst_db", "least confinement, heights off (dB)"),
+    "widest": ("band_khz", "band in which rows take 10 dB (kHz)"),
+    "isolation": ("isolation_db", "driven zone over the others (dB)"),
+    "closest": ("gap_mm", "gap between zones (mm)"),
+}
+UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
+LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
+End = float | str | bool  # of a range: a number in the file's unit, or one of two choices
+MISSING = "must be KEY=LOW:HIGH, such as pillar.height_mm=5:8"
+
+
+class Range(NamedTuple):
+    """A dotted key of the case file and the two ends that it varies between."""
+
+    key: str
+    low: End
+    high: End
+
+    @classmethod
+    def read(cls, text: str) -> Range:
+        """Return the range of "key=low:high". Raises InputError for another text."""
+        from pipeline.case.overrides import parse_value
+
+        key, equals, ends = (part.strip() for part in text.partition("="))
+        if not equals or ends.count(":") != 1:
+            raise InputError(f"--vary {text}: {MISSING}")
+        return cls(key, *map(parse_value, ends.split(":")))
+
+    def __str__(self) -> str:
+        from pipeline.case.overrides import toml_text
+
+        low, high = (end if isinstance(end, str) else toml_text(end) for end in self[1:])
+        return f"{self.key}={low}:{high}"
