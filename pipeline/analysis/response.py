@@ -17,7 +17,7 @@ from pipeline.planning.error_bar import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.record import MeshRecord, PeakRecord, ResponseRecord
 from pipeline.units import KHZ
-from solvers.piezo.circuit import CircuitShift, circuit_shift, open_patches, resonances_hz
+from solvers.piezo.circuit import CircuitShift, circuit_shift, driven_hz, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
 from solvers.piezo.frequency_bar import frequency_errors
 from solvers.piezo.height import frequency_error, height_error
@@ -162,12 +162,6 @@ def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar
     tone, *parts = every[:, int(np.argmax(total))].tolist()
     of = f"the resonance at {frequency(tone, sum(parts))}"
     return WidestBar(sum(parts), of, dict(zip(("mesh", "reduction", "bonding"), parts, strict=True)))
-
-
-def driven_hz(forced: ForcedPlate) -> float | None:
-    """The wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
-    shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
-    return shift.open_hz if shift else forced.wanted_hz()
 
 
 def _gridded(points: FloatArray, values: Any) -> tuple[FloatArray, Any]:

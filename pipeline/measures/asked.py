@@ -46,17 +46,18 @@ def of_question(question: Question[Any]) -> Measure:
 def _column(question: Question[Any], name: str, about: Figure[Any]) -> Column:
     """Return the column of table.csv that holds a figure."""
 
-    def of(name: str) -> Callable[[Record], Any]:
+    def of(figure: str | Callable[[Any], Any]) -> Callable[[Record], Any]:
         def value(record: Record) -> Any:
             answer = record.of(question.result)
-            return None if answer is None else getattr(answer, name)
+            return None if answer is None else figure(answer) if callable(figure) else getattr(answer, figure)
 
         return value
 
     own = about.name or f"{question.name}_{name}"
     return Column(
-        own, about.heading, of(name), about.unit, of(about.error) if about.error else None, about.is_difference
-    )
+        own, about.heading, of(name), about.unit, of(about.error) if about.error else None,
+        about.is_difference, about.is_signed,
+    )  # fmt: skip
 
 
 def _drawn(question: Question[Any]) -> Draw:

@@ -19,16 +19,18 @@ if TYPE_CHECKING:
 
 SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
+Error = str | Callable[[Any], float | None]
 
 
 class Figure(Generic[T]):
     """A property that answers in one number: a column of every sweep, a headline of every report."""
 
     def __init__(
-        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: str, is_difference: bool
-    ) -> None:
+        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: Error, is_difference: bool,
+        is_signed: bool,
+    ) -> None:  # fmt: skip
         self.of, self.heading, self.unit, self.name, self.error = of, heading, unit, name, error
-        self.is_difference = is_difference
+        self.is_difference, self.is_signed = is_difference, is_signed
         self.__doc__ = of.__doc__
 
     @overload
@@ -40,8 +42,9 @@ class Figure(Generic[T]):
 
 
 def figure(
-    heading: str, unit: str | None = "", *, name: str = "", error: str = "", is_difference: bool = False
-) -> Callable[[Callable[[Any], T]], Figure[T]]:
+    heading: str, unit: str | None = "", *, name: str = "", error: Error = "", is_difference: bool = False,
+    is_signed: bool = False,
+) -> Callable[[Callable[[Any], T]], Figure[T]]:  # fmt: skip
     """Declare a figure of a result: a property, None where it has no meaning.
 
     Parameters
@@ -51,11 +54,14 @@ def figure(
     name
         Its column in table.csv; the question's name and its own by default.
     error
-        The property with the half-width of its error bar, relative for a frequency, else in the unit.
+        The property, or a function of the result, with the half-width of its error bar, relative for a frequency, else in
+        the unit.
     is_difference
         Whether it is a difference of frequencies, whose bar is in Hz.
+    is_signed
+        Whether it is written with its sign.
     """
-    return lambda of: Figure(of, heading, unit, name, error, is_difference)
+    return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
 @dataclass(frozen=True)
