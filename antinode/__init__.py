@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.results import (
         Hybrid,
-        Response,
         Search,
         Tolerance,
         Touch,
@@ -35,13 +34,13 @@ if TYPE_CHECKING:
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
+    from pipeline.questions.response import ResponseResult as Response
     from solvers.errors import SolverError
 
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.results": (
         "Hybrid",
-        "Response",
         "Search",
         "Tolerance",
         "Touch",
@@ -67,7 +66,7 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign")
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign", "Response")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

@@ -41,12 +41,12 @@ from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
+from pipeline.questions.response import MeasuredResponse, Response, SyntheticResponse
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
-        Response,
         Search,
         Tolerance,
         Touch,
@@ -145,24 +145,10 @@ class Plate(Frozen):
     bands = asks(Bands)
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
+    response = asks(Response)
+    measured_response = asks(MeasuredResponse)
+    synthetic_response = asks(SyntheticResponse)
     crosstalk = asks(Crosstalk)
-
-    def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
-        """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).
-
-        points are spread evenly, with more about each peak. Raises InputError without [patches].
-
-        >>> from antinode import Patches, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-        >>> peak = plate.response((33.0, 36.0), points=5).wanted_peak
-        >>> round(peak.frequency_hz, -3), round(peak.confinement_db)
-        (34000.0, 13)
-        """
-        from antinode.results import Response
-        from pipeline.analysis import response
-
-        solved = response.solve(self._case, self._log(progress), _hz(band_kHz), points)
-        return Response(solved.record.to_dict() | self._about)
 
     def tolerance(
         self, band_kHz: Pair | None = None, *, alike: bool = False, progress: bool | None = None

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED
 from pipeline.case.model import Case, Tolerance
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import patched_plate
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
+from pipeline.models.peak_bars import AROUND_PEAK, DECAYED
 from pipeline.planning import driven_demand, foresight, mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz

@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.quantity import figure, percent
 from pipeline.records import outputs
-from pipeline.records.reading import filled, reading_table
+from pipeline.records.reading import reading_table
 from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
 
@@ -43,46 +43,6 @@ def _explained(arguments: Namespace, which: str, *about: Any) -> int:
 
     planned = getattr(plan, which)(*about)
     return emit(arguments, "plan", Answer(planned.to_dict(), [planned.text()]))
-
-
-def response(arguments: Namespace) -> int:
-    """Compute the forced response."""
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_response", case, band, arguments.points, bool(arguments.out))
-    from pipeline.analysis import response as forced
-    from pipeline.measured import comparison, synthetic
-
-    measured = comparison.read(case, arguments.measured, arguments.map, arguments.at, band)
-    solved = forced.solve(case, log, band, arguments.points)
-    beside = comparison.compare(case, solved, measured, log) if measured else None
-    made = synthetic.write(arguments, case, solved) if arguments.synthetic_data else []
-    document = solved.record.to_dict() | ({"measured": beside.record.to_dict()} if beside else {})
-    known = ROWS["response"](document)
-    sensor = document["sensor_V_per_V"] or [[None, None]] * len(known)
-    head = (*known[0], "sensor_re", "sensor_im")
-    rows = [[*row.values(), *pair] for row, pair in zip(known, sensor, strict=True)]
-    near = sorted(rows, key=lambda row: abs(row[0] - solved.peak.frequency_hz))[:15]
-    lines = [
-        f"{solved.model}, {solved.dof} degrees of freedom; around the peak of "
-        f"the {'wanted mode' if solved.wanted else 'zone'}, per volt of drive:",
-        reading_table(*filled(head, sorted(near))),
-        *forced.lines(solved),
-        *(beside.lines if beside else []),
-        *(f"wrote {path}" for path in made),
-    ]
-    return emit(arguments, "response", Answer(document, lines, head, rows, lambda: _drawn(case, solved, beside)), log)
-
-
-def _drawn(case: Case, solved: Any, beside: Any) -> list[Any]:
-    """Pictures of a response, and of what was measured beside it."""
-    from pipeline.plots import measured, response
-    from pipeline.records.record import DesignRecord
-
-    pictures = [response.curves(solved.record, solved.shape_points, solved.shape)]
-    if beside:
-        pictures.append(measured.report_figure(beside.record, beside.arrays, DesignRecord.of_design(case.design)))
-    return pictures
 
 
 def tolerance(arguments: Namespace) -> int:

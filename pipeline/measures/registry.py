@@ -25,7 +25,11 @@ from pipeline.records import store, tables
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
 
-WRITTEN = {"modes", "attenuation"}  # questions whose measure keeps more than their result: its module has it
+WRITTEN = {
+    "modes",
+    "attenuation",
+    "response",
+}  # questions whose measure keeps more than their result: its module has it
 ASKED = {name: of_question(kind()) for name, kind in registered().items() if name not in WRITTEN}
 MEASURES: tuple[Measure, ...] = (
     *(

@@ -127,11 +127,6 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
-def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """Plan of `antinode response`. Raises InputError for a model that cannot carry patches."""
-    return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
-
-
 def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, drawn: bool) -> Plan:
     """Plan of `antinode touch`. Raises InputError for a case without patches or finger."""
     return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])

@@ -1,4 +1,4 @@
-"""Pictures of the forced response and of its spread over printed plates."""
+"""Pictures of printed plates, of rows and patches together, and of a travelling wave."""
 
 from __future__ import annotations
 
@@ -9,12 +9,10 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, percentage, with_bar
+from pipeline.quantity import frequency, level, percentage
 from pipeline.records.record import (
     HybridMethod,
     HybridRecord,
-    PeakRecord,
-    ResponseRecord,
     SpreadRecord,
     ToleranceRecord,
     TravelRecord,
@@ -24,98 +22,10 @@ from pipeline.units import KHZ, MM, NM, UM
 from solvers.measures.levels import CONFINED_DB
 
 FREQUENCY = "frequency (kHz)"
-BAND = 0.1  # of a value: how far down a bar is drawn that is longer
 
 
-def response(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The response of a case's record."""
-    record = case.record.response
-    return curves(record, arrays.get("response_xy"), arrays.get("response_uz")) if record else None
-
-
-def curves(record: ResponseRecord, points: Any = None, shape: Any = None) -> ReportFigure:
-    """Curves over frequency, and the operating deflection shape at the peak when its field is there."""
-    count = 1 + (record.sensor_V_per_V is not None) + (shape is not None)
-    figure, panels = style.panels(2.3 * count + 0.6, count, 1, squeeze=False)
-    draw_amplitudes(panels[0, 0], record)
-    if record.sensor_V_per_V is not None:
-        _sensor(panels[1, 0], record)
-    if shape is not None:
-        _shape(panels[-1, 0], points, shape, record)
-    return ReportFigure("response", "Response per volt of drive", _alt(record), figure, vector=shape is None)
-
-
-def draw_amplitudes(axes: Any, record: ResponseRecord) -> None:
-    """Rms of zone and passive face per volt over frequency, the peaks marked."""
-    tone = np.array(record.frequency_hz) / KHZ
-    zone, passive = (
-        (record.zone_rms_m_per_V, record.zone_rms_error_m_per_V),
-        (record.passive_rms_m_per_V, record.passive_rms_error_m_per_V),
-    )
-    _with_bars(axes, tone, *zone, color=style.BLUE, label="zone")
-    _with_bars(axes, tone, *passive, color=style.VERMILION, ls="--", label="passive face")
-    wanted, highest = record.wanted_peak, record.highest_peak
-    for peak, dashes in ((wanted, ":"), (highest, "-.")):
-        if peak:
-            axes.axvline(peak.frequency_hz / KHZ, color=style.GREY, ls=dashes, lw=0.8)
-    other = f"highest peak at {_tone(highest)} (dash-dotted)"
-    own = f"Wanted mode's peak at {_tone(wanted)} (dotted),\n" if wanted else ""
-    axes.set(ylabel="rms u_z (nm/V)", xlabel=FREQUENCY, title=own + other if own else other.capitalize())
-    axes.grid(True)
-    axes.legend(fontsize=8)
-
-
-def _with_bars(axes: Any, tone: Any, rms_m: list[float] | None, error_m: list[float] | None, **look: Any) -> None:
-    """A curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
-    if rms_m is None:
-        return
-    values = np.array(rms_m) / NM
-    axes.semilogy(tone, values, **look)
-    if error_m is not None:
-        half = np.array(error_m) / NM
-        low = np.maximum(values - half, BAND * values)
-        axes.fill_between(tone, low, values + half, color=look["color"], alpha=0.2, lw=0)
-
-
-def _sensor(axes: Any, record: ResponseRecord) -> None:
-    tone, volts = np.array(record.frequency_hz) / KHZ, np.array(record.sensor_V_per_V) @ np.array([1.0, 1j])
-    axes.semilogy(tone, np.abs(volts), color=style.GREEN)
-    axes.set(ylabel="sensor (V/V)", xlabel=FREQUENCY, title=f"Sensor patch {record.sensors[0]}, open circuit")
-    axes.grid(True)
-    phase = axes.twinx()
-    phase.plot(tone, np.degrees(np.unwrap(np.angle(volts))), color=style.ORANGE, ls="--")
-    phase.set_ylabel("phase (°)", color=style.ORANGE)
-    phase.spines["right"].set_visible(True)
-
-
-def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
-    turned = shape * np.exp(-1j * np.angle(shape[np.argmax(np.abs(shape))]))
-    limit = np.abs(shape).max() / NM
-    x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
-    field = turned.real.reshape(len(x), len(y)).T / NM
-    look = {"cmap": style.SIGNED, "vmin": -limit, "vmax": limit, "shading": "gouraud", "rasterized": True}
-    image = axes.pcolormesh(x / MM, y / MM, field, **look)
-    style.mm_axes(axes)
-    axes.set_title(f"Operating deflection shape at {_tone(record.peak)}")
-    axes.set_anchor("W")
-    axes.figure.colorbar(image, cax=axes.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
-
-
-def _tone(peak: PeakRecord | TravelRecord) -> str:
+def _tone(peak: TravelRecord) -> str:
     return frequency(peak.frequency_hz, peak.frequency_error)
-
-
-def _alt(record: ResponseRecord) -> str:
-    peak = record.peak
-    bar = None if peak.height_error is None else peak.height_error * peak.zone_nm_per_V
-    whose = "the wanted mode peaks" if record.wanted_peak else "the zone peaks highest"
-    level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
-    read = "" if peak.quality_factor is None else figure_text(peak.quality_factor, peak.quality_error)
-    quality_factor = f", quality factor {read} read from the curve" if read else ""
-    return (
-        f"Displacement per volt over frequency: {whose} at {_tone(peak)} with "
-        f"{with_bar(peak.zone_nm_per_V, bar, 'nm/V')} rms{level_text}{quality_factor}"
-    )
 
 
 def tolerance(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
+from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
@@ -112,7 +113,7 @@ def _asked(arguments: argparse.Namespace) -> Kind:
     """Return the question that a command line asks. Raises InputError for options that are another question's."""
     own: Kind = registered()[arguments.command]
     variants = _variants(own)
-    kind = next((each for each in variants if getattr(arguments, each.by)), own)
+    kind = next((each for each in variants if _is_selected(arguments, each)), own)
     lines = [
         line for other in (own, *variants) if other is not kind for line in _others_options(arguments, kind, other)
     ]
@@ -123,16 +124,27 @@ def _asked(arguments: argparse.Namespace) -> Kind:
     return kind
 
 
+def _is_selected(arguments: argparse.Namespace, kind: Kind) -> bool:
+    return any(getattr(arguments, name) for name in kind.by)
+
+
 def _others_options(arguments: argparse.Namespace, kind: Kind, other: Kind) -> Iterator[str]:
     """Yield a line for each option given that only another question than the one asked has."""
     defaults = {each.name: each.default for each in fields(other)}
     for name, about in other.options.items():
         value = getattr(arguments, name)
         given = list(value) if isinstance(value, list) else [value] * (value != defaults[name])
-        selected = flag(other.by or kind.by, (other if other.by else kind).options[other.by or kind.by])
-        why = f"needs {selected} FILE" if other.by else f"must be left out beside {selected}"
-        if name not in kind.options:
-            yield from (f"{flag(name, about)} = {_shown(one)}: {why}" for one in given)
+        if name in kind.options:
+            continue
+        needed = other.by and not _is_selected(arguments, other)
+        by = (other if needed else kind).by[0]
+        selected = (other if needed else kind).options[by]
+        why = (
+            f"needs {flag(by, selected)} {selected.metavar}"
+            if needed
+            else f"must be left out beside {flag(by, selected)}"
+        )
+        yield from (f"{flag(name, about)} = {_shown(one)}: {why}" for one in given)
 
 
 def _shown(value: Any) -> str:
@@ -159,7 +171,7 @@ def answer(arguments: argparse.Namespace, case: Case, question: Question[Any], l
     from pipeline.views.answer import Answer, emit
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
-    result: Result = ask(case, question, Run(log, detailed=kept))
+    result: Result = ask(case, question, Run(log, detailed=kept, asked_by=join(["antinode", *arguments.words])))
     rows = result.to_rows()
     lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
     head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]

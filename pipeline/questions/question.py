@@ -105,11 +105,11 @@ class Run:
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
     page will show moving shapes. meshes, arrays: what was meshed, and arrays that are kept beside the record.
-    solved: what one question has solved and another of the same case can go on from, by name.
+    solved: what one question has solved and another of the same case can go on from, by name. asked_by: the command line.
     """
 
-    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False) -> None:
-        self.log, self.detailed, self.shapes = log, detailed, shapes
+    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False, asked_by: str = "") -> None:
+        self.log, self.detailed, self.shapes, self.asked_by = log, detailed, shapes, asked_by
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
         self.arrays: dict[str, Any] = {}
@@ -155,7 +155,7 @@ class Question(_Declared, Generic[R]):
     example : a command line.
     drives : whether it drives the plate.
     pictures : functions that draw a study's case from several answers together, in the place of the result's own.
-    instead_of, by : the question whose command asks this one where its option `by` is given.
+    instead_of, by : the question whose command asks this one where its option `by`, or one of several, is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
     """
 
@@ -165,7 +165,7 @@ class Question(_Declared, Generic[R]):
     drives: ClassVar[bool]
     pictures: ClassVar[Axis]
     instead_of: ClassVar[str]
-    by: ClassVar[str]
+    by: ClassVar[Axis]
     is_quick: ClassVar[bool]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
@@ -173,11 +173,11 @@ class Question(_Declared, Generic[R]):
 
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str = "", is_quick: bool = False,
+        by: str | Axis = (), is_quick: bool = False,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
-        cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
+        cls.instead_of, cls.by, cls.is_quick = instead_of, (by,) if isinstance(by, str) else by, is_quick
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
@@ -220,7 +220,7 @@ class Question(_Declared, Generic[R]):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
-        case.require(*self.needs, command=self.name)
+        case.require(*self.needs, command=self.instead_of or self.name)
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:

@@ -14,7 +14,6 @@ from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
     HybridRecord,
     Part,
-    ResponseRecord,
     ToleranceRecord,
     TouchRecord,
     TravelRecord,
@@ -50,11 +49,6 @@ def save(figure: Any, place: Path) -> None:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
 
 
-def response(ax: Any, document: Document) -> None:
-    """Rms of zone and passive face per volt over frequency, the peaks marked."""
-    of_response.draw_amplitudes(ax, _read(ResponseRecord, document))
-
-
 def tolerance(ax: Any, document: Document) -> None:
     """Peaks of the samples against their driven confinement."""
     of_response.draw_peaks(ax, _read(ToleranceRecord, document))
@@ -87,7 +81,6 @@ def differences(ax: Any, rows: list[Document]) -> None:
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
     for each in (
-        response,
         tolerance,
         touch,
         hybrid,

@@ -27,8 +27,9 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("response", "tolerance", "touch", "hybrid", "travel", "explore")),
+      for name in ("tolerance", "touch", "hybrid", "travel", "explore")),
     "pipeline.questions.crosstalk.Crosstalk",
+    *(f"pipeline.questions.response.{name}Response" for name in ("", "Measured", "Synthetic")),
 }  # fmt: skip
 
 

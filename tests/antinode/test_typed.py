@@ -19,6 +19,9 @@ GOOD = {
     "bands": "edges: list[float] = [gap.lower_hz for gap in plate.bands(progress=False).gaps]",
     "attenuation": "decay: float | None = plate.attenuation((30.0, 34.0), kx_per_m=204.0).points[0].db_per_row",
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
+    "response": "tone: float = plate.response((30.0, 34.0), points=5).highest_peak.frequency_hz",
+    "measured_response": 'measured: object = plate.measured_response(map="field.csv", points=5).measured',
+    "synthetic_response": 'noisy: list[float] = plate.synthetic_response(synthetic_data="made").frequency_hz',
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
 }
 WRONG = {  # a line, and the code of the error that it must give

@@ -27,7 +27,7 @@ from tests.helpers.coarse_cells import COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
-    "ResponseRecord", "HybridRecord", "TravelRecord",
+    "HybridRecord", "TravelRecord",
     "TouchRecord", "PredictionRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")
@@ -37,7 +37,6 @@ ABSENT = "never a number: modes are those of the plate without patches"
 EXACT = {
     "AttenuationPoint.frequency_hz": GIVEN,
     "BroadbandPoint.frequency_hz": GIVEN,
-    "ResponseRecord.frequency_hz": GIVEN,
     "HybridRecord.frequency_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,
@@ -46,9 +45,11 @@ EXACT = {
     "PredictionRecord.frequency_hz": GIVEN,
     **{f"ZoneSizes.{name}_hz": THEORY for name in ("frequency", "formula", "pinned", "thin_clamped", "clamped")},
     **{f"PillarSizes.{name}_hz": THEORY for name in ("frequency", "given_euler", "given_timoshenko", "given_second")},
-    "PeakRecord.zone_rms_m_per_V": OTHERWISE + ": height_error",
-    "PeakRecord.passive_rms_m_per_V": OTHERWISE + ": height_error",
-    "ResponseRecord.wanted_hz": OTHERWISE + ": that of wanted_peak",
+    "MeasuredSweepRecord.band_hz": GIVEN,
+    "MeasuredMapRecord.confinement_db": "a map does not tell its noise",
+    "ComputedMap.confinement_at_points_db": "a map does not tell its noise",
+    "ComputedMap.frequency_hz": OTHERWISE + ": that of the peak",
+    "ComputedMap.confinement_db": OTHERWISE + ": that of the peak",
     "TouchMapRecord.frequency_hz": OTHERWISE + ": that of the state free",
     "WantedRecord.driven_confinement_db": ABSENT,
     "WantedMode.driven_confinement_db": ABSENT,

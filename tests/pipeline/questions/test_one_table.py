@@ -23,11 +23,17 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
     "bands": (SMALL, {"accuracy": 0.1, "bands__points": 2, "bands__count": 4}, {}),
     "attenuation": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "broadband": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "response": (
+        SMALL,
+        {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3]},
+        {"band_kHz": (33.0, 36.0), "points": 3},
+    ),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
 }
 NOT_COMPUTED = {  # frequencies without an error bar: what was asked for, not computed
     "CountRecord.low_hz", "CountRecord.high_hz", "WantedRecord.window_hz", "WantedMode.window_hz",
-    "AttenuationPoint.frequency_hz", "BroadbandPoint.frequency_hz",
+    "AttenuationPoint.frequency_hz", "BroadbandPoint.frequency_hz", "MeasuredSweepRecord.band_hz",
+    "ComputedMap.frequency_hz",  # the peak's, whose error bar stands there
 }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
     gap = Gap(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
     corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[10e3 * pitch])
     text = synthetic.prediction(rows, level_db).model_copy(update={"db_per_row": 5.0 + pitch, "rows_needed": 2})
-    response = synthetic.response(driven_db) if driven_db is not None else None
+    driven = {} if driven_db is None else {"response": synthetic.response(driven_db)}
     return synthetic.case(
         more.get("name", f"p{pitch}r{rows}"),
         more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows}),
@@ -35,7 +35,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
         modes=synthetic.modes(synthetic.wanted(level_db, 35e3, mac=0.98)),
         bands=BandsResult(model="solid", dof=1, points=[corner], gaps=[gap]),
         prediction=text,
-        response=response,
+        **driven,
     )
 
 

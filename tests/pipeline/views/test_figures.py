@@ -30,15 +30,14 @@ def tolerance() -> ToleranceRecord:
 
 
 def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> None:
-    axes = figures.draw("response", {"schema": 1, **RESPONSE.to_dict()})
+    axes = RESPONSE.plot()
     zone = next(line for line in axes.lines if line.get_label() == "zone")
     assert np.allclose(zone.get_xdata(), np.array(RESPONSE.frequency_hz) / KHZ)
     assert np.allclose(zone.get_ydata(), np.array(RESPONSE.zone_rms_m_per_V) / NM)
     assert not axes.collections  # no bars, no bands
     half = [0.5 * each for each in RESPONSE.zone_rms_m_per_V]
     half[0] *= 4.0
-    barred = RESPONSE.model_copy(update={"zone_rms_error_m_per_V": half})
-    (band,) = figures.draw("response", {"schema": 1, **barred.to_dict()}).collections
+    (band,) = replace(RESPONSE, zone_rms_error_m_per_V=half).plot().collections
     ends = band.get_paths()[0].get_extents()
     assert ends.ymin > 0.0 and ends.ymax >= 1.5 * max(RESPONSE.zone_rms_m_per_V) / NM * (1.0 - 1e-9)
     assert "(nm/V)" in axes.get_ylabel() and "passive face" in axes.get_legend_handles_labels()[1]
@@ -74,6 +73,6 @@ def test_samples_of_a_tolerance_lie_at_their_peaks_and_lost_ones_are_left_out() 
 
 def test_given_axes_are_drawn_into_and_an_unknown_kind_is_refused() -> None:
     axes = ROWS.plot()
-    assert figures.draw("response", RESPONSE.to_dict(), axes) is axes
+    assert RESPONSE.plot(axes) is axes
     with pytest.raises(ValueError, match="has no figure"):
         figures.draw("plan", {})
