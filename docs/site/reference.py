@@ -17,8 +17,8 @@ from pydantic import BaseModel
 import antinode
 from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable
 from pipeline.cli import main
-from pipeline.measures.registry import measures
-from pipeline.questions import registered
+from pipeline.measures.registry import OF_SEVERAL, measures
+from pipeline.questions import known, registered
 from pipeline.records import part as declared
 from pipeline.records import record, tables
 from pipeline.records.frames import unit_of
@@ -48,7 +48,7 @@ def parts() -> dict[str, type[record.Part]]:
 def answers() -> dict[str, type[declared.Part]]:
     """The classes of answers to questions and of their parts, which say what their fields mean."""
     found: dict[str, type[declared.Part]] = {}
-    waiting: list[Any] = [question.result for question in registered().values()]
+    waiting: list[Any] = [question.result for question in known().values()]
     while waiting:
         held = waiting.pop(0)
         if inspect.isclass(held) and issubclass(held, declared.Part) and held.__name__ not in found:
@@ -128,6 +128,8 @@ def columns() -> Iterator[str]:
         if measure.columns:
             yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
             yield "\n".join(_column(each.name, each.heading, each.unit) for each in measure.columns)
+    yield f"\n## Several together\n\n{head('column', 'what it is', 'unit')}"
+    yield "\n".join(_column(each.name, each.heading, each.unit) for each in OF_SEVERAL)
     yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
     yield "\n".join(_column(name, heading, unit) for name, heading, _, unit in tables.TRACKED)
 
@@ -139,7 +141,8 @@ def _column(name: str, heading: str, unit: str | None) -> str:
 
 def column_names() -> set[str]:
     """Every column that a measure may fill."""
-    return {each.name for measure in measures() for each in measure.columns} | {name for name, *_ in tables.TRACKED}
+    own = {each.name for measure in measures() for each in measure.columns} | {each.name for each in OF_SEVERAL}
+    return own | {name for name, *_ in tables.TRACKED}
 
 
 def json_fields() -> Iterator[str]:

@@ -16,6 +16,7 @@ from pipeline.logs import Log
 from pipeline.measures import registry
 from pipeline.measures.measure import Work
 from pipeline.planning import resources, simplifications
+from pipeline.questions.question import Run
 from pipeline.records import store
 from pipeline.records.record import DesignRecord
 from pipeline.records.run_log import RunLog
@@ -41,7 +42,7 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
         payload: dict[str, Any] = {"name": case.name, "case": case.to_dict(), "overrides": texts}
         payload["measure"] = list(query)
         measures = registry.chosen(query)
-        if all_fields and registry.MODES in measures:
+        if all_fields and any(measure.name == "modes" for measure in measures):
             payload["fields"] = True
         for measure in measures:
             payload |= measure.inputs()
@@ -94,10 +95,10 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) 
     resources.refuse(planned.demands)
     simplifications.log_all(planned.whole, log)
     measures = {measure.name: measure for measure in registry.chosen(payload["measure"])}
-    work = Work(case, folder, log, bool(payload.get("fields")))
+    run = Run(log, detailed=False, shapes=True, folder=folder, all_fields=bool(payload.get("fields")))
     for step in planned.steps:
-        measures[step.measure].compute(work)
-    if work.arrays:
-        store.save_arrays(folder, work.arrays)
+        measures[step.measure].compute(Work(case, run))
+    if run.arrays:
+        store.save_arrays(folder, run.arrays)
     design = DesignRecord.of_design(case.design)
-    return {"plan": planned.to_dict(), "design": design, "meshes": work.meshes, **work.record}
+    return {"plan": planned.to_dict(), "design": design, "meshes": run.meshes, **run.found}

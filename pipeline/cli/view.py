@@ -170,8 +170,8 @@ def of_case(arguments: Namespace) -> Scene:
     """The plate of a case file as CAD builds it; with --solve its wanted mode and neighbours."""
     from pipeline.case.model import load_case
     from pipeline.case.plausible import warn_of_doubts
-    from pipeline.measures.modes import nearest_rows
     from pipeline.models import mode_fields, modes
+    from pipeline.models.mode_fields import nearest_rows
 
     case, log = load_case(arguments.target, arguments.set), TerminalLog(arguments.quiet)
     warn_of_doubts(case.design, log)

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import wanted_text
-from pipeline.quantity import figure, percentage, signed
 from pipeline.records import outputs
-from pipeline.records.record import GeometryRecord
-from pipeline.units import GRAM, MM
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
@@ -90,19 +86,9 @@ def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> lis
     return (aster if form == "aster" else calculix).write(case, part, path, log)
 
 
-def _metadata(case: Case) -> dict[str, str]:
-    from pipeline.records.fingerprint import input_hash
-
-    return {
-        "Title": case.name,
-        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
-        f"design {input_hash(case.to_dict())}",
-        "Application": "antinode",
-    }
-
-
 def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
-    from geometry.cad import files, printability, solids
+    from geometry.cad import files, solids
+    from pipeline.questions.geometry import about, checked
 
     with log.step("build the solid"):
         body = solids.plate_solid(case.design)
@@ -110,42 +96,11 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
         if form == "step":
             files.write_step(body, temporary, case.name)
         elif form == "3mf":
-            files.write_3mf(body, temporary, _metadata(case))
+            files.write_3mf(body, temporary, about(case))
         else:
             files.write_stl(body, temporary, case.name)
-            _log_summary(printability.check_print(temporary, body, case.design), log)
+            checked(case, body, temporary, log, (path.name,))
     return path
-
-
-def print_files(case: Case, folder: Path, log: Log) -> GeometryRecord:
-    """STL, STEP and 3MF of the plate into a case's folder; what trimesh found in the STL, for the record."""
-    from geometry.cad import files, printability, solids
-
-    with log.step("build the solid"):
-        body = solids.plate_solid(case.design)
-    with log.step("write STL, STEP, 3MF"):
-        files.write_stl(body, folder / "plate_mm.stl", case.name)
-        files.write_step(body, folder / "plate.step", case.name)
-        files.write_3mf(body, folder / "plate.3mf", _metadata(case))
-    with log.step("check the print file"):
-        report = printability.check_print(folder / "plate_mm.stl", body, case.design)
-    _log_summary(report, log)
-    feature, size_m = report.smallest_feature
-    more = {"smallest_feature": feature, "overhang_deg": report.overhang_deg, "overhang": report.overhang_area_m2}
-    names = ["plate_mm.stl", "plate.step", "plate.3mf"]
-    return GeometryRecord.of(report, files=names, smallest_feature_m=size_m, **more)
-
-
-def _log_summary(report: Any, log: Log) -> None:
-    name, size = report.smallest_feature
-    log.info(
-        f"print file: closed {report.watertight}, {report.bodies} body, "
-        f"volume {signed(percentage(report.volume_error))} of the solid's, mass {figure(report.mass_kg / GRAM)} g, "
-        f"smallest feature {name} {size / MM:g} mm, "
-        f"overhang {figure(report.overhang_deg)} degrees"
-    )
-    for fault in report.faults:
-        log.warning("PRINT", fault)
 
 
 def _vtu(case: Case, path: Path, log: Log) -> list[Path]:

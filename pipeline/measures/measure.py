@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.model import Case
 from pipeline.models.mode_parts import WantedMode
 from pipeline.questions.question import Run
-from pipeline.records.part import Part
 from pipeline.records.record import MeshRecord
 from pipeline.records.tables import Column
 
@@ -20,49 +17,28 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Step
     from pipeline.planning.simplifications import Simplification
     from pipeline.plots.style import ReportFigure
-    from pipeline.questions.modes import ModesResult
-    from pipeline.records.run_log import RunLog
     from pipeline.records.study import StoredCase
 
 Draw = Callable[["StoredCase", dict[str, Any]], "ReportFigure | list[ReportFigure] | None"]
 
 
-@dataclass
 class Work:
-    """A case while it is measured: what was found by name (fields of its record, or plain values), arrays and meshes.
+    """A case while it is measured by what is no question yet, and the run that it shares with those that are."""
 
-    `solved` holds what one measure has solved and another of the same case can go on from, `run` what questions share.
-    """
-
-    case: Case
-    folder: Path
-    log: RunLog
-    all_fields: bool = False
-    record: dict[str, Any] = field(default_factory=dict)
-    arrays: dict[str, Any] = field(default_factory=dict)
-    meshes: list[MeshRecord] = field(default_factory=list)
-
-    @cached_property
-    def run(self) -> Run:
-        """What the questions of this case share."""
-        return Run(self.log, detailed=False, shapes=True)
-
-    @property
-    def solved(self) -> dict[str, Any]:
-        """What one measure has solved, by name."""
-        return self.run.solved
+    def __init__(self, case: Case, run: Run) -> None:
+        self.case, self.run, self.log, self.folder = case, run, run.log, run.folder
+        self.solved, self.record, self.meshes, self.arrays = run.solved, run.found, run.meshes, run.arrays
 
     @property
     def wanted(self) -> WantedMode | None:
         """The wanted mode, where the modes were measured before and there is one."""
-        modes: ModesResult | None = self.record.get("modes")
-        return modes.wanted if modes and isinstance(modes.wanted, WantedMode) else None
+        return self.run.wanted
 
     def keep(self, meshes: Iterable[MeshRecord] = (), arrays: Mapping[str, Any] | None = None, **result: Any) -> None:
-        """Add to the record and to the arrays of the case; of answers what is stored, without solved models."""
-        self.meshes += meshes
-        self.arrays |= arrays or {}
-        self.record |= {name: part.stored() if isinstance(part, Part) else part for name, part in result.items()}
+        """Add to the record and to the arrays of the case."""
+        self.run.meshes += meshes
+        self.run.arrays.update(arrays or {})
+        self.run.found.update(result)
 
 
 @dataclass(frozen=True)

@@ -8,56 +8,51 @@ from pathlib import Path
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.measures.asked import of_question
-from pipeline.measures.attenuation import ATTENUATION
-from pipeline.measures.board import BOARD
-from pipeline.measures.geometry import GEOMETRY
-from pipeline.measures.live import LIVE
 from pipeline.measures.measure import Measure
-from pipeline.measures.modes import MODES, TETRAHEDRA
-from pipeline.measures.parts import PARTS
-from pipeline.measures.response import HYBRID, RESPONSE, TRAVEL
+from pipeline.measures.response import HYBRID, TRAVEL
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan, Step
-from pipeline.questions import registered
+from pipeline.questions import known
 from pipeline.records import store, tables
+from pipeline.records.record import Record
 from pipeline.records.study import StoredStudy, read_study
 from pipeline.records.tables import Column
+from solvers.measures.levels import CONFINED_DB
 
-WRITTEN = {
-    "modes",
-    "attenuation",
-    "response",
-}  # questions whose measure keeps more than their result: its module has it
-ASKED = {name: of_question(kind()) for name, kind in registered().items() if name not in WRITTEN}
-MEASURES: tuple[Measure, ...] = (
-    *(
-        MODES,
-        ASKED["bands"],
-        ATTENUATION,
-        ASKED["broadband"],
-        RESPONSE,
-        TOLERANCE,
-        TOUCH,
-        HYBRID,
-        TRAVEL,
-        ASKED["crosstalk"],
-    ),
-    *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),
+IN_ORDER = (
+    *("modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel", "crosstalk"),
+    *("live", "board", "predesign", "zone_modes", "pillar_modes", "geometry", "tet_modes"),
+)
+WRITTEN = {each.name: each for each in (TOLERANCE, TOUCH, HYBRID, TRAVEL)}
+
+
+def _dof(record: Record) -> int | None:
+    solved = record.modes or record.held("bands")
+    return solved.dof if solved else None
+
+
+def _confined(record: Record) -> str | None:
+    return None if record.confined is None else "yes" if record.confined else "no"
+
+
+OF_SEVERAL = (  # columns that several answers of a case make together
+    Column("confined", f"confined (at least {CONFINED_DB:g} dB)", _confined),
+    Column("dof", "degrees of freedom", _dof, ""),
 )
 
 
 def measures() -> tuple[Measure, ...]:
-    """Every measure, those of questions that other modules have defined last."""
-    listed = {measure.name for measure in MEASURES}
-    others = (of_question(kind()) for name, kind in registered().items() if name not in listed)
-    return (*MEASURES, *others)
+    """Every measure in the order in which a case is measured, those of questions that other modules have defined last."""
+    asked = {name: of_question(kind.in_study()) for name, kind in known().items() if not kind.follows}
+    found = asked | WRITTEN
+    return (*(found.pop(name) for name in IN_ORDER), *found.values())
 
 
 def names() -> list[str]:
     """What a study file may ask for."""
-    return [name for measure in measures() for name in (measure.name, *measure.aliases)]
+    return [*dict.fromkeys(name for measure in measures() for name in (measure.name, *measure.aliases))]
 
 
 def chosen(query: Iterable[str]) -> list[Measure]:
@@ -68,14 +63,12 @@ def chosen(query: Iterable[str]) -> list[Measure]:
 
 def check(case: Case, query: Iterable[str]) -> None:
     """InputError for a case that lacks what its measures need."""
-    measures = chosen(query)
-    case.require_plate(
-        command="a study", several=all(measure in (ASKED["crosstalk"], GEOMETRY) for measure in measures)
-    )
-    for measure in measures:
+    asked = chosen(query)
+    case.require_plate(command="a study", several=all(measure.name in ("crosstalk", "geometry") for measure in asked))
+    for measure in asked:
         if measure.needs:
             case.require(*measure.needs, command=f"the measure {measure.name}")
-        if measure.after and measure.after not in [other.name for other in measures]:
+        if measure.after and measure.after not in [other.name for other in asked]:
             raise InputError(
                 f"the measure {measure.name} goes on from {measure.after}: measure must hold {measure.after} too"
             )
@@ -83,12 +76,12 @@ def check(case: Case, query: Iterable[str]) -> None:
 
 def plan_of(case: Case, query: Iterable[str]) -> Plan:
     """The steps that a case's measures ask for, in the order in which they run."""
-    measures = chosen(query)
-    planned = [measure.plan(case) for measure in measures]
-    driven = any(measure.drives for measure in measures)
+    asked = chosen(query)
+    planned = [measure.plan(case) for measure in asked]
+    driven = any(measure.drives for measure in asked)
     whole = (
         *(each for each in planned if not isinstance(each, Step)),
-        None if MODES in measures else simplifications.no_plate_modes(),
+        None if any(each.name == "modes" for each in asked) else simplifications.no_plate_modes(),
         simplifications.no_patches(case.patches, driven),
         None if driven else simplifications.no_response(),
         simplifications.no_figures(),
@@ -99,7 +92,7 @@ def plan_of(case: Case, query: Iterable[str]) -> Plan:
 
 def columns_of(study: StoredStudy) -> list[Column]:
     """Columns of a study's table."""
-    return tables.columns_of(study, [column for measure in measures() for column in measure.columns])
+    return tables.columns_of(study, [*(column for measure in measures() for column in measure.columns), *OF_SEVERAL])
 
 
 def write_table(folder: Path) -> Path:

@@ -3,36 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from operator import attrgetter
 
-from pipeline.errors import InputError
-from pipeline.measures.asked import of_question
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.questions.response import Response
 from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
 
-ASKED = of_question(Response())
-
-
-def _compute(work: Work) -> None:
-    """Keep the response and the patched plate's mode table, in the place of the bare one's."""
-    from pipeline.board.export import write_patched
-
-    ASKED.compute(work)
-    if work.record["response"].wanted_hz is None:
-        work.log.warning("TABLE", "no mode of the plate with its patches has the wanted shape: it has no mode table")
-        return
-    try:
-        write_patched(work.case, work.solved["forced"], work.folder, work.log)
-    except InputError as error:
-        work.log.warning("TABLE", error.lines[0])
-
-
 _tone_error = attrgetter("frequency_error")
-RESPONSE = replace(ASKED, compute=_compute)
 
 
 def _compute_hybrid(work: Work) -> None:

@@ -10,7 +10,6 @@ import numpy as np
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.models.modes import PartModes
-from pipeline.records.record import ShapesRecord
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.mode_tracking import zone_coefficients
@@ -55,8 +54,8 @@ def _skin(part_modes: PartModes, index: int) -> Skin:
     return part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])
 
 
-def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
-    """Describe the modes that carry most of the wanted shape on the active face, for the record."""
+def shapes(part_modes: PartModes, design: Design) -> dict[str, Any]:
+    """Describe the modes that carry most of the wanted shape on the active face: wanted, frequency_hz, share, coefficients."""
     assert part_modes.wanted
     wanted = part_modes.wanted.row
     assert wanted
@@ -65,14 +64,19 @@ def shapes_record(part_modes: PartModes, design: Design) -> ShapesRecord:
     rows = [among[i] for i in sorted(strongest, key=lambda i: among[i].frequency_hz)]
     columns = [row.column for row in rows]
     touch = part_modes.model.touch(wanted.symmetry, part_modes.vectors[wanted.symmetry][:, columns])
-    shapes = zone_coefficients(touch, design, wanted.symmetry)
-    shapes = shapes / np.maximum(np.linalg.norm(shapes, axis=1, keepdims=True), 1e-300)
-    return ShapesRecord(
-        wanted=rows.index(wanted),
-        frequency_hz=[row.frequency_hz for row in rows],
-        share=[1.0 if row.zone_share is None else row.zone_share for row in rows],
-        coefficients=shapes.tolist(),
-    )
+    coefficients = zone_coefficients(touch, design, wanted.symmetry)
+    return {
+        "wanted": rows.index(wanted),
+        "frequency_hz": [row.frequency_hz for row in rows],
+        "share": [1.0 if row.zone_share is None else row.zone_share for row in rows],
+        "coefficients": coefficients / np.maximum(np.linalg.norm(coefficients, axis=1, keepdims=True), 1e-300),
+    }
+
+
+def nearest_rows(part_modes: PartModes, index: int) -> list[int]:
+    """Return all modes by their distance in frequency from one of them, which comes first."""
+    own = part_modes.rows[index].frequency_hz
+    return sorted(range(len(part_modes.rows)), key=lambda i: abs(part_modes.rows[i].frequency_hz - own))
 
 
 def closed_surface(part_modes: PartModes, case: Case, index: int) -> Any:

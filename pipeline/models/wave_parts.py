@@ -1,4 +1,4 @@
-"""Parts of answers about waves across the rows: what passes them, at each frequency."""
+"""Parts of answers about waves and driven zones: what passes the rows at each frequency, what one zone moves of the others."""
 
 from __future__ import annotations
 
@@ -70,3 +70,50 @@ class BroadbandPoint(Passed):
 
     confinement_db: float | None = column("confinement of the driven zone", "dB", error="confinement_error_db")
     confinement_error_db: float | None = column("half-width of the level's error bar; " + UNKNOWN, "dB", default=None)
+
+
+class DrivenZone(Part):
+    """One zone driven at its own peak while the others' patches are held at 0 V; lists have an entry a measured zone."""
+
+    centre_m: float = column("y of the driven zone's centre line", "m")
+    drivers: list[int] = column("numbers of the driven patches, from 0")
+    peak_hz: float = column("frequency at which the driven zone moves most", "Hz", error="peak_error")
+    peak_error: float | None = column(
+        "half-width of the error bar of peak_hz, relative; None without an estimate", default=None
+    )
+    rms_m_per_V: list[float] = column("rms of u_z", "m/V", along="measured", error="rms_error_m_per_V")
+    rms_error_m_per_V: list[float | None] | None = column(
+        "half-width of the error bar of rms_m_per_V; None without an estimate", "m/V", along="measured", default=None
+    )
+    level_db: list[float] = column("rms over the driven zone's", "dB", along="measured", error="level_error_db")
+    level_error_db: list[float | None] | None = column(
+        "half-width of the error bar of level_db; None without an estimate", "dB", along="measured", default=None
+    )
+    passive_db: float | None = column(
+        "rms of the passive face over the driven zone's; None without a passive face", "dB", error="passive_error_db"
+    )
+    passive_error_db: float | None = column(
+        "half-width of the error bar of passive_db; None without an estimate", "dB", default=None
+    )
+    mac: float | None = column(
+        "modal assurance criterion of the driven zone with the target shape", error="mac_error", default=None
+    )
+    mac_error: float | None = column("half-width of the error bar of mac; None without an estimate", default=None)
+    over_rms_m_per_V: list[list[float]] = column(
+        "rms of u_z over frequency", "m/V", along=("measured", "frequency_hz"), error="over_rms_error_m_per_V"
+    )
+    over_rms_error_m_per_V: list[list[float | None]] | None = column(
+        "half-width of the error bar of over_rms_m_per_V; None without an estimate", "m/V",
+        along=("measured", "frequency_hz"), default=None,
+    )  # fmt: skip
+
+
+def worst_level(zones: list[DrivenZone]) -> tuple[float | None, float | None]:
+    """Return the largest level of a zone while another is driven and the half-width of its bar, dB; None with one zone."""
+    others = [
+        (level, zone.level_error_db[j] if zone.level_error_db else None)
+        for i, zone in enumerate(zones)
+        for j, level in enumerate(zone.level_db)
+        if i != j
+    ]
+    return max(others, default=(None, None), key=lambda pair: pair[0] or 0.0)

@@ -255,41 +255,6 @@ def tolerance_step(case: Case) -> Step:
     )
 
 
-def parts_step(case: Case) -> Step:
-    """Plan the bare zone and the lone pillar."""
-    zone = modes_step(case, Request("zone"))
-    if not case.design.pillar or case.design.is_graded:
-        return Step(**{**vars(zone), "measure": "parts"})
-    pillar = modes_step(case, Request("pillar", near_hz=0.0, count=4))
-    model, mesh, looks = (
-        f"{getattr(zone, key)}; pillar: {getattr(pillar, key)}" for key in ("model", "mesh", "looks_for")
-    )
-    why = (*zone.why, *(f"pillar: {reason}" for reason in pillar.why))
-    numbers = zone.numbers | {"pillar": pillar.numbers}
-    left_out = (*zone.left_out, *pillar.left_out)
-    assert zone.demand and pillar.demand
-    demand = zone.demand.then(pillar.demand)
-    return Step("parts", "zone and lone pillar", model, mesh, zone.classes, looks, why, left_out, numbers, demand)
-
-
-def tetrahedra_step(case: Case) -> Step:
-    """Plan the same plate and cell through CAD and pytetwild."""
-    from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
-
-    why = ("a cross-check by another mesh",)
-    name = "the same plate and cell by tetrahedra"
-    return Step(
-        "tetrahedra",
-        name,
-        "solid tet2",
-        "tetrahedra of order 2 from CAD",
-        (),
-        "the modes nearest the wanted one",
-        why,
-        demand=foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT),
-    )
-
-
 def plain_step(measure: str, name: str, model: str) -> Step:
     """A step that needs no more words."""
     return Step(measure, name, model, "", (), "", ())

@@ -159,6 +159,15 @@ def no_plate_modes() -> Simplification:
     return Simplification("no_plate_modes", "modes of the plate", "no measure asks for them")
 
 
+def no_lone_pillar(design: Design) -> Simplification | None:
+    """Leave out the lone pillar where there is none, or none that stands for all."""
+    if design.pillar is None:
+        return Simplification("no_lone_pillar", "modes of the pillar", "the case has no pillar")
+    if design.is_graded:
+        return Simplification("no_lone_pillar", "modes of the pillar", "rows differ: no pillar stands for all of them")
+    return None
+
+
 def no_figures(drawn: bool = False) -> Simplification | None:
     """Leave out rendering: figures are drawn from what is stored, for a page or for --out."""
     return None if drawn else Simplification("no_figures", "rendering", "nothing is drawn until a page asks for it")

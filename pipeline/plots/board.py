@@ -8,18 +8,17 @@ from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency
-from pipeline.records.record import BoardRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import MS
 
 
 def board(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The step response of a case's record; None when the board was not run or ended in a fault."""
-    record = case.record.board
-    return step(record, arrays) if isinstance(record, BoardRecord) and "board_time_s" in arrays else None
+    record = case.record.held("board")
+    return step(record, arrays) if record and "board_time_s" in arrays else None
 
 
-def step(record: BoardRecord, arrays: dict[str, Any]) -> ReportFigure:
+def step(record: Any, arrays: dict[str, Any]) -> ReportFigure:
     """Both axes of the rotating frame with the reference, and the size of the drive, over time."""
     figure, (upper, lower) = style.panels(4.6, 2, 1, sharex=True, height_ratios=(3, 2))
     time = arrays["board_time_s"] / MS

@@ -267,7 +267,7 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
     figure, panels = style.panels(3.3 * aspect + 1.5, 1, 2, sharex=True, sharey=True)
     hexahedra = (arrays["touch_xy"], arrays["touch_triangles"], arrays["touch_uz"][0] / zone_peak(arrays, design))
     both = (hexahedra, (points[:, :2], faces, uz))
-    compared = case.record.tet_modes
+    compared = case.record.held("tet_modes")
     tones = (compared.hex_frequency_hz, compared.frequency_hz) if compared else (None, None)
     for axes, (flat, cells, values), kind, tone in zip(panels, both, KINDS.values(), tones, strict=True):
         field = _field(axes, flat, cells, values)

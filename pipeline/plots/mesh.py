@@ -13,7 +13,7 @@ from pipeline.plots.plate import KINDS, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
-from pipeline.records.record import DesignRecord, GeometryRecord
+from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import GRAM, MM
 
@@ -82,12 +82,12 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
     figure, axes = style.panels(style.WIDTH_IN * image.shape[0] / image.shape[1] + 0.75)
     _show(axes, image)
     axes.set_title("The plate, seen from the pillars' side (the touch face is below)")
-    figure.supxlabel(fill(_dimensions(design, case.record.geometry), CAPTION), fontsize=8.5)
+    figure.supxlabel(fill(_dimensions(design, case.record.held("geometry")), CAPTION), fontsize=8.5)
     alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, None)}.{_note(fault)}"
     return ReportFigure("geometry", "Geometry", alt, figure)
 
 
-def _dimensions(design: DesignRecord, geometry: GeometryRecord | None) -> str:
+def _dimensions(design: DesignRecord, geometry: Any) -> str:
     plate = f"plate {design.length_m / MM:g} × {2 * design.half_span_m / MM:g} × {design.thickness_m / MM:g} mm"
     zones = len(design.zone_centres_m)
     words = [plate, f"{f'{zones} zones' if zones else 'zone'} {design.width_m / MM:g} mm wide"]

@@ -11,7 +11,6 @@ from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import level as level_text
 from pipeline.records import tracking
-from pipeline.records.record import LiveRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
 from pipeline.records.tracking import Tracked
@@ -68,9 +67,9 @@ def _draw_line(
     tone.plot(x, khz, ms=5, ls="none", **look)
 
 
-def _live(case: StoredCase) -> LiveRecord | None:
+def _live(case: StoredCase) -> Any:
     """What the explorer's bases answer of a case, where they know its wanted mode."""
-    live = case.record.live
+    live = case.record.held("live")
     return live if live and live.frequency_hz is not None else None
 
 
@@ -150,7 +149,7 @@ def _level(case: StoredCase) -> str:
 
 def how_many_rows(study: StoredStudy) -> ReportFigure | None:
     """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
-    known = [(case, case.record.prediction) for case in study.cases]
+    known = [(case, case.record.held("prediction")) for case in study.cases]
     levels = {
         case.case_id: (each.zone_to_extension_db, each.rows_db, each.transmission_db)
         for case, each in known

@@ -12,10 +12,22 @@ IN_ORDER = ("predesign", "modes", "bands", "attenuation", "broadband", "response
 
 
 def registered() -> dict[str, type[Any]]:
-    """Return every question by name: those of this folder, and those that other modules have defined."""
-    found = {each.name for each in iter_modules(__path__)} - set(MECHANISM)
-    for name in (*(each for each in IN_ORDER if each in found), *sorted(found - set(IN_ORDER))):
-        import_module(f"{__name__}.{name}")
+    """Return every question that has a command by name: those of this folder, and those that other modules have defined."""
+    _read()
     from pipeline.questions.question import QUESTIONS
 
     return QUESTIONS
+
+
+def known() -> dict[str, type[Any]]:
+    """Return every question by name, those that studies alone ask, too."""
+    _read()
+    from pipeline.questions.question import IN_STUDIES, QUESTIONS
+
+    return QUESTIONS | IN_STUDIES
+
+
+def _read() -> None:
+    found = {each.name for each in iter_modules(__path__)} - set(MECHANISM)
+    for name in (*(each for each in IN_ORDER if each in found), *sorted(found - set(IN_ORDER))):
+        import_module(f"{__name__}.{name}")

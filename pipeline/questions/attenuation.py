@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.wave_parts import AttenuationPoint
-from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result
+from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
+from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column, live
 from pipeline.units import KHZ
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Plan
     from pipeline.planning.simplifications import Simplification
     from pipeline.plots.style import ReportFigure
-    from pipeline.records.record import PredictionRecord
 
 POINTS, SHOWN = 201, 20
+STUDY_POINTS = 101
 DEEPEST_DB = 30.0
 LOOKS = {"flexural": ("BLUE", "o"), "shear": ("ORANGE", "s"), "longitudinal": ("PURPLE", "D")}
 
@@ -262,6 +262,11 @@ class Attenuation(
         return case.kx_wanted_per_m if self.kx_per_m is None else self.kx_per_m
 
     @classmethod
+    def in_study(cls) -> Attenuation:
+        """Return the question at fewer frequencies."""
+        return cls(points=STUDY_POINTS)
+
+    @classmethod
     def spared(cls, case: Case) -> Simplification | None:
         """Return why a study's case has no decay per row."""
         from pipeline.planning.simplifications import no_lattice
@@ -305,20 +310,56 @@ class Attenuation(
         return AttenuationResult.of(solved, zone_hz=zone.frequency_hz if zone else None)
 
 
+class PredictionResult(Result, axes=()):
+    """What endless rows would do at the wanted mode, compared with the finite plate's zone_to_extension_db."""
+
+    frequency_hz: float = column("frequency of the wanted mode", "Hz")
+    db_per_row: float | None = column("decay per row", "dB", error="db_error")
+    db_error: float | None = column("half-width of the decay's error bar", "dB", default=None)
+    rows_db: float | None = column("rows times the decay per row", "dB", error="rows_error_db")
+    rows_error_db: float | None = column("half-width of the error bar of rows_db", "dB", default=None)
+    transmission_db: float | None = column(
+        "the flexural wave's power that passes the rows, below what arrives", "dB", error="transmission_error_db"
+    )
+    transmission_error_db: float | None = column("half-width of the error bar of transmission_db", "dB", default=None)
+    zone_to_extension_db: float | None = column(
+        "the finite plate's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db"
+    )
+    zone_to_extension_error_db: float | None = column(
+        "half-width of the error bar of zone_to_extension_db", "dB", default=None
+    )
+    rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
+
+    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row", error="db_error")
+    decay_error = figure_at("db_error", "expected error of the decay", "dB", name="db_error", error="db_error")
+    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db", error="rows_error_db")
+    needed = figure_at("rows_needed", "rows needed, endless ones", name="rows_needed")
+
+
+class Prediction(Question[PredictionResult], follows="attenuation"):
+    """Predict the plate by the decay per row at its wanted mode."""
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:
+        """Read the decay at the wanted mode."""
+        if not run.wanted:
+            raise Unanswered
+        level = run.wanted.extension_db, run.wanted.extension_error_db
+        return prediction(run.found["attenuation"], run.wanted.frequency_hz, *level)
+
+
 def prediction(
     attenuation: AttenuationResult, frequency_hz: float, extension_db: float | None = None,
     extension_error_db: float | None = None,
-) -> PredictionRecord:  # fmt: skip
+) -> PredictionResult:  # fmt: skip
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level, dB."""
     from math import ceil
 
-    from pipeline.records.record import PredictionRecord
     from solvers.measures.levels import CONFINED_DB
 
     per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
     passes = nearest.transmission is not None and nearest.transmission.flexural > 0.0
-    return PredictionRecord(
+    return PredictionResult(
         frequency_hz=frequency_hz,
         db_per_row=per_row,
         db_error=error,

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
-from pipeline.errors import InputError
+from pipeline.models.wave_parts import DrivenZone, worst_level
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
-from pipeline.records.part import Part, column
+from pipeline.records.part import column
 from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
@@ -24,47 +24,11 @@ POINTS = 401
 DARK = -25.0  # dB: below it letters are white
 
 
-class DrivenZone(Part):
-    """One zone driven at its own peak while the others' patches are held at 0 V; lists have an entry a measured zone."""
-
-    centre_m: float = column("y of the driven zone's centre line", "m")
-    drivers: list[int] = column("numbers of the driven patches, from 0")
-    peak_hz: float = column("frequency at which the driven zone moves most", "Hz", error="peak_error")
-    peak_error: float | None = column(
-        "half-width of the error bar of peak_hz, relative; None without an estimate", default=None
-    )
-    rms_m_per_V: list[float] = column("rms of u_z", "m/V", along="measured", error="rms_error_m_per_V")
-    rms_error_m_per_V: list[float | None] | None = column(
-        "half-width of the error bar of rms_m_per_V; None without an estimate", "m/V", along="measured", default=None
-    )
-    level_db: list[float] = column("rms over the driven zone's", "dB", along="measured", error="level_error_db")
-    level_error_db: list[float | None] | None = column(
-        "half-width of the error bar of level_db; None without an estimate", "dB", along="measured", default=None
-    )
-    passive_db: float | None = column(
-        "rms of the passive face over the driven zone's; None without a passive face", "dB", error="passive_error_db"
-    )
-    passive_error_db: float | None = column(
-        "half-width of the error bar of passive_db; None without an estimate", "dB", default=None
-    )
-    mac: float | None = column(
-        "modal assurance criterion of the driven zone with the target shape", error="mac_error", default=None
-    )
-    mac_error: float | None = column("half-width of the error bar of mac; None without an estimate", default=None)
-    over_rms_m_per_V: list[list[float]] = column(
-        "rms of u_z over frequency", "m/V", along=("measured", "frequency_hz"), error="over_rms_error_m_per_V"
-    )
-    over_rms_error_m_per_V: list[list[float | None]] | None = column(
-        "half-width of the error bar of over_rms_m_per_V; None without an estimate", "m/V",
-        along=("measured", "frequency_hz"), default=None,
-    )  # fmt: skip
-
-
 class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
 
     >>> import antinode
-    >>> from pipeline.questions.crosstalk import DrivenZone
+    >>> from pipeline.models.wave_parts import DrivenZone
     >>> zone = {"centre_m": 0.0, "drivers": [0], "peak_hz": 33e3, "passive_db": None, "over_rms_m_per_V": []}
     >>> zones = [DrivenZone(**zone, rms_m_per_V=[1e-9, 2e-11], level_db=[0.0, -34.0])] * 2
     >>> levels = antinode.Crosstalk(model="", dof=0, shared_rows=3, gap_m=0.01, frequency_hz=[], zones=zones)
@@ -123,13 +87,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     @property
     def _worst(self) -> tuple[float | None, float | None]:
-        others = [
-            (level, zone.level_error_db[j] if zone.level_error_db else None)
-            for i, zone in enumerate(self.zones)
-            for j, level in enumerate(zone.level_db)
-            if i != j
-        ]
-        return max(others, default=(None, None), key=lambda pair: pair[0] or 0.0)
+        return worst_level(self.zones)
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
@@ -210,25 +168,9 @@ class Crosstalk(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
-        import numpy as np
+        from pipeline.models.crosstalk import require_drivers
 
-        case.require_plate(command="crosstalk", several=True)
-        super().check(case)
-        patches, design = case.patches, case.design
-        assert patches is not None
-        said = []
-        if patches.circuit != "short":
-            said.append(
-                f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest hold their patches at 0 V"
-            )
-        y = np.array([patches.centres_m[i][1] for i in patches.drivers])
-        bare = [
-            i + 1 for i, mid in enumerate(design.zone_centres_m) if not (np.abs(y - mid) < design.width_m / 2.0).any()
-        ]
-        if bare:
-            said.append(f"patches.centres_mm: zone {', '.join(map(str, bare))} has no patch that drives it")
-        if said:
-            raise InputError(f"{case.source or case.name}: {text}" for text in said)
+        require_drivers(case)
 
     def plan(self, case: Case) -> Plan:
         """Plan each zone driven and all measured."""
@@ -243,66 +185,13 @@ class Crosstalk(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""
-        import numpy as np
+        from pipeline.models.crosstalk import solve
 
-        from pipeline.models.patched_plate import forced_plate
-        from pipeline.planning import calibration
-        from solvers.driven.crosstalk import curve_half_widths, peak_half_widths, zone_volts, zones_of
-        from solvers.driven.curve_bars import doubts
-        from solvers.driven.error_bars import frequency_error, frequency_errors
-        from solvers.measures.levels import ratio_db
-        from solvers.threads import one_thread
-
-        forced = forced_plate(case, run, hz(self.band_kHz), run.meshes, is_announced=True)
-        patches, design = case.patches, case.design
-        assert patches is not None
-        with run.step(f"{design.zones} zones, each driven in turn"), one_thread():
-            zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
-            frequencies = np.linspace(*forced.band_hz, self.points)
-            errors, known = frequency_errors(forced), doubts(forced, calibration.mixing())
-            curves = curve_half_widths(zones, volts, frequencies, known)
-            driven = []
-            for zone, fed in enumerate(volts):
-                peak = zones.peak_hz(fed, zone)
-                (at,) = zones.rms(fed, np.array([peak]))
-                driven.append(
-                    DrivenZone(
-                        centre_m=float(design.zone_centres_m[zone]),
-                        drivers=np.flatnonzero(fed).tolist(),
-                        peak_hz=peak,
-                        rms_m_per_V=at[:-1].tolist(),
-                        level_db=ratio_db(at[:-1], at[zone]).tolist(),
-                        passive_db=float(ratio_db(at[-1], at[zone])),
-                        mac=zones.mac(fed, peak, zone),
-                        over_rms_m_per_V=zones.rms(fed, frequencies)[:, :-1].T.tolist(),
-                        over_rms_error_m_per_V=curves[zone].tolist(),
-                        peak_error=frequency_error(forced, peak, errors),
-                        **peak_half_widths(zones, fed, zone, peak, known),
-                    )
-                )
-                _warn_of_shape(zone, driven[-1], run)
+        solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes)
         result = CrosstalkResult(
-            model=f"{forced.plate.name} with {patches.count} patches",
-            dof=sum(group.pencil.dof for group in forced.plate.groups),
-            shared_rows=design.shared_rows,
-            gap_m=design.zone_gap_m,
-            frequency_hz=frequencies.tolist(),
-            zones=driven,
-        )
+            model=solved.model, dof=solved.dof, shared_rows=case.design.shared_rows, gap_m=case.design.zone_gap_m,
+            frequency_hz=solved.frequency_hz, zones=solved.zones,
+        )  # fmt: skip
         for line in result.lines():
             run.info(line)
         return result
-
-
-def _warn_of_shape(number: int, zone: DrivenZone, run: Run) -> None:
-    """Warn of a zone that moves most in another shape than the target's."""
-    from pipeline.quantity import figure as in_digits
-    from pipeline.quantity import frequency
-    from solvers.measures.wanted_mode import SIMILAR
-
-    if zone.mac is not None and zone.mac < SIMILAR:
-        run.warning(
-            "OTHER_PEAK",
-            f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the target shape "
-            f"(MAC {in_digits(zone.mac, zone.mac_error)}): the levels are another mode's; give a --band about the target mode",
-        )

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
-from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result
+from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
+from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import column, live
 from pipeline.units import KHZ
 
@@ -23,12 +23,15 @@ if TYPE_CHECKING:
     from pipeline.models.modes import PartModes
     from pipeline.planning.plan import Plan
     from pipeline.planning.request import Request
+    from pipeline.planning.simplifications import Simplification
 
 Part = Literal["plate", "zone", "pillar"]
 Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
+FIELDS = ("touch_face", "side_view", "pillars_in_plane", "neighbours")
+SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 COUNT = "how many, nearest to that frequency or the lowest"
 
 
@@ -65,6 +68,49 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     )
     solved: Any = live()
     case: Any = live()
+
+    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None, name="wanted_status")
+    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz", error="found.frequency_error")
+    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%", name="wanted_error")
+    level = figure_at(
+        "found.confinement_db", "confinement", "dB", name="confinement_db", error="found.confinement_error_db"
+    )
+    level_error = figure_at(
+        "found.confinement_error_db", "expected error of the confinement", "dB", name="confinement_error_db",
+        error="found.confinement_error_db",
+    )  # fmt: skip
+    extension = figure_at(
+        "found.extension_db", "zone to extension", "dB", name="zone_to_extension_db", error="found.extension_error_db"
+    )
+    mac = figure_at("found.mac", "MAC", name="mac", error="found.mac_error")
+    zone_share = figure_at("found.zone_share", "zone share", name="zone_share", error="found.zone_share_error")
+    pillar_share = figure_at(
+        "found.pillar_energy_share", "pillars' share of energy", name="pillar_share",
+        error="found.pillar_energy_share_error",
+    )  # fmt: skip
+    strength = figure_at(
+        "found.strength", "strength in the wanted shape", name="strength", error="found.strength_error"
+    )
+    shape_share = figure_at("found.share", "share of the wanted shape", name="shape_share")
+
+    @figure("other modes that carry it", None, name="rivals")
+    def rivals(self) -> str | None:
+        """Frequencies of other modes that carry as much of the wanted shape."""
+        from pipeline.quantity import HZ, frequency_figure
+
+        known = self.found.rivals if self.found else []
+        return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
+
+    @figure("count check", None, name="count_check")
+    def counted(self) -> str:
+        """Whether the count by inertia holds."""
+        check = self.count_check
+        return "holds" if check.holds else f"{check.found} of {check.expected}"
+
+    @property
+    def found(self) -> WantedMode | None:
+        """The wanted mode; None where there is none or none was looked for."""
+        return self.wanted if isinstance(self.wanted, WantedMode) else None
 
     @classmethod
     def of_solved(cls, solved: PartModes, case: Case) -> ModesResult:
@@ -193,7 +239,12 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return f"<antinode.Modes of the {self.part}: {len(self)}{span}>"
 
 
-class Modes(Question[ModesResult], example="modes studies/three-rows.toml --part zone --count 14"):
+class Modes(
+    Question[ModesResult],
+    example="modes studies/three-rows.toml --part zone --count 14",
+    aliases=("confinement",),
+    pictures=("plots.mesh.report_figures", *(f"plots.fields.{name}" for name in FIELDS)),
+):
     """Compute the modes of plate, zone or pillar in a band, or some of them near a frequency.
 
     >>> import antinode
@@ -218,7 +269,12 @@ class Modes(Question[ModesResult], example="modes studies/three-rows.toml --part
         else:
             case.require(*NEEDED[self.part], command=f"modes --part {self.part}")
 
-    def request(self) -> Request:
+    @classmethod
+    def in_study(cls) -> Modes:
+        """Return the question with the wanted mode's window in the case's own."""
+        return _InStudies()
+
+    def request(self, case: Case) -> Request:
         """Return what is asked for, in Hz."""
         return _request(self.part, self.band_kHz, self.near_kHz, self.count, self.symmetry)
 
@@ -228,7 +284,7 @@ class Modes(Question[ModesResult], example="modes studies/three-rows.toml --part
         from pipeline.planning.plan import modes_step, plan_of
 
         whole = (simplifications.no_patches(case.patches), simplifications.no_response())
-        step = modes_step(case, self.request())
+        step = modes_step(case, self.request(case))
         unpatched = simplifications.no_patches(case.patches) if case.patches and self.part == "plate" else None
         return plan_of(case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole)
 
@@ -236,7 +292,126 @@ class Modes(Question[ModesResult], example="modes studies/three-rows.toml --part
         """Compute the modes, their count, and the wanted one among them."""
         from pipeline.models.modes import solve_modes
 
-        return _answered(solve_modes(case, self.request(), run, plan.steps[0].choice), case, run)
+        return _answered(solve_modes(case, self.request(case), run, plan.steps[0].choice), case, run)
+
+
+# -- in studies --------------------------------------------------------------------------------------------------------
+
+
+class _InStudies(Modes):
+    """The plate's modes in the case's window and the wanted mode's in one, all of the wanted mode's class."""
+
+    def request(self, case: Case) -> Request:
+        """Return what is asked for, in Hz."""
+        from pipeline.planning.request import of_case
+
+        return of_case(case)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the modes."""
+        from pipeline.planning.plan import modes_step, plan_of
+
+        return plan_of(case, modes_step(case, self.request(case)))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
+        """Compute the modes and keep what other questions go on from."""
+        from pipeline.models.modes import solve_modes
+        from pipeline.models.wanted_text import warn_of_wanted
+
+        solved = solve_modes(case, self.request(case), run, plan.steps[0].choice).whole_window
+        run.meshes += solved.meshes
+        run.solved["modes"] = solved
+        assert solved.wanted
+        warn_of_wanted(solved.wanted, case, run.log)
+        return ModesResult.of_solved(solved, case)
+
+
+class ShapesResult(Result, axes=("shape",)):
+    """Shapes of the modes that carry most of the wanted one: coefficients of u_z on the active face."""
+
+    wanted: int = column("row of the wanted mode", table=False)
+    frequency_hz: list[float] = column("frequency", "Hz", along="shape")
+    share: list[float] = column("share of the motion on the active face", along="shape")
+    coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
+
+
+class Shapes(Question[ShapesResult], follows="modes"):
+    """Keep the shapes of the modes nearest the wanted one, its mode table and, on demand, every mode's field."""
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
+        """Describe the shapes; write mode_table.bin, mode_table.h and fields.npz into the case's folder."""
+        from pipeline.board.export import write_table
+        from pipeline.models import mode_fields
+        from pipeline.records import store
+
+        solved: PartModes = run.solved["modes"]
+        if run.all_fields:
+            with run.step("fields in full"):
+                store.save_arrays(run.folder, mode_fields.full_fields(solved), store.FIELDS)
+        index = solved.index(solved.wanted.row if solved.wanted else None)
+        if index is None:
+            raise Unanswered
+        with run.step("fields"):
+            run.arrays |= mode_fields.kept_arrays(solved, mode_fields.nearest_rows(solved, index)[:SHAPES])
+        try:
+            write_table(case, solved, index, run.folder)
+        except InputError as error:
+            run.log.warning("TABLE", error.lines[0])
+        return ShapesResult(**mode_fields.shapes(solved, case.design))
+
+
+class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+    """Compute the modes of the bare zone, as the pre-design sees it."""
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the zone."""
+        return _part_plan(self, case, "zone")
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
+        """Compute its modes."""
+        return _part_modes(case, "zone", plan, run)
+
+
+class PillarModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+    """Compute the modes of the lone pillar, as the pre-design sees it."""
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why there is no lone pillar."""
+        from pipeline.planning.simplifications import no_lone_pillar
+
+        return no_lone_pillar(case.design)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the pillar."""
+        return _part_plan(self, case, "pillar")
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
+        """Compute its modes."""
+        return _part_modes(case, "pillar", plan, run)
+
+
+def _part_request(part: str) -> Request:
+    from pipeline.planning.request import Request
+
+    return Request("pillar", near_hz=0.0, count=4) if part == "pillar" else Request(part)
+
+
+def _part_plan(question: Question[ModesResult], case: Case, part: str) -> Plan:
+    from pipeline.planning.plan import modes_step, plan_of
+
+    return plan_of(case, replace(modes_step(case, _part_request(part)), measure=question.name))
+
+
+def _part_modes(case: Case, part: str, plan: Plan, run: Run) -> ModesResult:
+    from pipeline.models.modes import solve_modes
+
+    solved = solve_modes(case, _part_request(part), run, plan.steps[0].choice)
+    run.meshes += solved.meshes
+    return ModesResult.of_solved(solved, case)
+
+
+# -- of a mesh file ----------------------------------------------------------------------------------------------------
 
 
 class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
@@ -279,7 +454,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
         _check_window(self.near_kHz, self.band_kHz)
         if not Path(self.mesh_file).exists():
-            raise InputError(f"{self.mesh_file}: no such file{nearest_file(Path(self.mesh_file).absolute())}")
+            raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
 
     def plan(self, case: Case) -> Plan:
         """Plan the mesh as it is."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 from inspect import cleandoc
 from math import inf, isfinite
 from operator import index
+from pathlib import Path
 from types import NoneType
 from typing import (
     TYPE_CHECKING,
@@ -19,6 +20,7 @@ from typing import (
     ClassVar,
     Generic,
     Literal,
+    Self,
     TypeVar,
     dataclass_transform,
     get_args,
@@ -34,6 +36,7 @@ from pipeline.units import KHZ
 if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.logs import Log
+    from pipeline.models.mode_parts import WantedMode
     from pipeline.planning.plan import Plan
     from pipeline.planning.simplifications import Simplification
     from pipeline.records.record import MeshRecord
@@ -46,6 +49,7 @@ KINDS = {tuple[float, float]: "two rising numbers", tuple[str, ...]: "names", in
 NO_PLAN: Any = None  # of a question that is answered at once
 QUESTIONS: dict[str, type[Question[Any]]] = {}
 VARIANTS: dict[str, type[Question[Any]]] = {}  # asked in the place of another, whose command they share
+IN_STUDIES: dict[str, type[Question[Any]]] = {}  # asked by studies alone: no command and no method
 
 
 # -- declarations ------------------------------------------------------------------------------------------------------
@@ -65,12 +69,17 @@ class Option:
         """Return what a value of this option must be, or '' for a good one."""
         pair = isinstance(value, tuple)
         numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
-        if not all(map(isfinite, numbers)):
-            return "must be a finite number"
-        if not all(self.at_least <= each <= self.at_most for each in numbers):
-            most = f", at most {self.at_most:g}" if self.at_most < inf else ""
-            return f"must be {self.at_least:g} or more{most}"
+        is_finite = all(map(isfinite, numbers))
+        if not is_finite or not all(self.at_least <= each <= self.at_most for each in numbers):
+            return self._limits(is_finite)
         return "must be two rising numbers" if pair and len(numbers) == 2 and numbers[0] >= numbers[1] else ""
+
+    def _limits(self, is_finite: bool) -> str:
+        if -inf < self.at_least == -self.at_most:
+            return f"must be a number of at most {self.at_most:g} {self.unit}".rstrip()
+        if not is_finite:
+            return "must be a finite number"
+        return f"must be {self.at_least:g} or more" + (f", at most {self.at_most:g}" if self.at_most < inf else "")
 
 
 def option(
@@ -104,16 +113,35 @@ class Run:
     """What a computation uses of its surroundings: a log, and what several questions of one case share.
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
-    page will show moving shapes. meshes, arrays: what was meshed, and arrays that are kept beside the record.
-    solved: what one question has solved and another of the same case can go on from, by name. asked_by: the command line.
+    page will show moving shapes. folder: of a study's case, for files beside the record; all_fields: whether every mode's
+    field goes there. asked_by: the command line. meshes, arrays: what was meshed, and arrays that are kept beside the record.
+    solved: what one question has solved and another of the same case can go on from, by name; found: the answers and parts of
+    the record so far.
     """
 
-    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False, asked_by: str = "") -> None:
+    def __init__(
+        self,
+        log: Log,
+        *,
+        detailed: bool = True,
+        shapes: bool = False,
+        folder: Path | None = None,
+        all_fields: bool = False,
+        asked_by: str = "",
+    ) -> None:
         self.log, self.detailed, self.shapes, self.asked_by = log, detailed, shapes, asked_by
+        self.folder, self.all_fields = folder or Path(), all_fields
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
         self.arrays: dict[str, Any] = {}
         self.solved: dict[str, Any] = {}
+        self.found: dict[str, Any] = {}
+
+    @property
+    def wanted(self) -> WantedMode | None:
+        """The target mode, where the plate's modes were asked before and there is one."""
+        modes = self.found.get("modes")
+        return modes.wanted if modes and modes.wanted and modes.wanted.is_found else None
 
     def info(self, text: str, id: str = "") -> None:
         """Log a fact."""
@@ -133,6 +161,10 @@ class Run:
         return self.log.step(name)
 
 
+class Unanswered(Exception):
+    """A question has no answer here: the case lacks what it is about, or this machine what it takes. Nothing is wrong."""
+
+
 # -- questions ---------------------------------------------------------------------------------------------------------
 
 
@@ -148,6 +180,8 @@ class _Declared:
 class Question(_Declared, Generic[R]):
     """A question: options, plan and computation of one result. Its docstring is the help of command and method.
 
+    A subclass of a question asks the same in another way, such as studies do (`in_study`).
+
     Questions are values: equal options make equal questions. progress: whether the method reports on standard error; None: in a
     terminal or a notebook. Class keywords:
 
@@ -155,6 +189,10 @@ class Question(_Declared, Generic[R]):
     example : a command line.
     drives : whether it drives the plate.
     pictures : functions that draw a study's case from several answers together, in the place of the result's own.
+    in_studies_only : no command and no method asks it.
+    follows : another question, with which studies ask this one, too, without a step of its own in their plan.
+    after : another question that a study must ask, too, and whose answer this one goes on from.
+    aliases : further names in study files; several questions may share one.
     instead_of, by : the question whose command asks this one where its option `by`, or one of several, is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
     """
@@ -167,25 +205,33 @@ class Question(_Declared, Generic[R]):
     instead_of: ClassVar[str]
     by: ClassVar[Axis]
     is_quick: ClassVar[bool]
+    follows: ClassVar[str]
+    after: ClassVar[str]
+    aliases: ClassVar[Axis]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str | Axis = (), is_quick: bool = False,
+        by: str | Axis = (), is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
+        aliases: Axis = (),
     ) -> None:  # fmt: skip
         super().__init_subclass__()
+        if Question not in cls.__bases__ and not instead_of:
+            return  # the same question, asked in another way
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
         cls.instead_of, cls.by, cls.is_quick = instead_of, (by,) if isinstance(by, str) else by, is_quick
+        cls.follows, cls.after, cls.aliases = follows, after, aliases
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
         cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
         if instead_of:
             VARIANTS[cls.name] = cls
             return
-        cls.result.question, cls.result.title = cls.name, cls.summary()
-        QUESTIONS[cls.name] = cls
+        if not cls.result.question:
+            cls.result.question, cls.result.title = cls.name, cls.summary()
+        (IN_STUDIES if in_studies_only or follows else QUESTIONS)[cls.name] = cls
 
     def __post_init__(self) -> None:
         faults = {f"{n} = {getattr(self, n)!r}": self._fault(n) for n in self.options}
@@ -221,6 +267,21 @@ class Question(_Declared, Generic[R]):
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
         case.require(*self.needs, command=self.instead_of or self.name)
+
+    @property
+    def is_own(self) -> bool:
+        """Whether its kind of result is its own, not that of another question, of another part."""
+        return self.result.question == self.name
+
+    @classmethod
+    def in_study(cls) -> Self:
+        """Return the question as studies ask it."""
+        return cls()
+
+    @classmethod
+    def inputs(cls) -> dict[str, Any]:
+        """Return what the answer depends on besides case, sources and packages."""
+        return {}
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
 from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure, reach
+from pipeline.questions.result import Figure, Result, figure_at
 from pipeline.records.part import Part, column, live
 from pipeline.units import KHZ, MM, NM
 
@@ -100,8 +100,7 @@ class PeakRecord(Part):
 def _of(name: str, place: str, heading: str, unit: str = "", is_barred: bool = True, **more: bool) -> Figure[Any]:
     """Declare a column with a part's figure and its error bar, None where the response has no such part."""
     part, _, own = place.rpartition(".")
-    error = (lambda result: reach(result, f"{part}.{BARS[own]}")) if is_barred else ""
-    return figure(heading, unit, name=name, error=error, **more)(lambda result: reach(result, place))
+    return figure_at(place, heading, unit, name=name, error=f"{part}.{BARS[own]}" if is_barred else "", **more)
 
 
 class ResponseResult(Result, axes=("frequency_hz",)):
@@ -388,6 +387,11 @@ class Response(
         case.require_plate(command="response")
         super().check(case)
 
+    @classmethod
+    def in_study(cls) -> Response:
+        """Return the question that also writes the plate's mode table."""
+        return _InStudies()
+
     def plan(self, case: Case) -> Plan:
         """Plan the forced response."""
         from pipeline.planning.plan import plan_of, response_step
@@ -425,6 +429,24 @@ class Response(
 
     def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
         return []
+
+
+class _InStudies(Response):
+    """The response, and the patched plate's mode table in the place of the bare one's."""
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
+        """Compute the response and write mode_table.bin and mode_table.h into the case's folder."""
+        from pipeline.board.export import write_patched
+
+        result = super().compute(case, plan, run)
+        if result.wanted_hz is None:
+            run.log.warning("TABLE", "no mode of the plate with its patches has the wanted shape: it has no mode table")
+            return result
+        try:
+            write_patched(case, run.solved["forced"], run.folder, run.log)
+        except InputError as error:
+            run.log.warning("TABLE", error.lines[0])
+        return result
 
 
 class MeasuredResponse(Response, instead_of="response", by=("measured", "map")):

@@ -55,14 +55,19 @@ def figure(
     name
         Its column in table.csv; the question's name and its own by default.
     error
-        The property, or a function of the result, with the half-width of its error bar, relative for a frequency, else in
-        the unit.
+        The property, the place of the field, or a function of the result, with the half-width of its error bar: relative for a
+        frequency, else in the unit.
     is_difference
         Whether it is a difference of frequencies, whose bar is in Hz.
     is_signed
         Whether it is written with its sign.
     """
     return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
+
+
+def figure_at(place: str, heading: str, unit: str | None = "", **options: Any) -> Figure[Any]:
+    """Declare a figure that is a field of one of the result's parts, by its place; options as `figure` takes them."""
+    return figure(heading, unit, **options)(lambda result: reach(result, place))
 
 
 def reach(part: Any, place: str) -> Any:

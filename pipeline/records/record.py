@@ -11,11 +11,10 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
-from math import isclose, isfinite, nan, sqrt
+from math import isclose, isfinite, sqrt
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from geometry.layout import Design, Pillar
@@ -25,7 +24,6 @@ from pipeline import quantity
 from pipeline.records import part, store
 from solvers.measures.levels import CONFINED_DB
 
-ALIKE = {"tet_bands": "bands", "zone_modes": "modes", "pillar_modes": "modes"}  # further answers to the same questions
 R = TypeVar("R", bound=part.Part)
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer
 
@@ -177,85 +175,6 @@ class MeshRecord(Part):
     sha256: str
     worst_jacobian_ratio: float | None = None
     volume_error: float | None = None
-
-
-class ShapesRecord(Part):
-    """Shapes of the modes that carry most of the wanted one (row `wanted`): coefficients on the active face, a row a mode."""
-
-    wanted: int
-    frequency_hz: list[float]
-    share: list[float]
-    coefficients: list[list[float]]
-
-
-class PredictionRecord(Part):
-    """What endless rows would do at the wanted mode, beside the finite plate's zone_to_extension_db.
-
-    rows_db: rows times the decay per row; transmission_db: the power that passes the rows; rows_needed: to be confined.
-    db_error, rows_error_db, transmission_error_db, zone_to_extension_error_db: half-widths of the bars of the decay per row, of
-    all rows', of the power's and of the plate's, dB.
-    """
-
-    frequency_hz: float
-    db_per_row: float | None
-    db_error: float | None = None
-    rows_db: float | None
-    rows_error_db: float | None = None
-    transmission_db: float | None
-    transmission_error_db: float | None = None
-    zone_to_extension_db: float | None
-    zone_to_extension_error_db: float | None = None
-    rows_needed: int | None
-
-
-class LiveRecord(Part):
-    """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode.
-
-    frequency_error, relative: what a column may be off by, and its cells' mesh; confinement_error_db: the same of a level;
-    db_error: what that frequency makes of the decay; why_not: why there is no wanted mode.
-    """
-
-    frequency_hz: float | None = None
-    frequency_error: float | None = None
-    confinement_db: float | None = None
-    confinement_error_db: float | None = None
-    zone_to_extension_db: float | None = None
-    zone_to_extension_error_db: float | None = None
-    mac: float | None = None
-    gap_hz: tuple[float, float] | None
-    gap_error: float | None
-    db_per_row: float | None
-    db_error: float | None = None
-    why_not: str = ""
-    warnings: list[str]
-
-    @classmethod
-    def of_answer(cls, answer: Mapping[str, Any]) -> LiveRecord:
-        """The figures of the document that the explorer's page shows."""
-        plate, rows = answer["plate"], answer["rows"]
-        widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
-        names = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
-        figures = {
-            name: plate.get(names.get(name, name)) for name in cls.model_fields if names.get(name, name) in plate
-        }
-        known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
-        at = figures.get("frequency_hz")
-        tones, levels = np.array(known).reshape(-1, 2).T
-        decay = float(np.interp(at, tones, levels, left=nan, right=nan)) if at and known else None
-        error = None
-        if at and known and (half := figures.get("frequency_error")) is not None:
-            ends = at * (1.0 - half), at * (1.0 + half)
-            near = levels[(tones > ends[0]) & (tones < ends[1])]
-            within = np.append(np.interp(ends, tones, levels, left=nan, right=nan), near)
-            error = float(np.abs(within - decay).max())
-        return cls(
-            **figures,
-            gap_hz=widest and (widest["lower_hz"], widest["upper_hz"]),
-            gap_error=widest and widest["error"],
-            db_per_row=decay,
-            db_error=error,
-            warnings=answer["warnings"],
-        )
 
 
 class HybridMethod(Part):
@@ -602,45 +521,10 @@ class ToleranceRecord(Part):
         return len(self.samples) - self.lost
 
 
-class BoardRecord(Part):
-    """A step of the reference played by the firmware's image on the emulated board."""
-
-    compiler: str
-    swept: bool
-    frequency_hz: float
-    tau_s: float
-    gain: tuple[float, float]
-    delay_s: float
-    reference: float
-    t95_s: float | None
-    overshoot: float
-
-
 class BoardFault(Part):
     """The fault in which the image ended."""
 
     fault: str
-
-
-class GeometryRecord(Open):
-    """The print and CAD files, and what was found in the print file."""
-
-    files: list[str]
-    mass_kg: float
-    volume_m3: float
-    watertight: bool
-    bodies: int
-    volume_error: float
-    smallest_feature_m: float
-
-
-class TetModesRecord(Open):
-    """The wanted mode by tetrahedra beside the one of the structured mesh."""
-
-    dof: int
-    frequency_hz: float
-    hex_frequency_hz: float
-    relative_difference: float
 
 
 class PlanStep(Open):
@@ -680,16 +564,10 @@ class Record(Checked):
     plan: PlanRecord | None = None
     design: DesignRecord | None = None
     meshes: list[MeshRecord] = []
-    shapes: ShapesRecord | None = None
-    prediction: PredictionRecord | None = None
-    live: LiveRecord | None = None
     tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
-    board: BoardRecord | BoardFault | None = None
-    geometry: GeometryRecord | None = None
-    tet_modes: TetModesRecord | None = None
     answers: dict[str, Any] = {}
     other: dict[str, Any] = {}
 
@@ -820,7 +698,7 @@ def kind_of(name: str) -> type[part.Part] | None:
 
     Questions know records, not the other way round: they are found when a record is read.
     """
-    question = import_module("pipeline.questions").registered().get(ALIKE.get(name, name))
+    question = import_module("pipeline.questions").known().get(name)
     kind: type[part.Part] | None = question.result if question else None
     return kind
 

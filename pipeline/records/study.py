@@ -138,7 +138,9 @@ class StoredStudy:
             for key in keys
             if other.record.held(key) and not own.held(key)
         }
-        folders = tuple(other.folder for other in plates if other.record.tet_modes or other.record.held("tet_bands"))
+        folders = tuple(
+            other.folder for other in plates if other.record.held("tet_modes") or other.record.held("tet_bands")
+        )
         meshes = (next(filter(None, (other.record.mesh(what, "tet") for other in stored)), None)
                   for stored, what in ((plates, "plate"), (cells, "cell")))  # fmt: skip
         borrowed["meshes"] = [*own.meshes, *filter(None, meshes)]

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.records.record import ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import lines_along, main_key
 from solvers.measures.mode_tracking import Shapes, follow
 
-Line = list[tuple[StoredCase, Any, ShapesRecord]]
+Line = list[tuple[StoredCase, Any, Any]]
 
 
 @dataclass(frozen=True)
@@ -30,11 +29,11 @@ class Tracked:
 
 def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
     """Every case of a sweep by its id; {} where nothing numeric is swept or no shapes are stored."""
-    cases = [case for case in study.cases if case.record.shapes]
+    cases = [case for case in study.cases if case.record.held("shapes")]
     key = main_key(study, cases) if len(cases) > 1 else None
     tracked: dict[str, Tracked] = {}
     for line in lines_along(study, cases, key).values() if key else ():
-        known = ((case, case.record.wanted, case.record.shapes) for case in line)
+        known = ((case, case.record.wanted, case.record.held("shapes")) for case in line)
         tracked |= _line([(case, wanted, shapes) for case, wanted, shapes in known if wanted and shapes])
     return tracked
 

@@ -356,7 +356,7 @@ def _seconds(part: Any) -> dict[str, float]:
 
 def _files(case: StoredCase) -> Iterator[tuple[str, str]]:
     """Names and addresses of a case's files, those for others first."""
-    exported = case.record.geometry.files if case.record.geometry else []
+    exported = case.record.held("geometry").files if case.record.held("geometry") else []
     listed = sorted(case.read(store.MANIFEST) or {})
     for name in dict.fromkeys([*exported, *FILES, *listed]):
         if (case.folder / name).is_file():

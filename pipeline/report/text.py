@@ -131,7 +131,7 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
 
 def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     """The fewest rows on which a finite plate like the best confines its mode; without any, the estimate of endless rows."""
-    prediction = best.record.prediction
+    prediction = best.record.held("prediction")
     estimate = prediction.rows_needed if prediction else None
     per_row = (
         f"{db(prediction.db_per_row, prediction.db_error)} a row at the wanted mode, "

@@ -214,14 +214,14 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.questions.crosstalk import Crosstalk
-    from pipeline.questions.question import ask
+    from pipeline.models import crosstalk
+    from pipeline.models.wave_parts import worst_level
 
     log = WarningLog()
+    crosstalk.require_drivers(case)
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    band_kHz = None if band_hz is None else (band_hz[0] / KHZ, band_hz[1] / KHZ)
-    record = ask(case, Crosstalk(band_kHz, points=PEAKS), log)
-    zones = record.zones
+    zones = crosstalk.solve(case, log, band_hz, PEAKS).zones
+    worst_db, _ = worst_level(zones)
     confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
     return FidelityResult(
         fidelity,
@@ -230,8 +230,8 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         None,
         min((zone.mac for zone in zones if zone.mac is not None), default=None),
         warnings=tuple(log.warnings),
-        isolation_db=None if record.worst_db is None else -record.worst_db,
-        gap_mm=record.gap_m / MM,
+        isolation_db=None if worst_db is None else -worst_db,
+        gap_mm=case.design.zone_gap_m / MM,
     )
 
 

@@ -19,9 +19,9 @@ from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
+from pipeline.models.crosstalk import require_drivers
 from pipeline.planning import simplifications
 from pipeline.quantity import figure, frequency
-from pipeline.questions.crosstalk import Crosstalk
 from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
 from pipeline.search.fidelity import (
     COLUMN,
@@ -83,7 +83,7 @@ def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
         if settings.goal not in OF_ZONES:
             what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
             raise InputError(f"--goal {settings.goal}: {what}")
-        Crosstalk().check(case)
+        require_drivers(case)
     elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
         name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
         raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")

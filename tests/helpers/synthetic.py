@@ -13,21 +13,20 @@ import numpy as np
 
 from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, WantedMode, WantedRecord
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
-from pipeline.questions.attenuation import AttenuationResult
+from pipeline.questions.attenuation import AttenuationResult, PredictionResult
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
+from pipeline.questions.board import BoardResult
+from pipeline.questions.geometry import GeometryResult
 from pipeline.questions.modes import ModesResult
 from pipeline.questions.response import PeakRecord, ResponseResult
+from pipeline.questions.tetrahedra import TetModesResult
 from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
-    BoardRecord,
     DesignRecord,
-    GeometryRecord,
     MeshRecord,
     PillarRecord,
-    PredictionRecord,
     Record,
-    TetModesRecord,
 )
 from pipeline.records.study import StoredCase
 
@@ -215,10 +214,10 @@ def attenuation(rows: int) -> AttenuationResult:
     return AttenuationResult(model="solid", kx_per_m=204.0, pitch_y_m=0.004, rows=rows, points=points, **errors)
 
 
-def prediction(rows: int, level_db: float | None) -> PredictionRecord:
+def prediction(rows: int, level_db: float | None) -> PredictionResult:
     """What the rows were said to do."""
     text = {"frequency_hz": 31500.0, "db_per_row": 4.5, "rows_db": 4.5 * rows, "transmission_db": 5.0 * rows}
-    return PredictionRecord(**text, zone_to_extension_db=level_db, rows_needed=3)
+    return PredictionResult(**text, zone_to_extension_db=level_db, rows_needed=3)
 
 
 def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) -> PeakRecord:
@@ -254,10 +253,10 @@ def response(level_db: float | None) -> ResponseResult:
     )
 
 
-def board() -> BoardRecord:
+def board() -> BoardResult:
     """An invented step of an emulated board."""
     loop = {"compiler": "none", "swept": True, "frequency_hz": 31500.0, "tau_s": 3e-3, "gain": (0.0, -0.8)}
-    return BoardRecord(**loop, delay_s=2e-6, reference=0.16, t95_s=1.7e-3, overshoot=0.01)
+    return BoardResult(**loop, delay_s=2e-6, reference=0.16, t95_s=1.7e-3, overshoot=0.01)
 
 
 def board_arrays() -> dict[str, np.ndarray]:
@@ -328,7 +327,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
         versions={"python": "3.11.7", "numpy": "2.4.6"},
         sweep=sweep,
         design=shape,
-        geometry=GeometryRecord(
+        geometry=GeometryResult(
             files=["plate.stl", "plate.step"],
             mass_kg=0.0432,
             volume_m3=1.6e-5,
@@ -342,7 +341,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
         ),
         meshes=[mesh("hex", 5000, 120000), mesh("tet", 40000, 210000)],
         modes=modes(wanted(level_db, index=0, extension_db=level_db, pillar_energy_share=0.4), [confined, *near]),
-        tet_modes=TetModesRecord(
+        tet_modes=TetModesResult(
             model="solid tet2",
             dof=210000,
             frequency_hz=31520.0,
@@ -351,7 +350,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
             hex_frequency_hz=31500.0,
             hex_confinement_db=level_db,
             relative_difference=6e-4,
-            count_check=count(1, 1).to_dict(),
+            count_check=count(1, 1),
         ),
         left_out=["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
         bands=waves,

@@ -10,7 +10,8 @@ import pytest
 
 from pipeline.batch.study_file import load_study
 from pipeline.models.mode_parts import WantedMode
-from pipeline.questions.crosstalk import CrosstalkResult, DrivenZone
+from pipeline.models.wave_parts import DrivenZone
+from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.records.record import (
     PillarRecord,
     TipRecord,

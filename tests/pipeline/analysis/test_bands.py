@@ -13,16 +13,16 @@ import pytest
 from geometry.hex.boxes import HexSettings
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
-from pipeline.measures.attenuation import ATTENUATION
-from pipeline.measures.measure import Work
-from pipeline.measures.registry import ASKED
+from pipeline.measures.asked import answer
 from pipeline.models import attenuation, bands, unit_cell
 from pipeline.models.bands import SolvedBands
 from pipeline.models.whole_cell import WholeCell
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.plots import style
-from pipeline.questions.bands import BandsResult
+from pipeline.questions.attenuation import Attenuation
+from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.question import Run
 from pipeline.report import dispersion_picture
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap
@@ -234,10 +234,10 @@ def test_what_only_documents_tell_is_not_computed_for_a_study(monkeypatch: pytes
     monkeypatch.setattr(bands, "polarisation_gaps", refused)
     monkeypatch.setattr(bands, "directional_gaps", refused)
     monkeypatch.setattr(attenuation, "lattice_model", refused)
-    work = Work(scene, Path(), log)
-    ASKED["bands"].compute(work)
-    ATTENUATION.compute(work)
-    record = work.record["bands"].to_dict()
+    run = Run(log, detailed=False)
+    for question in (Bands(), Attenuation.in_study()):
+        answer(question, scene, run)
+    record = run.found["bands"].to_dict()
     assert record["points"][0]["plate_polarisation"]
     assert record["polarisation_gaps"] is None and record["directional_gaps"] is None
-    assert work.record["attenuation"].model == record["model"]
+    assert run.found["attenuation"].model == record["model"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ from firmware import emulate
 from firmware.build import BuildError, toolchain
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
-from pipeline.board import emulation
 from pipeline.board.table_file import Mode, ModeTable, from_bytes, to_bytes
+from pipeline.case.model import load_case
 from pipeline.errors import InputError
-from pipeline.records.record import BoardFault
+from pipeline.questions import board
+from pipeline.questions.board import Board, BoardResult
+from pipeline.questions.question import Run, Unanswered, ask
 from pipeline.records.run_log import RunLog
+from tests.helpers import synthetic
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
 
@@ -25,7 +29,8 @@ CASE = three_patches((20.0, 40.0), 0.05)
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     table = ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31e3, 300.0),))
-    (tmp_path / emulation.TABLE).write_bytes(to_bytes(table))
+    (tmp_path / board.TABLE).write_bytes(to_bytes(table))
+    (tmp_path / "small.toml").write_text(CASE)
     return tmp_path
 
 
@@ -49,15 +54,22 @@ def a_run(overshoot: float = 0.01) -> emulate.BoardRun:
     return emulate.BoardRun(columns, True, 31e3, 3e-3, -0.5j, 2e-6, "zig cc")
 
 
+def played(folder: Path, log: RecordingLog) -> tuple[BoardResult, dict[str, Any]]:
+    """The answer of the board to a case with a target mode, and its arrays."""
+    run = Run(log, folder=folder)
+    run.found["modes"] = synthetic.modes(synthetic.wanted(12.0))
+    return ask(load_case(str(folder / "small.toml"), []), Board(), run), run.arrays
+
+
 def test_record_and_arrays(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(emulate, "board_run", lambda table: a_run())
     text = RecordingLog()
-    record, arrays = emulation.solve(folder, text)
-    assert record is not None and record.swept and record.gain == (0.0, -0.5)
+    record, arrays = played(folder, text)
+    assert record.swept and record.gain == [0.0, -0.5]
     assert record.overshoot == pytest.approx(0.01) and record.reference == 0.1
     # 95 % of 1 - exp(-t/0.5 ms) is passed at 1.498 ms, by the window that begins at 1.6 and stands for 0.108 ms later
     assert record.t95_s == pytest.approx(1.6e-3 + 0.108e-3)
-    assert set(arrays) == {f"board_{name}" for name in emulation.COLUMNS}
+    assert set(arrays) == {f"board_{name}" for name in board.COLUMNS}
     assert "identified" in text.facts[-1] and "1.71 ms" in text.facts[-1]
 
 
@@ -65,8 +77,8 @@ def test_a_step_that_is_never_reached_says_so(folder: Path, monkeypatch: pytest.
     run = a_run()
     run.columns["u_d"] *= 0.5
     monkeypatch.setattr(emulate, "board_run", lambda table: run)
-    record, _ = emulation.solve(folder, text := RecordingLog())
-    assert record is not None and record.t95_s is None and "not reached" in text.facts[-1]
+    record, _ = played(folder, text := RecordingLog())
+    assert record.t95_s is None and "not reached" in text.facts[-1]
 
 
 def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,15 +90,13 @@ def test_what_is_not_installed_is_left_out_and_a_fault_is_told(folder: Path, mon
 
     text = RecordingLog()
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("no compiler", 5)))
-    assert (
-        emulation.solve(folder, text) == (None, {})
-        and "no compiler" in text.omitted["closed loop on the emulated board"]
-    )
+    with pytest.raises(Unanswered, match="no compiler"):
+        played(folder, text)
     monkeypatch.setattr(emulate, "board_run", fails(emulate.EmulationError("identify")))
-    assert emulation.solve(folder, text) == (BoardFault(fault="identify"), {}) and "BOARD" in text.warnings
+    assert played(folder, text) == (BoardResult(fault="identify"), {}) and "BOARD" in text.warnings
     monkeypatch.setattr(emulate, "board_run", fails(BuildError("the compiler refused", 3)))
     with pytest.raises(BuildError):
-        emulation.solve(folder, text)
+        played(folder, text)
 
 
 def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -> None:
@@ -95,7 +105,7 @@ def test_the_board_needs_the_modes_and_depends_on_the_firmware(tmp_path: Path) -
     with_board, without = (
         case_study.jobs_of(study(tmp_path, m))[0].payload for m in ('["modes", "board"]', '["modes"]')
     )
-    assert with_board["firmware"] == emulation.sources_hash() and "firmware" not in without
+    assert with_board["firmware"] == board.sources_hash() and "firmware" not in without
 
 
 @pytest.mark.slow
@@ -110,7 +120,7 @@ def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) ->
     job = case_study.jobs_of(one)[0]
     with RunLog(tmp_path / "run.mess") as log:
         record = case_study.compute(str(one.case_path), job.payload, tmp_path, log)
-    table = from_bytes((tmp_path / emulation.TABLE).read_bytes())
+    table = from_bytes((tmp_path / board.TABLE).read_bytes())
     gain = table.modes[table.wanted].gain
     assert gain is not None
     result = record["board"]

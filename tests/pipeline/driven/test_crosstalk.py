@@ -18,10 +18,11 @@ from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models import parts, patched_plate
 from pipeline.models.patched_plate import forced_plate
+from pipeline.models.wave_parts import DrivenZone
 from pipeline.plots import style
 from pipeline.plots.mesh import _dimensions
 from pipeline.plots.plate import draw_outlines
-from pipeline.questions.crosstalk import CrosstalkResult, DrivenZone
+from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.response import PeakRecord
 from pipeline.records.record import (
     DesignRecord,

@@ -10,7 +10,8 @@ from geometry.decimate import with_sides
 from pipeline.plots import fields, mesh, plate, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
 from pipeline.questions.bands import BandPoint, BandsResult
-from pipeline.records.record import Record, ShapesRecord
+from pipeline.questions.modes import ShapesResult
+from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import dispersion_picture, gallery
 from tests.helpers import synthetic
@@ -175,7 +176,7 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
     shapes = {4: [[1.0, 0.0], [0.0, 1.0]], 5: [[0.99, 0.1], [0.0, 1.0]], 6: [[0.0, 1.0], [1.0, 0.0]]}
     for pitch, coefficients in shapes.items():
         (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
-        kept = ShapesRecord(wanted=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
+        kept = ShapesResult(wanted=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
         synthetic.change(path.parent, shapes=kept)
     level, tone = sweep.against_sweep(read_study(folder)).figure.axes
     for axes in (level, tone):

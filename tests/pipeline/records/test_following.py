@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.measures import registry
+from pipeline.questions.modes import ShapesResult
 from pipeline.records import tables, tracking
-from pipeline.records.record import ShapesRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from tests.helpers import synthetic
 
@@ -17,7 +17,7 @@ def case(pitch: float, shapes: list[list[float]], wanted: int, mac: float, rows:
     """A record with modes at 30, 31, ... kHz."""
     tones = [30e3 + 1e3 * i for i in range(len(shapes))]
     modes = synthetic.modes(synthetic.wanted(12.0, tones[wanted], mac=mac, share=mac))
-    stored = ShapesRecord(wanted=wanted, frequency_hz=tones, share=[0.9] * len(shapes), coefficients=shapes)
+    stored = ShapesResult(wanted=wanted, frequency_hz=tones, share=[0.9] * len(shapes), coefficients=shapes)
     sweep = {"array.pitch_mm": pitch, "array.rows": rows}
     return synthetic.case(f"p{pitch}r{rows}", sweep, modes=modes, shapes=stored)
 

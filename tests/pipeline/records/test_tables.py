@@ -142,7 +142,7 @@ def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> Non
 
 def test_no_column_of_a_figure_with_an_estimate_lacks_its_bar() -> None:
     """Every column of a measure in whose record an error of the same name stands."""
-    columns = {column.name: column for measure in registry.MEASURES for column in measure.columns}
+    columns = {column.name: column for measure in registry.measures() for column in measure.columns}
     named = ("wanted_hz", "confinement_db", "mac", "zone_share", "strength", "gap_lower_hz", "db_per_row", "rows_db")
     named += ("wanted_peak_hz", "wanted_peak_nm_per_v", "highest_peak_hz", "touched_um", "touched_db", "touch_share")
     named += (

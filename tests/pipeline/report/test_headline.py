@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
     """A record of one plate with the gap and the bending band of its own pitch."""
     gap = Gap(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
     corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[10e3 * pitch])
-    text = synthetic.prediction(rows, level_db).model_copy(update={"db_per_row": 5.0 + pitch, "rows_needed": 2})
+    text = replace(synthetic.prediction(rows, level_db), db_per_row=5.0 + pitch, rows_needed=2)
     driven = {} if driven_db is None else {"response": synthetic.response(driven_db)}
     return synthetic.case(
         more.get("name", f"p{pitch}r{rows}"),

@@ -1,8 +1,7 @@
-"""The same design through CAD and pytetwild, beside the structured meshes: its plate's wanted mode and its unit cell."""
+"""The wanted mode of a plate meshed whole by tetrahedra, compared with the one of the structured mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -13,34 +12,10 @@ from pipeline.models import mode_fields, mode_rows, modes
 from pipeline.planning import calibration
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed
-from pipeline.questions.bands import Bands
-from pipeline.questions.question import Run, ask
-from pipeline.records.record import MeshRecord, TetModesRecord
-from solvers.errors import TooLarge
+from pipeline.records.record import MeshRecord
 
 BELOW = 0.002  # before anything is taken from them tetrahedra lie above the truth: what is looked for below it
-CrossCheck = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
-
-
-def solve(case: Case, log: Log, structured: modes.PartModes | None = None) -> Iterator[CrossCheck]:
-    """Meshes, tet_* arrays and tet_modes of the plate, then tet_bands; a plate too large for the memory is left out.
-
-    structured: the plate's modes on the structured mesh, where they are known.
-    """
-    if structured is None:
-        structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
-    row = structured.wanted.row if structured.wanted else None
-    bar = (structured.bar.frequency if structured.bar else None) or 0.0
-    if row is None:
-        log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
-    else:
-        try:
-            yield _plate(case, structured, row, bar, log)
-        except TooLarge as fault:
-            log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
-    corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
-    run = Run(log, detailed=False)
-    yield run.meshes, {}, {"tet_bands": ask(corners, Bands(), run)}
+Compared = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
 
 
 def excess(across: float) -> float:
@@ -48,7 +23,20 @@ def excess(across: float) -> float:
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
-def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> CrossCheck:
+def compared(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> Compared:
+    """Return meshes, tet_* arrays and figures of the wanted mode by tetrahedra; no figures where it was not found.
+
+    Parameters
+    ----------
+    case
+        The case.
+    own, structured
+        The plate's modes by the structured mesh, and the wanted one among them.
+    bar
+        Half-width of its error bar, relative.
+    log
+        Where the verdict goes.
+    """
     part_modes = _by_tetrahedra(case, structured, bar, log)
     row = part_modes.wanted.row if part_modes.wanted else None
     if row is None:
@@ -65,20 +53,22 @@ def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar:
             f"{level(structured.confinement_db, structured.confinement_error_db)}: "
             f"neighbours that such an error of the frequency mixes into the mode may move it by {level(mixing, mixing)}"
         )
-    record = TetModesRecord.of(
-        row,
-        dof=part_modes.dof,
-        hex_frequency_hz=structured.frequency_hz,
-        relative_difference=row.frequency_hz / structured.frequency_hz - 1.0,
-        agrees=agrees,
-        **{
-            "model": part_modes.model.name,
-            "mac": row.mac,
-            "count_check": part_modes.whole_window.count_check.to_dict(),
-        },
-        **{"confinement_db": row.confinement_db, "hex_confinement_db": structured.confinement_db},
-        confinement_bar_db=mixing,
-    )
+    figures = {
+        "model": part_modes.model.name,
+        "dof": part_modes.dof,
+        "frequency_hz": row.frequency_hz,
+        "error": own_bar,
+        "hex_frequency_hz": structured.frequency_hz,
+        "hex_error": bar,
+        "relative_difference": row.frequency_hz / structured.frequency_hz - 1.0,
+        "agrees": agrees,
+        "mac": row.mac,
+        "count_check": part_modes.whole_window.count_check,
+        "confinement_db": row.confinement_db,
+        "hex_confinement_db": structured.confinement_db,
+        "hex_confinement_error_db": structured.confinement_error_db,
+        "confinement_bar_db": mixing,
+    }
     skin = part_modes.model.skin(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]]).unfolded(row.symmetry)
     surface = mode_fields.surface_arrays([skin])
     arrays = {
@@ -86,7 +76,7 @@ def _plate(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar:
         "tet_triangles": surface["surface_triangles"],
         "tet_u": surface["surface_u"][0],
     }
-    return part_modes.meshes, arrays, {"tet_modes": record}
+    return part_modes.meshes, arrays, figures
 
 
 def _by_tetrahedra(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> modes.PartModes:

@@ -12,14 +12,12 @@ import pytest
 
 from pipeline.case.model import load_case
 from pipeline.explore.answer import Explorer
-from pipeline.measures.live import LIVE
-from pipeline.measures.measure import Work
 from pipeline.models import parametric
 from pipeline.models.parametric import CellModelCache
-from pipeline.planning.plan import Step
-from pipeline.planning.simplifications import Simplification
 from pipeline.plots import sweep
-from pipeline.records.record import LiveRecord, Record
+from pipeline.questions.live import Live, LiveResult
+from pipeline.questions.question import ask
+from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy
 from tests.helpers.exploring import SMALL, small_explorer
 from tests.helpers.recording_log import RecordingLog
@@ -30,18 +28,16 @@ def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
     return small_explorer(tmp_path_factory.mktemp("cells"))
 
 
-def live_of(explorer: Explorer, folder: Path, log: RecordingLog, *settings: str) -> LiveRecord:
-    """What the measure keeps of examples/small.toml with --set words."""
-    work = Work(load_case(SMALL, list(settings)), folder, log)  # type: ignore[arg-type]
+def live_of(explorer: Explorer, log: RecordingLog, *settings: str) -> LiveResult:
+    """What a study keeps of examples/small.toml with --set words."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(parametric, "cell_model", lambda case, log: explorer.model)
-        LIVE.compute(work)
-    return Record.model_validate({"case_id": "one", "status": "OK", **work.record}).live  # type: ignore[return-value]
+        return ask(load_case(SMALL, list(settings)), Live(), log)
 
 
-def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) -> None:
+def test_a_case_has_the_numbers_of_the_page(explorer: Explorer) -> None:
     log = RecordingLog()
-    live = live_of(explorer, tmp_path, log)
+    live = live_of(explorer, log)
     page = explorer.answer(explorer.scene.own())
     plate, rows = page["plate"], page["rows"]
     assert live.frequency_hz == plate["frequency_hz"] and live.frequency_error == plate["frequency_error"]
@@ -56,13 +52,13 @@ def test_a_case_has_the_numbers_of_the_page(explorer: Explorer, tmp_path: Path) 
     for end in (1.0 - live.frequency_error, 1.0 + live.frequency_error):
         assert abs(np.interp(end * live.frequency_hz, *known.T) - live.db_per_row) <= live.db_error * (1.0 + 1e-9)
     widest = max(page["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
-    assert live.gap_hz == (widest and (widest["lower_hz"], widest["upper_hz"]))
+    assert live.gap_hz == (widest and [widest["lower_hz"], widest["upper_hz"]])
     assert not log.warnings and live.warnings == []
 
 
-def test_what_a_column_cannot_tell_is_a_warning(explorer: Explorer, tmp_path: Path) -> None:
+def test_what_a_column_cannot_tell_is_a_warning(explorer: Explorer) -> None:
     log = RecordingLog()
-    live = live_of(explorer, tmp_path, log, "array.rows=5", "array.extension_mm=45")
+    live = live_of(explorer, log, "array.rows=5", "array.extension_mm=45")
     assert "wide passive part" in log.warnings["LIVE"] and live.warnings == [log.warnings["LIVE"]]
 
 
@@ -76,16 +72,16 @@ def test_what_a_column_cannot_tell_is_a_warning(explorer: Explorer, tmp_path: Pa
     ],
 )
 def test_a_case_that_the_bases_do_not_hold_is_left_out_by_name(settings: tuple[str, ...], said: str | None) -> None:
-    planned = LIVE.plan(load_case(SMALL, list(settings)))
+    spared = Live.spared(load_case(SMALL, list(settings)))
     if said is None:
-        assert isinstance(planned, Step)
+        assert spared is None
     else:
-        assert isinstance(planned, Simplification) and planned.what == "live" and said in planned.why
+        assert spared and spared.what == "live" and said in spared.why
 
 
 def test_live_answers_are_drawn_without_plates_and_beside_them(tmp_path: Path) -> None:
     def case(height: float, hz: float) -> StoredCase:
-        live = LiveRecord(
+        live = LiveResult(
             frequency_hz=hz, confinement_db=12.0, gap_hz=None, gap_error=None, db_per_row=None, warnings=[]
         )
         own = {"case_id": f"height_mm={height:g}", "status": "OK", "sweep": {"pillar.height_mm": height}}

@@ -8,9 +8,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis import cross_check
 from pipeline.case.model import load_case
-from pipeline.models import modes, wanted_search
+from pipeline.models import cross_check, modes, wanted_search
 from pipeline.paths import ROOT
 from pipeline.planning.mesh_rules import PLATE_TETRAHEDRA
 from pipeline.planning.request import Expected
@@ -79,10 +78,10 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
     def tet_check(log: RecordingLog) -> Any:
         ours = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
         assert ours.wanted and ours.bar and ours.bar.frequency
-        return cross_check._plate(case, ours, ours.wanted.row, ours.bar.frequency, log)[2].get("tet_modes")
+        return cross_check.compared(case, ours, ours.wanted.row, ours.bar.frequency, log)[2]
 
     same = tet_check(RecordingLog())
-    assert same and same.agrees
+    assert same and same["agrees"]
 
     def broken(self: AssembledPlate) -> PlainPencil:
         pencil = right(self)
@@ -91,4 +90,4 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
     monkeypatch.setattr(AssembledPlate, "pencil", broken)
     log = RecordingLog()
     other = tet_check(log)
-    assert ("CROSS_CHECK" in log.warnings and not other.agrees) if other else "NO_MODE" in log.warnings
+    assert ("CROSS_CHECK" in log.warnings and not other["agrees"]) if other else "NO_MODE" in log.warnings

@@ -1,0 +1,110 @@
+"""The mode table of a study's case, played by the firmware on the emulated board."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pipeline.questions.question import Question, Run, Unanswered
+from pipeline.questions.result import Result
+from pipeline.records.part import column
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+
+NAME = "closed loop on the emulated board"
+TABLE = "mode_table.bin"
+COLUMNS = (
+    "time_s",
+    "reference",
+    "u_d",
+    "u_q",
+    "drive",
+)  # of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+SOURCES = (".c", ".h", ".inc", ".ld", ".py")
+
+
+class BoardResult(Result, axes=()):
+    """A step of the reference played by the firmware's image on the emulated board; the fault alone where it ended in one."""
+
+    compiler: str | None = column("what compiled the image", default=None)
+    swept: bool | None = column("whether the image identified the mode first", default=None)
+    frequency_hz: float | None = column("frequency of the mode", "Hz", default=None)
+    tau_s: float | None = column("time constant of the mode", "s", default=None)
+    gain: list[float] | None = column(
+        "sensor over drive, real and imaginary, of full scales", table=False, default=None
+    )
+    delay_s: float | None = column("delay between drive and sensor", "s", default=None)
+    reference: float | None = column("the step that was asked for, of full scale", default=None)
+    t95_s: float | None = column("time to 95 %; None where it was not reached", "s", default=None)
+    overshoot: float | None = column("overshoot, relative", default=None)
+    fault: str | None = column("the fault in which the image ended", default=None)
+
+    def lines(self) -> Iterator[str]:
+        """Yield the mode that the image drove, and how long the step took."""
+        from pipeline.quantity import figure, frequency
+        from pipeline.units import MS
+
+        if self.fault is not None:
+            yield f"emulated board: {self.fault}"
+            return
+        assert self.gain and self.frequency_hz and self.tau_s and self.reference
+        origin = "identified" if self.swept else "taken from the table"
+        reached = "not reached" if self.t95_s is None else f"after {figure(self.t95_s / MS)} ms"
+        yield (
+            f"emulated board: mode at {frequency(self.frequency_hz)} {origin}, tau {figure(self.tau_s / MS)} ms, gain "
+            f"{figure(abs(complex(*self.gain)))}; 95 % of a step to {figure(self.reference)} {reached}"
+        )
+
+
+class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("plots.board.board",)):
+    """Play the mode table of the case by the firmware's image on the emulated board, a step of the reference."""
+
+    @classmethod
+    def inputs(cls) -> dict[str, Any]:
+        """Return the state of the firmware's sources."""
+        return {"firmware": sources_hash()}
+
+    def plan(self, case: Case) -> Plan:
+        """Plan one run of the image."""
+        from pipeline.planning.plan import plain_step, plan_of
+
+        return plan_of(case, plain_step(self.name, NAME, "the firmware's image and the mode table"))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BoardResult:
+        """Run the image with the table in the case's folder."""
+        from firmware.build import BuildError
+        from firmware.emulate import EmulationError, board_run
+
+        if not run.wanted:
+            raise Unanswered(NAME, "no mode of the wanted shape: there is no mode table")
+        try:
+            with run.step(NAME):
+                played = board_run((run.folder / TABLE).read_bytes())
+        except BuildError as missing:
+            if missing.exit_code != 5:
+                raise
+            raise Unanswered(NAME, str(missing)) from missing
+        except EmulationError as error:
+            run.log.warning("BOARD", f"emulated board: {error}")
+            return BoardResult(fault=str(error))
+        run.arrays |= {f"board_{name}": played.columns[name] for name in COLUMNS}
+        result = BoardResult.of(played, gain=[played.gain.real, played.gain.imag], reference=played.level)
+        for line in result.lines():
+            run.info(line)
+        return result
+
+
+def sources_hash() -> str:
+    """Return a sha256 over the firmware's sources: what a run of the image depends on besides the table."""
+    import hashlib
+
+    from pipeline.paths import ROOT
+    from pipeline.records.fingerprint import file_hash
+
+    folders = ("core", "board", "emulate", "host")
+    paths = [path for name in folders for path in (ROOT / "firmware" / name).rglob("*") if path.suffix in SOURCES]
+    paths += (ROOT / "firmware").glob("*.py")
+    lines = [f"{path.relative_to(ROOT).as_posix()} {file_hash(path)}" for path in sorted(paths)]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()

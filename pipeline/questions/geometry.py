@@ -1,0 +1,99 @@
+"""Print and CAD files of the plate, and what was found in the print file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from pipeline.questions.question import Question, Run
+from pipeline.questions.result import Result, figure_at
+from pipeline.records.part import column
+from pipeline.units import GRAM, MM
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pipeline.case.model import Case
+    from pipeline.logs import Log
+    from pipeline.planning.plan import Plan
+
+
+class GeometryResult(Result, axes=()):
+    """The print and CAD files, and what was found in the print file."""
+
+    files: list[str] = column("the files that were written", table=False)
+    mass_kg: float = column("mass of the plate", "kg")
+    volume_m3: float = column("volume of the print file", "m3")
+    watertight: bool = column("whether its surface is closed")
+    bodies: int = column("bodies in it")
+    volume_error: float = column("volume of the mesh over that of the solid, less 1")
+    smallest_feature_m: float = column("smallest size to be printed", "m")
+    smallest_feature: str = column("what has that size", default="")
+    overhang_deg: float | None = column("steepest overhang", "degree", default=None)
+    overhang: float | None = column("area of the overhangs", "m2", default=None)
+
+    mass = figure_at("mass_kg", "mass", "kg", name="mass_kg")
+
+    def lines(self) -> Iterator[str]:
+        """Yield what was found in the print file."""
+        from pipeline.quantity import figure, percentage, signed
+
+        yield (
+            f"print file: closed {self.watertight}, {self.bodies} body, "
+            f"volume {signed(percentage(self.volume_error))} of the solid's, mass {figure(self.mass_kg / GRAM)} g, "
+            f"smallest feature {self.smallest_feature} {self.smallest_feature_m / MM:g} mm, "
+            f"overhang {figure(self.overhang_deg or 0.0)} degrees"
+        )
+
+
+class Geometry(Question[GeometryResult], in_studies_only=True):
+    """Write print and CAD files of the plate and check the print file."""
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the solid and its files."""
+        from pipeline.planning.plan import plain_step, plan_of
+
+        return plan_of(case, plain_step(self.name, "print and CAD files", "CAD solids, STL read back"))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
+        """Write STL, STEP and 3MF into the case's folder and read the STL back."""
+        from geometry.cad import files, solids
+
+        with run.step("build the solid"):
+            body = solids.plate_solid(case.design)
+        with run.step("write STL, STEP, 3MF"):
+            files.write_stl(body, run.folder / "plate_mm.stl", case.name)
+            files.write_step(body, run.folder / "plate.step", case.name)
+            files.write_3mf(body, run.folder / "plate.3mf", about(case))
+        with run.step("check the print file"):
+            return checked(
+                case, body, run.folder / "plate_mm.stl", run.log, ("plate_mm.stl", "plate.step", "plate.3mf")
+            )
+
+
+def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:
+    """Return what was found in a print file of a solid, and log it with its faults."""
+    from geometry.cad.printability import check_print
+
+    found = check_print(stl, body, case.design)
+    feature, size_m = found.smallest_feature
+    result = GeometryResult.of(
+        found, files=files, smallest_feature=feature, smallest_feature_m=size_m, overhang=found.overhang_area_m2
+    )
+    for line in result.lines():
+        log.info(line)
+    for fault in found.faults:
+        log.warning("PRINT", fault)
+    return result
+
+
+def about(case: Case) -> dict[str, str]:
+    """Return what a 3MF file says of itself."""
+    from pipeline.records.fingerprint import input_hash
+
+    return {
+        "Title": case.name,
+        "Description": f"touch plate, {case.design.rows} rows of pillars a side; touch face down on the build plate; "
+        f"design {input_hash(case.to_dict())}",
+        "Application": "antinode",
+    }

@@ -1,0 +1,145 @@
+"""What the explorer answers of a design, in tenths of a second once the bases of its materials are made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import nan
+from typing import TYPE_CHECKING, Any, Self
+
+from pipeline.errors import InputError
+from pipeline.questions.question import Question, Run
+from pipeline.questions.result import Result, figure_at
+from pipeline.records.part import column
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+
+RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
+
+
+class LiveResult(Result, axes=()):
+    """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode."""
+
+    frequency_hz: float | None = column(
+        "frequency of the column's wanted mode", "Hz", error="frequency_error", default=None
+    )
+    frequency_error: float | None = column("what a column may be off by, and its cells' mesh, relative", default=None)
+    confinement_db: float | None = column(
+        "confinement of the column's wanted mode", "dB", error="confinement_error_db", default=None
+    )
+    confinement_error_db: float | None = column("what a column's confinement may be off by", "dB", default=None)
+    zone_to_extension_db: float | None = column(
+        "the column's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db", default=None
+    )
+    zone_to_extension_error_db: float | None = column(
+        "half-width of the error bar of zone_to_extension_db; None without an estimate", "dB", default=None
+    )
+    mac: float | None = column("modal assurance criterion with the target shape", default=None)
+    gap_hz: list[float] | None = column("both edges of the widest complete gap", "Hz", error="gap_error", table=False)
+    gap_error: float | None = column(
+        "half-width of the bar at the gap's edges, relative; None where the mesh's error was not measured"
+    )
+    db_per_row: float | None = column("decay per row at the wanted mode", "dB", error="db_error")
+    db_error: float | None = column(
+        "what the mode may be off by in frequency changes its decay per row by; None without a decay",
+        "dB",
+        default=None,
+    )
+    why_not: str = column("why the column has no wanted mode", default="")
+    warnings: list[str] = column("what a column cannot tell of this design")
+
+    wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz", error="frequency_error")
+    error = figure_at("frequency_error", "its expected error, live", "%")
+    level = figure_at(
+        "confinement_db", "confinement, live", "dB", name="live_confinement_db", error="confinement_error_db"
+    )
+    level_error = figure_at(
+        "confinement_error_db", "its expected error, live", "dB", name="live_confinement_error_db",
+        error="confinement_error_db",
+    )  # fmt: skip
+    decay = figure_at("db_per_row", "decay per row, live", "dB", name="live_db_per_row", error="db_error")
+
+    @classmethod
+    def of_answer(cls, answer: Mapping[str, Any]) -> Self:
+        """Return the figures of the document that the explorer's page shows."""
+        plate = answer["plate"]
+        widest = max(answer["bands"]["gaps"], key=lambda gap: gap["upper_hz"] - gap["lower_hz"], default=None)
+        known = {name: plate[RENAMED.get(name, name)] for name in cls.declared if RENAMED.get(name, name) in plate}
+        decay, error = _decay(answer["rows"], known.get("frequency_hz"), known.get("frequency_error"))
+        return cls(
+            **known,
+            gap_hz=widest and [widest["lower_hz"], widest["upper_hz"]],
+            gap_error=widest and widest["error"],
+            db_per_row=decay,
+            db_error=error,
+            warnings=answer["warnings"],
+        )
+
+    def lines(self) -> Iterator[str]:
+        """Yield the column's wanted mode, or why there is none."""
+        from pipeline.quantity import frequency, level_with_bar
+
+        if self.frequency_hz is None:
+            yield f"no wanted mode in a column of cells: {self.why_not}"
+            return
+        level = level_with_bar(self.confinement_db, self.confinement_error_db)
+        yield f"a column of cells has its wanted mode at {frequency(self.frequency_hz, self.frequency_error)}, {level}"
+
+
+def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) -> tuple[float | None, float | None]:
+    """Return the decay per row at a frequency, and how far it goes within the frequency's bar, dB."""
+    import numpy as np
+
+    known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
+    if not at_hz or not known:
+        return None, None
+    tones, levels = np.array(known).T
+    decay = float(np.interp(at_hz, tones, levels, left=nan, right=nan))
+    if error is None:
+        return decay, None
+    ends = at_hz * (1.0 - error), at_hz * (1.0 + error)
+    near = levels[(tones > ends[0]) & (tones < ends[1])]
+    within = np.append(np.interp(ends, tones, levels, left=nan, right=nan), near)
+    return decay, float(np.abs(within - decay).max())
+
+
+class Live(Question[LiveResult], in_studies_only=True):
+    """Answer from the explorer's bases, which stand for a plate by one column of its cells."""
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why the bases do not hold the design."""
+        from pipeline.models import parametric
+        from pipeline.planning.simplifications import Simplification
+        from solvers.parametric.affine import DesignBox
+
+        try:
+            case.require("pillar", "zone", command="the measure live")
+            foot = parametric.require_foot(case)
+        except InputError as fault:
+            lacking = "; ".join(fault.lines)
+        else:
+            lacking = "; ".join(DesignBox(foot=foot).faults(parametric.sizes_of(case.design)))
+        return Simplification("no_live", "live", lacking) if lacking else None
+
+    def plan(self, case: Case) -> Plan:
+        """Plan one answer."""
+        from pipeline.planning.plan import plain_step, plan_of
+
+        return plan_of(
+            case, plain_step(self.name, "the explorer's answer", "parametric cell, and a column of such cells")
+        )
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:
+        """Answer from the bases, which are made once a pair of materials."""
+        from pipeline.explore.answer import Explorer, Scene
+        from pipeline.models.parametric import cell_model
+
+        explorer = Explorer(Scene(case, {}, ()), cell_model(case, run.log))
+        with run.step("answer from the bases"):
+            live = LiveResult.of_answer(explorer.document(case, {}))
+        for text in (*live.warnings, *([live.why_not] if live.why_not else [])):
+            run.log.warning("LIVE", text)
+        return live

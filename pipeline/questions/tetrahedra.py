@@ -1,0 +1,104 @@
+"""The same design through CAD and pytetwild, compared with the structured meshes: its plate's wanted mode and its unit cell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from pipeline.models.mode_parts import CountRecord
+from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.question import Question, Run, Unanswered, ask
+from pipeline.questions.result import Result
+from pipeline.records.part import column
+
+if TYPE_CHECKING:
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
+
+
+class TetModesResult(Result, axes=()):
+    """The wanted mode by tetrahedra compared with the one of the structured mesh."""
+
+    model: str = column("model and element order", default="")
+    dof: int = column("degrees of freedom that were solved for")
+    frequency_hz: float = column("frequency by tetrahedra", "Hz", error="error")
+    error: float | None = column("half-width of its error bar, relative; None without an estimate", default=None)
+    hex_frequency_hz: float = column("frequency of the structured mesh", "Hz", error="hex_error")
+    hex_error: float | None = column("half-width of its error bar, relative; None without an estimate", default=None)
+    relative_difference: float = column("tetrahedra over hexahedra, less 1")
+    agrees: bool | None = column("whether the two lie within both bars", default=None)
+    mac: float | None = column("modal assurance criterion with the target shape", default=None)
+    count_check: CountRecord | None = column("the count by inertia beside what was found", table=False, default=None)
+    confinement_db: float | None = column("confinement by tetrahedra", "dB", error="confinement_bar_db", default=None)
+    hex_confinement_db: float | None = column(
+        "confinement of the structured mesh", "dB", error="hex_confinement_error_db", default=None
+    )
+    hex_confinement_error_db: float | None = column("half-width of its error bar", "dB", default=None)
+    confinement_bar_db: float | None = column(
+        "what neighbours that both bars of the frequency mix into the mode may move its level by", "dB", default=None
+    )
+
+
+class TetModes(
+    Question[TetModesResult],
+    in_studies_only=True,
+    aliases=("tetrahedra",),
+    pictures=("plots.fields.mode_on_both_meshes",),
+):
+    """Compute the wanted mode of the plate meshed whole by tetrahedra."""
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the plate."""
+        from pipeline.planning import foresight
+        from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
+        from pipeline.planning.plan import Step, plan_of
+
+        name, mesh = "the same plate and cell by tetrahedra", "tetrahedra of order 2 from CAD"
+        demand = foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT)
+        why = ("a cross-check by another mesh",)
+        return plan_of(
+            case, Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the wanted one", why, demand=demand)
+        )
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> TetModesResult:
+        """Mesh and solve the plate about the frequency of the structured mesh; one too large for the memory is left out."""
+        from pipeline.models import modes
+        from pipeline.models.cross_check import compared
+        from solvers.errors import TooLarge
+
+        structured = run.solved.get("modes")
+        if structured is None:
+            structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), run.log)
+        row = structured.wanted.row if structured.wanted else None
+        bar = (structured.bar.frequency if structured.bar else None) or 0.0
+        if row is None:
+            run.log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
+            raise Unanswered
+        try:
+            meshes, arrays, figures = compared(case, structured, row, bar, run.log)
+        except TooLarge as fault:
+            run.log.warning("TOO_LARGE", f"the whole plate by tetrahedra, a cross-check, is left out: {fault}")
+            raise Unanswered from fault
+        run.meshes += meshes
+        if not figures:
+            raise Unanswered
+        run.arrays |= arrays
+        return TetModesResult(**figures)
+
+
+class TetBands(Question[BandsResult], follows="tet_modes"):
+    """Compute the bands of the unit cell meshed by tetrahedra, at the corners of the path."""
+
+    @classmethod
+    def spared(cls, case: Case) -> Simplification | None:
+        """Return why there is no unit cell."""
+        return Bands.spared(case)
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
+        """Compute the corners."""
+        corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
+        alone = Run(run.log, detailed=False)
+        result = ask(corners, Bands(), alone)
+        run.meshes += alone.meshes
+        return result
