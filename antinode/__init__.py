@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
         Search,
-        Tolerance,
         Touch,
         Travel,
     )
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
     from pipeline.questions.response import ResponseResult as Response
+    from pipeline.questions.tolerance import ToleranceResult as Tolerance
     from solvers.errors import SolverError
 
 HOMES = {
@@ -42,7 +42,6 @@ HOMES = {
     "antinode.results": (
         "Hybrid",
         "Search",
-        "Tolerance",
         "Touch",
         "Travel",
     ),
@@ -66,7 +65,7 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign", "Response")
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign", "Response", "Tolerance")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

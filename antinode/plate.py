@@ -42,13 +42,13 @@ from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
 from pipeline.questions.response import MeasuredResponse, Response, SyntheticResponse
+from pipeline.questions.tolerance import AlikeTolerance, Tolerance
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
         Search,
-        Tolerance,
         Touch,
         Travel,
     )
@@ -148,31 +148,9 @@ class Plate(Frozen):
     response = asks(Response)
     measured_response = asks(MeasuredResponse)
     synthetic_response = asks(SyntheticResponse)
+    tolerance = asks(Tolerance)
+    alike_tolerance = asks(AlikeTolerance)
     crosstalk = asks(Crosstalk)
-
-    def tolerance(
-        self, band_kHz: Pair | None = None, *, alike: bool = False, progress: bool | None = None
-    ) -> Tolerance:
-        """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike; band_kHz: (low, high) in kHz.
-
-        alike: all pillars of a plate are off by the same, answered from the bases of `antinode explore`, without a band. Raises
-        InputError where [tolerance] has no deviation, or where the bases do not hold the design.
-
-        >>> from antinode import Scatter, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
-        >>> spread = plate.tolerance((33.5, 35.5))
-        >>> [round(sample.confinement_db) for sample in spread.samples]
-        [10, 11]
-        """
-        from antinode.results import Tolerance
-        from pipeline.analysis import tolerance
-
-        if alike:
-            from pipeline.explore.alike import solve
-
-            return Tolerance(solve(self._case, self._log(progress)).to_dict() | self._about)
-        solved = tolerance.solve(self._case, self._log(progress), _hz(band_kHz))
-        return Tolerance(solved.record.to_dict() | self._about)
 
     def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
         """Compute what a finger makes of the driven plate: m, W and Hz; `mapped`: at every place of the touch face, too.

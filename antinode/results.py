@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pipeline.records.record import (
         HybridMethod,
         LoadedModeRecord,
-        SampleRecord,
         TouchStateRecord,
     )
 
@@ -107,28 +106,6 @@ class Result(Frozen):
     def _rows_html(self) -> str:
         """Rows that a notebook shows beneath the picture; none for curves."""
         return ""
-
-
-class Tolerance(Result):
-    """How far peak and confinement of the response move when no two pillars are alike: one dictionary a plate, Hz and dB.
-
-    `plate.with_(tolerance=Scatter(height_mm=0.05, samples=20)).tolerance()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> antinode.Tolerance({"samples": [{"peak_hz": 34.45e3, "confinement_db": 11.5}]}).samples[0].confinement_db
-    11.5
-    """
-
-    kind = "tolerance"
-    _dimensions = ("sample",)
-
-    @property
-    def samples(self) -> tuple[SampleRecord, ...]:
-        """Each plate: peak_hz, zone_rms (m/V or m/N), confinement_db, quality_factor, tracking."""
-        return tuple(typed("SampleRecord", each) for each in self._document["samples"])
-
-    def __repr__(self) -> str:
-        return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
 class Touch(Result):
@@ -282,7 +259,6 @@ class Search(Result):
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
-        Tolerance,
         Touch,
         Hybrid,
         Travel,

@@ -14,7 +14,6 @@ from pipeline.records import store
 from pipeline.records.record import first_fault
 
 MARKS = {
-    "tolerance": "samples",
     "touch": "states",
     "travel": "twr",
     "hybrid": "methods",

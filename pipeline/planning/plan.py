@@ -232,12 +232,11 @@ def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
-def tolerance_step(case: Case) -> Step:
+def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:
     """Plan plates whose pillars differ: no mirror halves them, and no cell stands for another."""
-    case.require("tolerance", command="the measure tolerance")
     given = case.tolerance
     assert given is not None
-    low, high = driven_band_hz(case, None)
+    low, high = driven_band_hz(case, band_hz)
     choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
     scattered = simplifications.is_scattered(case)
     not_taken = {"mirror_images", "alike_cells"}

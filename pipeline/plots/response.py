@@ -1,4 +1,4 @@
-"""Pictures of printed plates, of rows and patches together, and of a travelling wave."""
+"""Pictures of rows and patches together, and of a travelling wave."""
 
 from __future__ import annotations
 
@@ -13,12 +13,10 @@ from pipeline.quantity import frequency, level, percentage
 from pipeline.records.record import (
     HybridMethod,
     HybridRecord,
-    SpreadRecord,
-    ToleranceRecord,
     TravelRecord,
 )
 from pipeline.records.study import StoredCase
-from pipeline.units import KHZ, MM, NM, UM
+from pipeline.units import KHZ, MM, UM
 from solvers.measures.levels import CONFINED_DB
 
 FREQUENCY = "frequency (kHz)"
@@ -26,88 +24,6 @@ FREQUENCY = "frequency (kHz)"
 
 def _tone(peak: TravelRecord) -> str:
     return frequency(peak.frequency_hz, peak.frequency_error)
-
-
-def tolerance(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The tolerance study of a case's record."""
-    record = case.record.tolerance
-    return report_figure(record, arrays) if record else None
-
-
-def report_figure(record: ToleranceRecord, arrays: dict[str, Any]) -> ReportFigure:
-    """Curves over frequency, where there are any; below, each plate's peak and how well its zone confines the mode there."""
-    draw = [lambda axes: _curves(axes, record, arrays)] if arrays else []
-    if record.confinement_db:
-        draw.append(lambda axes: draw_peaks(axes, record))
-    figure, panels = style.panels(0.4 + 2.6 * len(draw), len(draw), 1, squeeze=False)
-    for panel, own in zip(panels[:, 0], draw, strict=True):
-        own(panel)
-    title = (
-        "What printed pillars do to the response"
-        if arrays
-        else "What pillars that are all off alike do to the wanted mode"
-    )
-    return ReportFigure("tolerance", title, _spread_alt(record), figure, vector=True)
-
-
-def _curves(axes: Any, record: ToleranceRecord, arrays: dict[str, Any]) -> None:
-    tone, curves = arrays["tolerance_hz"] / KHZ, np.asarray(arrays["tolerance_curves"]) / NM
-    for number, curve in enumerate(curves[1:]):
-        axes.semilogy(tone, curve, color=style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
-    axes.semilogy(tone, curves[0], color="black", lw=1.3, label="nominal plate")
-    peak, count = record.peak_hz, len(record.samples) - record.lost
-    title = "No plate kept the wanted mode"
-    if peak:
-        title = f"Wanted mode's peak {_mean(peak)}, spread {peak.spread(count, 'Hz')} over {count} plates"
-    axes.set(xlabel=FREQUENCY, ylabel=f"zone rms u_z (n{record.rms_unit})", title=title)
-    axes.grid(True)
-    axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
-
-
-def draw_peaks(axes: Any, record: ToleranceRecord) -> None:
-    """Each plate's peak and its driven confinement there, the nominal plate marked."""
-    both = [(one.peak_hz, one.confinement_db) for one in (record.nominal, *record.samples) if one.peak_hz is not None]
-    tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
-    axes.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
-    axes.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
-    axes.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:g} dB")
-    axes.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
-    if spread := record.confinement_db:
-        own = spread.deviation or 0.0
-        axes.axhspan(spread.mean - own, spread.mean + own, color=style.SKY, alpha=0.25, lw=0)
-        axes.set_title(f"Confinement {_levels(record, ', ')}")
-    axes.grid(True)
-    axes.legend(fontsize=8, frameon=True, framealpha=0.9, edgecolor="none")
-
-
-def _mean(peak: SpreadRecord) -> str:
-    return frequency(peak.mean, peak.relative)
-
-
-def _levels(record: ToleranceRecord, to_worst: str) -> str:
-    """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
-    found, count = record.confinement_db, len(record.samples) - record.lost
-    assert found is not None
-    mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
-    return f"{mean}, spread {found.spread(count, 'dB')}{to_worst}worst {worst}"
-
-
-def _spread_alt(record: ToleranceRecord) -> str:
-    peak = record.peak_hz
-    plates = (
-        "plates whose pillars differ"
-        if record.frequency_error is None
-        else "plates whose pillars are all off by the same"
-    )
-    if not peak:
-        return f"None of {len(record.samples)} {plates} kept the wanted mode."
-    tone = frequency(record.nominal.peak_hz, peak.relative)
-    nominal = "" if record.nominal.peak_hz is None else f", nominally at {tone}"
-    spread = f"; confinement {_levels(record, ', at ')}" if record.confinement_db else ""
-    return (
-        f"{len(record.samples)} {plates}: the wanted mode's peak lies at {_mean(peak)} "
-        f"(spread {peak.spread(len(record.samples) - record.lost, 'Hz')}){nominal}{spread}"
-    )
 
 
 def hybrid(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:

@@ -99,6 +99,7 @@ def run(arguments: argparse.Namespace) -> int:
     warn_of_doubts(case.design, log)
     question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
     if arguments.explain:
+        case = question.asked_of(case)
         question.check(case)
         from pipeline.planning.simplifications import no_figures
 

@@ -264,6 +264,10 @@ class Question(_Declared, Generic[R]):
 
     # what subclasses say
 
+    def asked_of(self, case: Case) -> Case:
+        """Return the case that is answered: with those options that stand for keys of it."""
+        return case
+
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
         case.require(*self.needs, command=self.instead_of or self.name)
@@ -320,7 +324,7 @@ def ask(case: Case, question: Question[R], log: Log | Run) -> R:
     """
     from importlib.metadata import version
 
-    run = log if isinstance(log, Run) else Run(log)
+    run, case = log if isinstance(log, Run) else Run(log), question.asked_of(case)
     question.check(case)
     before = len(run.warnings)
     plan = NO_PLAN if question.is_quick else question.plan(case)

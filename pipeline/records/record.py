@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
-from math import isclose, isfinite, sqrt
+from math import isclose, isfinite
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -20,7 +20,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
-from pipeline import quantity
 from pipeline.records import part, store
 from solvers.measures.levels import CONFINED_DB
 
@@ -453,74 +452,6 @@ class TouchRecord(Part):
         return next((state for state in self.states if state.state == name), None)
 
 
-class SpreadRecord(Part):
-    """Mean, standard deviation (None of one sample) and extremes over samples."""
-
-    mean: float
-    deviation: float | None
-    lowest: float
-    highest: float
-
-    @property
-    def relative(self) -> float | None:
-        """The standard deviation relative to the mean; None of one sample."""
-        return None if self.deviation is None else self.deviation / self.mean
-
-    def spread(self, count: int, unit: str) -> str:
-        """The standard deviation of count samples with the digits that its own, deviation / sqrt(2 (count - 1)), allows."""
-        if self.deviation is None:
-            return "unknown"
-        return f"{quantity.figure(self.deviation, self.spread_error(count))} {unit}"
-
-    def spread_error(self, count: int) -> float | None:
-        """The standard deviation's own, of count samples of a normal distribution; None of one sample."""
-        return None if self.deviation is None or count < 2 else self.deviation / sqrt(2.0 * (count - 1))
-
-
-class SampleRecord(Part):
-    """One plate of a tolerance study at the mode that the wanted one has become: the zone's rms in m/V or m/N.
-
-    tracking: single, split among several modes (the strongest is measured), or none (the figures are None then).
-    quality_error: half-width of the quality factor's bar, None where unknown: samples have no bar of their resonances.
-    """
-
-    peak_hz: float | None
-    zone_rms: float | None
-    confinement_db: float | None
-    quality_factor: float | None
-    tracking: str
-    quality_error: float | None = None
-
-
-class ToleranceRecord(Part):
-    """Plates whose pillars differ: the nominal one, the samples, their statistics without those `lost`, which it counts.
-
-    frequency_error, relative: what every frequency may be off by where a column of cells stands for the plate; dofs None then.
-    """
-
-    tolerance: dict[str, int | float]
-    drive: str
-    rms_unit: str
-    pillars: int
-    dofs: int | None
-    nominal: SampleRecord
-    samples: list[SampleRecord]
-    lost: int
-    split: int
-    peak_hz: SpreadRecord | None
-    peak_shift_hz: SpreadRecord | None
-    confinement_db: SpreadRecord | None
-    confined: int | None
-    space_check: dict[str, float | None]
-    interpolation_check: dict[str, float | None] = Field(default_factory=dict)
-    frequency_error: float | None = None
-
-    @property
-    def counted(self) -> int:
-        """How many samples the statistics are of."""
-        return len(self.samples) - self.lost
-
-
 class BoardFault(Part):
     """The fault in which the image ended."""
 
@@ -564,7 +495,6 @@ class Record(Checked):
     plan: PlanRecord | None = None
     design: DesignRecord | None = None
     meshes: list[MeshRecord] = []
-    tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None

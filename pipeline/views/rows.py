@@ -9,11 +9,6 @@ Document = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
-def tolerance(document: Document) -> Rows:
-    """One row a sample."""
-    return [dict(sample) for sample in document["samples"]]
-
-
 def touch(document: Document) -> Rows:
     """One row a state: the free plate, the finger at constant voltage, retuned, held by the loop, with shaped voltages."""
     return [dict(state) for state in document["states"]]
@@ -63,7 +58,6 @@ def search(document: Document) -> Rows:
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
-        tolerance,
         touch,
         hybrid,
         travel,

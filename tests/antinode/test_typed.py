@@ -22,6 +22,8 @@ GOOD = {
     "response": "tone: float = plate.response((30.0, 34.0), points=5).highest_peak.frequency_hz",
     "measured_response": 'measured: object = plate.measured_response(map="field.csv", points=5).measured',
     "synthetic_response": 'noisy: list[float] = plate.synthetic_response(synthetic_data="made").frequency_hz',
+    "tolerance": "worst: float | None = plate.tolerance(samples=3).samples[0].confinement_db",
+    "alike_tolerance": "alike: int = plate.alike_tolerance(seed=2).lost",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
 }
 WRONG = {  # a line, and the code of the error that it must give

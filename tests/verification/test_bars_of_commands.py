@@ -48,6 +48,11 @@ EXACT = {
     **{f"ZoneSizes.{name}_hz": THEORY for name in ("frequency", "formula", "pinned", "thin_clamped", "clamped")},
     **{f"PillarSizes.{name}_hz": THEORY for name in ("frequency", "given_euler", "given_timoshenko", "given_second")},
     "MeasuredSweepRecord.band_hz": GIVEN,
+    **{f"SampleRecord.{name}": "samples have no bar of their resonances" for name in ("peak_hz", "confinement_db")},
+    **{
+        f"ToleranceResult.{name}": OTHERWISE + ": its deviation"
+        for name in ("peak_hz", "peak_shift_hz", "confinement_db")
+    },
     "MeasuredMapRecord.confinement_db": "a map does not tell its noise",
     "ComputedMap.confinement_at_points_db": "a map does not tell its noise",
     "ComputedMap.frequency_hz": OTHERWISE + ": that of the peak",

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from pipeline.measures import registry
+from pipeline.models.tolerance_parts import SpreadRecord
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
-from pipeline.records.record import DesignRecord, SpreadRecord
+from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import mode_shapes, text
 from pipeline.report import page as report_page

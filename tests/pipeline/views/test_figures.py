@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.records.record import SampleRecord, ToleranceRecord
+from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.questions.tolerance import ToleranceResult
 from pipeline.units import KHZ, NM
 from pipeline.views import figures
 from tests.helpers import synthetic
@@ -16,7 +17,7 @@ from tests.helpers import synthetic
 RESPONSE, BANDS, ROWS = synthetic.response(12.0), synthetic.bands(0.004), synthetic.attenuation(3)
 
 
-def tolerance() -> ToleranceRecord:
+def tolerance() -> ToleranceResult:
     """Three plates, one of which lost its mode."""
     plates = [(31e3, 12.0, "single"), (31.5e3, 10.0, "single"), (None, None, "none")]
     nominal, *samples = (
@@ -26,7 +27,7 @@ def tolerance() -> ToleranceRecord:
     counts: dict[str, Any] = {"pillars": 4, "dofs": 9, "lost": 1, "split": 0, "confined": 1}
     statistics = dict.fromkeys(("peak_hz", "peak_shift_hz", "confinement_db"))
     texts: dict[str, Any] = {"tolerance": {}, "drive": "patches", "rms_unit": "m/V", "space_check": {}}
-    return ToleranceRecord(nominal=nominal, samples=samples, **counts, **statistics, **texts)
+    return ToleranceResult(nominal=nominal, samples=samples, **counts, **statistics, **texts)
 
 
 def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> None:
@@ -66,7 +67,7 @@ def test_attenuation_shows_the_least_attenuated_flexural_wave() -> None:
 
 
 def test_samples_of_a_tolerance_lie_at_their_peaks_and_lost_ones_are_left_out() -> None:
-    axes = figures.draw("tolerance", tolerance().to_dict())
+    axes = tolerance().plot()
     samples, nominal = axes.lines[:2]
     assert samples.get_xydata().tolist() == [[31.5, 10.0]] and nominal.get_xydata().tolist() == [[31.0, 12.0]]
 
