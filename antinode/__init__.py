@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.results import (
         Hybrid,
-        Response,
-        Tolerance,
         Touch,
         Travel,
     )
@@ -34,15 +32,15 @@ if TYPE_CHECKING:
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
+    from pipeline.questions.response import ResponseResult as Response
     from pipeline.questions.search import SearchResult as Search
+    from pipeline.questions.tolerance import ToleranceResult as Tolerance
     from solvers.errors import SolverError
 
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.results": (
         "Hybrid",
-        "Response",
-        "Tolerance",
         "Touch",
         "Travel",
     ),
@@ -66,7 +64,17 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign", "Search")
+        for name in (
+            "Attenuation",
+            "Bands",
+            "Broadband",
+            "Crosstalk",
+            "Modes",
+            "Predesign",
+            "Response",
+            "Search",
+            "Tolerance",
+        )
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

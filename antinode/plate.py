@@ -43,15 +43,15 @@ from pipeline.questions.method import asks, numpydoc
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
 from pipeline.questions.question import ask
+from pipeline.questions.response import MeasuredResponse, Response, SyntheticResponse
 from pipeline.questions.search import Goal, Search, SearchResult
+from pipeline.questions.tolerance import AlikeTolerance, Tolerance
 from pipeline.search.terms import End, Range
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
         Hybrid,
-        Response,
-        Tolerance,
         Touch,
         Travel,
     )
@@ -148,53 +148,17 @@ class Plate(Frozen):
     bands = asks(Bands)
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
+    response = asks(Response)
+    measured_response = asks(MeasuredResponse)
+    synthetic_response = asks(SyntheticResponse)
+    tolerance = asks(Tolerance)
+    alike_tolerance = asks(AlikeTolerance)
     crosstalk = asks(Crosstalk)
     active_mason = asks(ActiveMason)
     active_pillar = asks(ActivePillar)
     active_beam = asks(ActiveBeam)
     active_shaping = asks(ActiveShaping)
     active_dq = asks(ActiveDq)
-
-    def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
-        """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).
-
-        points are spread evenly, with more about each peak. Raises InputError without [patches].
-
-        >>> from antinode import Patches, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-        >>> peak = plate.response((33.0, 36.0), points=5).wanted_peak
-        >>> round(peak.frequency_hz, -3), round(peak.confinement_db)
-        (34000.0, 13)
-        """
-        from antinode.results import Response
-        from pipeline.analysis import response
-
-        solved = response.solve(self._case, self._log(progress), _hz(band_kHz), points)
-        return Response(solved.record.to_dict() | self._about)
-
-    def tolerance(
-        self, band_kHz: Pair | None = None, *, alike: bool = False, progress: bool | None = None
-    ) -> Tolerance:
-        """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike; band_kHz: (low, high) in kHz.
-
-        alike: all pillars of a plate are off by the same, answered from the bases of `antinode explore`, without a band. Raises
-        InputError where [tolerance] has no deviation, or where the bases do not hold the design.
-
-        >>> from antinode import Scatter, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
-        >>> spread = plate.tolerance((33.5, 35.5))
-        >>> [round(sample.confinement_db) for sample in spread.samples]
-        [10, 11]
-        """
-        from antinode.results import Tolerance
-        from pipeline.analysis import tolerance
-
-        if alike:
-            from pipeline.explore.alike import solve
-
-            return Tolerance(solve(self._case, self._log(progress)).to_dict() | self._about)
-        solved = tolerance.solve(self._case, self._log(progress), _hz(band_kHz))
-        return Tolerance(solved.record.to_dict() | self._about)
 
     def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
         """Compute what a finger makes of the driven plate: m, W and Hz; `mapped`: at every place of the touch face, too.

@@ -12,7 +12,6 @@ import numpy as np
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
 from pipeline.quantity import figure, frequency
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from pipeline.records.record import (
         HybridMethod,
         LoadedModeRecord,
-        PeakRecord,
-        SampleRecord,
         TouchStateRecord,
     )
 
@@ -109,63 +106,6 @@ class Result(Frozen):
     def _rows_html(self) -> str:
         """Rows that a notebook shows beneath the picture; none for curves."""
         return ""
-
-
-class Response(Result):
-    """Forced response to the patches, per volt: arrays (points,), in Hz and m/V; more points about each peak.
-
-    >>> import antinode
-    >>> patch = antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
-    >>> driven = antinode.load("examples/small.toml", accuracy=0.1, patches=patch).response((33.0, 36.0), points=5)
-    >>> driven.zone_rms_m_per_V.shape == driven.frequency_hz.shape, 33e3 < driven.wanted_peak.frequency_hz < 36e3
-    (True, True)
-    """
-
-    kind = "response"
-    _dimensions = ("frequency_hz",)
-
-    frequency_hz: FloatArray = column("frequency_hz", doc="Frequencies (points,) in Hz.")
-    zone_rms_m_per_V: FloatArray = column(
-        "zone_rms_m_per_V", doc="Rms of u_z on the active touch face (points,) in m/V."
-    )
-
-    @property
-    def passive_rms_m_per_V(self) -> FloatArray | None:
-        """Rms of u_z on the passive touch face (points,) in m/V; None without one."""
-        name = "passive_rms_m_per_V"
-        return None if self._document[name] is None else values(self._document, name)
-
-    @property
-    def wanted_peak(self) -> PeakRecord | None:
-        """The wanted mode's peak, None without one: frequency_hz, zone_rms_m_per_V, confinement_db, quality_factor."""
-        peak: PeakRecord | None = typed("PeakRecord", self._document.get("wanted_peak"))
-        return peak
-
-    def __repr__(self) -> str:
-        f = self.frequency_hz / KHZ
-        return f"<antinode.Response: {len(f)} frequencies from {f[0]:g} to {f[-1]:g} kHz>"
-
-
-class Tolerance(Result):
-    """How far peak and confinement of the response move when no two pillars are alike: one dictionary a plate, Hz and dB.
-
-    `plate.with_(tolerance=Scatter(height_mm=0.05, samples=20)).tolerance()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> antinode.Tolerance({"samples": [{"peak_hz": 34.45e3, "confinement_db": 11.5}]}).samples[0].confinement_db
-    11.5
-    """
-
-    kind = "tolerance"
-    _dimensions = ("sample",)
-
-    @property
-    def samples(self) -> tuple[SampleRecord, ...]:
-        """Each plate: peak_hz, zone_rms (m/V or m/N), confinement_db, quality_factor, tracking."""
-        return tuple(typed("SampleRecord", each) for each in self._document["samples"])
-
-    def __repr__(self) -> str:
-        return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
 class Touch(Result):
@@ -259,8 +199,6 @@ class Travel(Result):
 KINDS: dict[str, type[Result]] = {
     kind.kind: kind
     for kind in (
-        Response,
-        Tolerance,
         Touch,
         Hybrid,
         Travel,

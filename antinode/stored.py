@@ -14,8 +14,6 @@ from pipeline.records import store
 from pipeline.records.record import first_fault
 
 MARKS = {
-    "response": "zone_rms_m_per_V",
-    "tolerance": "samples",
     "touch": "states",
     "travel": "twr",
     "hybrid": "methods",

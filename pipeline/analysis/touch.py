@@ -11,7 +11,6 @@ import numpy as np
 
 from geometry.elements import ComplexArray
 from geometry.fingertips import Fingertip
-from pipeline.analysis.response import driven_hz
 from pipeline.analysis.touch_bars import with_bars, with_map_bars
 from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
 from pipeline.case.model import Case
@@ -30,6 +29,7 @@ from pipeline.records.record import (
 from pipeline.units import GIB, KHZ, MM, UM
 from solvers.errors import SolverError
 from solvers.fem.factor.memory import room_bytes
+from solvers.piezo.circuit import driven_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
 from solvers.threads import one_thread

@@ -141,9 +141,8 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
     """Write STEM.bin and STEM.h of a patched plate that was solved and has a wanted mode: with gains where a patch drives and
     another listens, else its resonances as wired, gains unidentified.
     """
-    from pipeline.analysis.response import driven_hz
     from pipeline.board.gains import can_be_computed
-    from solvers.piezo.circuit import resonances_hz
+    from solvers.piezo.circuit import driven_hz, resonances_hz
 
     if can_be_computed(case):
         return write_gains(case, folder, log, stem, forced)

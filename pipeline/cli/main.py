@@ -102,6 +102,7 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
     if not words or words[0] == "help":
         words = [*words[1:2], "--help"]
     arguments, unknown = parser.parse_known_args(words)
+    arguments.words = words
     if unknown:
         own = arguments.prog
         line = f"{own}: unrecognized arguments: {' '.join(unknown)} (see {own} --help)"

@@ -9,7 +9,6 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
-from pipeline.analysis.response import driven_hz
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -25,6 +24,7 @@ from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widt
 from solvers.driven.error_bars import frequency_error, frequency_errors
 from solvers.driven.forms import Forms, face_grams, forms
 from solvers.measures.levels import ratio_db
+from solvers.piezo.circuit import driven_hz
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peaks import near_hz
 from solvers.threads import one_thread

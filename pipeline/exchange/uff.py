@@ -18,15 +18,17 @@ def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the response about the wanted peak on a grid of the touch face and write it, u_z in m per volt."""
     import pyuff
 
-    from pipeline.analysis import response
     from pipeline.measured.synthetic import grid, tones
+    from pipeline.questions.question import Run, ask
+    from pipeline.questions.response import Response
     from pipeline.records import outputs
     from solvers.piezo.point import point_responses
 
-    solved = response.solve(case, log)
-    points, frequency = grid(case.design), tones(case, solved)
+    run = Run(log)
+    peak = ask(case, Response(), run).peak
+    points, frequency = grid(case.design), tones(case, peak.frequency_hz)
     with log.step(f"response at {len(points)} points"):
-        values = point_responses(solved.forced, points, frequency)
+        values = point_responses(run.solved["forced"], points, frequency)
     sets = [_units(), _nodes(points), *(_response(case, node, frequency, row) for node, row in enumerate(values, 1))]
     with outputs.delivered(path) as temporary:
         pyuff.UFF(str(temporary)).write_sets(sets, "overwrite")

@@ -1,7 +1,7 @@
 """Plates of a batch: the pillars of one plate are alike, those of the next differ, as a printer's settings drift.
 
 Every sample is a design answered from the parametric cell (`pipeline.explore.answer`). Pillars that differ within one plate are
-no cells of it: they have families of reductions of their own (`pipeline.analysis.tolerance`).
+no cells of it: they have families of reductions of their own (`pipeline.models.tolerance`).
 """
 
 from __future__ import annotations
@@ -11,15 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.analysis.tolerance import statistics
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import Log
 from pipeline.models.parametric import cell_model
 from pipeline.models.parametric_mesh import resized, sizes_of
+from pipeline.models.tolerance_parts import SampleRecord
 from pipeline.planning.simplifications import Simplification
-from pipeline.records.record import SampleRecord, ToleranceRecord
 from solvers.variation.samples import CUT, Deviations
 
 FIXED = Simplification(
@@ -27,17 +26,26 @@ FIXED = Simplification(
 )
 
 
-def solve(case: Case, log: Log) -> ToleranceRecord:
-    """The case's samples, each plate with all pillars off by the same. InputError without [tolerance] or outside the bases."""
+def check(case: Case) -> None:
+    """InputError without [tolerance], without pillars, or where no size of theirs differs."""
     case.require_plate(command="tolerance --alike")
     case.require("tolerance", "pillar", command="tolerance --alike")
-    given = case.tolerance
-    assert given is not None
-    deviations = Deviations(given.height_m, given.side_m, 0.0)
-    if not deviations.sizes_m.any():
+    if not _deviations(case).sizes_m.any():
         raise InputError(f"{case.name}: tolerance --alike: tolerance.height_mm or tolerance.side_mm must be above 0")
-    if given.position_m:
-        FIXED.log(log)
+
+
+def _deviations(case: Case) -> Deviations:
+    assert case.tolerance is not None
+    return Deviations(case.tolerance.height_m, case.tolerance.side_m, 0.0)
+
+
+def solve(case: Case, log: Log) -> tuple[SampleRecord, list[SampleRecord], float]:
+    """The nominal plate, the samples with all pillars off by the same each, and the error of a frequency, relative.
+
+    InputError outside the bases.
+    """
+    given, deviations = case.tolerance, _deviations(case)
+    assert given is not None
     explorer = Explorer(Scene(case, {}, ()), cell_model(case, log))
     _require_inside(case, deviations, explorer)
     with log.step("nominal plate"):
@@ -51,7 +59,7 @@ def solve(case: Case, log: Log) -> ToleranceRecord:
     for number, change in enumerate(deviations.draw(1, given.samples, given.seed)[:, 0, :2], start=1):
         with log.step(f"plate {number} of {given.samples}"):
             samples.append(_sample(explorer.plate(printed(case, change))))
-    return _record(case, nominal, samples, answer["plate"]["frequency_error"])
+    return nominal, samples, answer["plate"]["frequency_error"]
 
 
 def printed(case: Case, change_m: FloatArray) -> Case:
@@ -79,22 +87,4 @@ def _sample(plate: dict) -> SampleRecord:
         confinement_db=plate.get("confinement_db"),
         quality_factor=None,
         tracking=plate.get("status", "none"),
-    )
-
-
-def _record(case: Case, nominal: SampleRecord, samples: list[SampleRecord], error: float) -> ToleranceRecord:
-    given = case.tolerance
-    assert given is not None
-    return ToleranceRecord(
-        tolerance={"height_m": given.height_m, "side_m": given.side_m, "seed": given.seed, "cut_at_deviations": CUT},
-        drive="nothing: the free wanted mode of one column of cells, all pillars off by the same",
-        rms_unit="",
-        pillars=len(case.design.pillar_centres()),
-        dofs=None,
-        nominal=nominal,
-        samples=samples,
-        space_check={},
-        interpolation_check={},
-        frequency_error=error,
-        **statistics(nominal, samples),
     )

@@ -8,15 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.analysis.response import Response
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.measured import files, universal
 from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
+from pipeline.measured.parts import (
+    ComputedMap,
+    ComputedResonance,
+    MeasuredMapRecord,
+    MeasuredRecord,
+    MeasuredSweepRecord,
+)
+from pipeline.models.response import SolvedResponse
 from pipeline.planning.request import driven_band_hz
-from pipeline.quantity import figure, frequency, frequency_with_bar, level, percent, percentage, with_bar
-from pipeline.records.record import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
+from pipeline.quantity import frequency, percentage
 from pipeline.units import MM
 from solvers.control.identification import Sensor, Sweep
 from solvers.control.resonance import Resonance, resonance
@@ -38,15 +44,6 @@ class Measurements:
     weights: Weights | None
 
 
-@dataclass(frozen=True)
-class Comparison:
-    """What a record holds as `measured`, the arrays behind its pictures, and lines for people."""
-
-    record: MeasuredRecord
-    arrays: dict[str, Any]
-    lines: list[str]
-
-
 def read(
     case: Case, sweep: str | None, field: str | None, at: str | None, band_hz: tuple[float, float] | None = None
 ) -> Measurements | None:
@@ -60,8 +57,6 @@ def read(
         sweep, field = (None if path is None else str(path) for path in (given.sweep, given.map))
         at = None if given.at_m is None else f"{given.at_m[0] / MM!r},{given.at_m[1] / MM!r}"
     if sweep is None and field is None:
-        if at is not None:
-            raise InputError(f"--at = {at}: goes with --measured")
         return None
     case.require_plate(command="response")
     case.require("patches", command="response")
@@ -108,26 +103,25 @@ def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
     return x, y
 
 
-def compare(case: Case, response: Response, measured: Measurements, log: Log) -> Comparison:
-    """Compare both files with the computed response."""
+def compare(
+    case: Case, response: SolvedResponse, measured: Measurements, log: Log
+) -> tuple[MeasuredRecord, dict[str, Any]]:
+    """Compare both files with the computed response; also the arrays behind the pictures."""
     sweep, field = None, None
     arrays: dict[str, Any] = {}
-    lines: list[str] = []
     with log.step("compare with the measurement"):
         if measured.sweep:
-            sweep, drawn_arrays, summary = _sweep(case, response, measured.sweep, measured.at_m, log)
-            arrays, lines = arrays | drawn_arrays, [*lines, summary]
+            sweep, drawn = _sweep(case, response, measured.sweep, measured.at_m, log)
+            arrays |= drawn
         if measured.field and measured.weights:
-            field, drawn_arrays, summary = _map(case, response, measured.field, measured.weights, log)
-            arrays, lines = arrays | drawn_arrays, [*lines, summary]
-    for line in lines:
-        log.info(line)
-    return Comparison(MeasuredRecord(sweep=sweep, map=field), arrays, lines)
+            field, drawn = _map(case, response, measured.field, measured.weights, log)
+            arrays |= drawn
+    return MeasuredRecord(sweep=sweep, map=field), arrays
 
 
 def _sweep(
-    case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
-) -> tuple[MeasuredSweepRecord, dict[str, Any], str]:
+    case: Case, response: SolvedResponse, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
+) -> tuple[MeasuredSweepRecord, dict[str, Any]]:
     given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
@@ -141,23 +135,22 @@ def _sweep(
     if not tone[0] <= theirs.peak_hz <= tone[-1]:
         beyond = f"its peak at {frequency(theirs.peak_hz)} lies outside the response's band"
         log.warning("PEAK_OUTSIDE", f"{measured.file}: {beyond}")
-    shift = theirs.frequency_hz - ours.frequency_hz
-    about = {"points": len(given.frequencies_hz), "band_hz": [float(low), float(high)]}
-    error = response.expected_error
+    shift, error = theirs.frequency_hz - ours.frequency_hz, response.expected_error
     scatter_hz = theirs.frequency_hz * ((theirs.circle and theirs.circle.frequency_error) or 0.0)
-    shifts = {
-        "frequency_shift_hz": shift,
-        "frequency_shift": shift / ours.frequency_hz,
-        "frequency_shift_error_hz": None if error is None else error * ours.frequency_hz + scatter_hz,
-    }
-    point_mm = None if place is None else (place[0] / MM, place[1] / MM)
-    computed = _identified(ours) | {"point_mm": point_mm, "frequency_error": error, "quality_error": None}
-    record = MeasuredSweepRecord.model_validate(
-        _source(measured) | about | _identified(theirs) | shifts | {"computed": computed}
+    point_mm = None if place is None else [place[0] / MM, place[1] / MM]
+    by_model = {"point_mm": point_mm, "frequency_error": error, "quality_error": None}
+    record = MeasuredSweepRecord(
+        **_source(measured),
+        **_identified(theirs),
+        points=len(given.frequencies_hz),
+        band_hz=[float(low), float(high)],
+        frequency_shift_hz=shift,
+        frequency_shift=shift / ours.frequency_hz,
+        frequency_shift_error_hz=None if error is None else error * ours.frequency_hz + scatter_hz,
+        computed=ComputedResonance(**_identified(ours) | by_model),
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
-    arrays |= {"measured_computed_hz": tone, "measured_computed": curve}
-    return record, arrays, _sweep_summary(record)
+    return record, arrays | {"measured_computed_hz": tone, "measured_computed": curve}
 
 
 def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
@@ -165,7 +158,7 @@ def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
 
 
 def _computed(
-    case: Case, response: Response, measured: MeasuredSweep, at_m: tuple[float, float] | None
+    case: Case, response: SolvedResponse, measured: MeasuredSweep, at_m: tuple[float, float] | None
 ) -> tuple[tuple[float, float] | None, Complex]:
     """What the measuring instrument would have shown of the computed plate, per volt, and at which point."""
     tone = response.curve.frequency_hz
@@ -194,49 +187,35 @@ def _times(error: float | None, factor: float) -> float | None:
     return None if error is None else error * factor
 
 
-def _sweep_summary(theirs: MeasuredSweepRecord) -> str:
-    ours, error = theirs.computed, theirs.computed.frequency_error
-    pairs = [(each.quality_factor, each.quality_error) for each in (theirs, ours)]
-    losses = " against ".join("none" if each[0] is None else with_bar(*each) for each in pairs)
-    bar = "the model's error is not known" if error is None else f"the model may be off by {percent(error)}"
-    return (
-        f"{theirs.file}{_marked(theirs.synthetic)}: resonance at "
-        f"{frequency_with_bar(theirs.frequency_hz, theirs.frequency_error)}, "
-        f"computed {frequency(ours.frequency_hz, error)}: shift {theirs.shift_text}, {bar}; "
-        f"quality factor {losses} computed"
-    )
-
-
-def _marked(synthetic: bool) -> str:
-    return " (synthetic)" if synthetic else ""
-
-
 def _map(
-    case: Case, response: Response, measured: MeasuredField, weights: Weights, log: Log
-) -> tuple[MeasuredMapRecord, dict[str, Any], str]:
-    design, tone = case.design, response.peak.frequency_hz
+    case: Case, response: SolvedResponse, measured: MeasuredField, weights: Weights, log: Log
+) -> tuple[MeasuredMapRecord, dict[str, Any]]:
+    design = case.design
     computed = operating_field(response, measured.points_m)
     given, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
     _log_cover(measured, weights, log)
     confined = None if given.confinement_db is None else bool(given.confinement_db >= CONFINED_DB)
-    there = {"frequency_hz": tone, "confinement_db": response.peak.confinement_db, "mac": seen.mac}
-    there |= {"confinement_at_points_db": seen.confinement_db, "zone_share_at_points": seen.zone_share}
-    record = MeasuredMapRecord.model_validate(
-        _source(measured)
-        | {"points": len(measured.values), "covered_active": weights.active, "covered_passive": weights.passive}
-        | {"zone_share": given.zone_share, "confinement_db": given.confinement_db, "confined": confined}
-        | {"mac": given.mac, "mac_operating": alike, "computed": there}
+    record = MeasuredMapRecord(
+        **_source(measured),
+        points=len(measured.values),
+        covered_active=weights.active,
+        covered_passive=weights.passive,
+        zone_share=given.zone_share,
+        confinement_db=given.confinement_db,
+        confined=confined,
+        mac=given.mac,
+        mac_operating=alike,
+        computed=ComputedMap(
+            frequency_hz=response.peak.frequency_hz,
+            confinement_db=response.peak.confinement_db,
+            mac=seen.mac,
+            confinement_at_points_db=seen.confinement_db,
+            zone_share_at_points=seen.zone_share,
+        ),
     )
     arrays = {"measured_xy": measured.points_m, "measured_field": measured.values, "measured_operating": computed}
-    summary = "no passive face" if given.confinement_db is None else f"confinement {level(given.confinement_db)}"
-    beside = "" if seen.confinement_db is None else f" (computed {level(seen.confinement_db)} at the same points)"
-    line = (
-        f"{Path(measured.file).name}{_marked(measured.synthetic)}: {len(measured.values)} points, {summary}{beside}, "
-        f"MAC {figure(alike)} to the operating deflection shape at {frequency(tone, response.expected_error)}, "
-        f"{figure(given.mac)} to the wanted one"
-    )
-    return record, arrays, line
+    return record, arrays
 
 
 def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
@@ -246,6 +225,6 @@ def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
             log.warning("MAP_PARTIAL", f"{measured.file}: {part}")
 
 
-def operating_field(response: Response, points_m: FloatArray) -> Complex:
+def operating_field(response: SolvedResponse, points_m: FloatArray) -> Complex:
     """Computed u_z per volt at the peak, (n,) in m/V, at points (n, 2) in m."""
     return sampled(*response.forced.shape(response.peak.frequency_hz), points_m)

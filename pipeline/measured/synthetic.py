@@ -5,18 +5,16 @@ The plate that is "measured" is the case with what --set changes: compared with 
 
 from __future__ import annotations
 
-import shlex
-from argparse import Namespace
 from math import ceil, pi
 from pathlib import Path
 
 import numpy as np
 
 from geometry.layout import Design
-from pipeline.analysis.response import Response
 from pipeline.case.model import Case
 from pipeline.measured.comparison import operating_field
 from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
+from pipeline.models.response import SolvedResponse
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
 from pipeline.units import MM
@@ -28,28 +26,16 @@ SPACING_M = 2 * MM  # of the map's points, or an eighth of the zone's width wher
 NOISE = 0.01  # of the peak, rms per point
 
 
-def write(arguments: Namespace, case: Case, response: Response) -> list[Path]:
-    """Write sweep.csv and field.csv into the folder --synthetic-data. InputError when it cannot be written."""
-    noise = NOISE if arguments.noise is None else arguments.noise
-    random = np.random.default_rng(arguments.seed)
-    head = f"# {SYNTHETIC}, not measured: made by {_command(arguments)}\n"
-    place = folder(arguments.synthetic_data)
-    sweep, field = _sweep(case, response, noise, random), _field(case, response, noise, random)
-    written = []
-    for name, text in ((SWEEP, sweep), (FIELD, field)):
-        write_file(place / name, (head + text).encode())
-        written.append(place / name)
-    return written
-
-
-def _command(arguments: Namespace) -> str:
-    words = ["antinode", "response", str(arguments.case)]
-    words += ["--band", arguments.band] if arguments.band else []
-    for setting in arguments.set:
-        words += ["--set", setting]
-    words += ["--synthetic-data", str(arguments.synthetic_data), "--seed", str(arguments.seed)]
-    words += [] if arguments.noise is None else ["--noise", f"{arguments.noise:g}"]
-    return shlex.join(words)
+def write(
+    case: Case, response: SolvedResponse, place: Path, made_by: str, seed: int, noise: float = NOISE
+) -> list[Path]:
+    """Write sweep.csv and field.csv into a folder, made by a command. InputError when it cannot be written."""
+    random = np.random.default_rng(seed)
+    head = f"# {SYNTHETIC}, not measured: made by {made_by}\n"
+    texts = {SWEEP: _sweep(case, response, noise, random), FIELD: _field(case, response, noise, random)}
+    for name, text in texts.items():
+        write_file(folder(str(place)) / name, (head + text).encode())
+    return [place / name for name in texts]
 
 
 def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Complex:
@@ -57,9 +43,9 @@ def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Co
     return np.asarray(values + noise * np.abs(values).max() * (parts[0] + 1j * parts[1]))
 
 
-def _sweep(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
+def _sweep(case: Case, response: SolvedResponse, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt where the zone moves most, amplitude and phase."""
-    tone = tones(case, response)
+    tone = tones(case, response.peak.frequency_hz)
     place = loudest_point(response.forced, response.peak.frequency_hz, case.design.width_m / 2.0)
     seen = _scattered(2j * pi * tone * point_response(response.forced, place, tone), noise, random)
     lines = [f"# a laser at x = {place[0] / MM:.2f} mm, y = {place[1] / MM:.2f} mm of the touch face"]
@@ -68,7 +54,7 @@ def _sweep(case: Case, response: Response, noise: float, random: np.random.Gener
     return "\n".join(lines) + "\n" + outputs.csv_bytes(head, rows).decode()
 
 
-def _field(case: Case, response: Response, noise: float, random: np.random.Generator) -> str:
+def _field(case: Case, response: SolvedResponse, noise: float, random: np.random.Generator) -> str:
     """Velocity per volt over the touch face at the peak, real and imaginary."""
     peak = response.peak.frequency_hz
     points = grid(case.design)
@@ -79,11 +65,10 @@ def _field(case: Case, response: Response, noise: float, random: np.random.Gener
     return f"# at {peak:.3f} Hz\n" + outputs.csv_bytes(head, rows).decode()
 
 
-def tones(case: Case, response: Response) -> FloatArray:
-    """Frequencies about the peak, evenly spaced, in Hz."""
-    peak = response.peak.frequency_hz
-    reach = REACH * peak / case.quality_factor / 2.0
-    return np.linspace(peak - reach, peak + reach, TONES)
+def tones(case: Case, peak_hz: float) -> FloatArray:
+    """Frequencies about a peak, evenly spaced, in Hz."""
+    reach = REACH * peak_hz / case.quality_factor / 2.0
+    return np.linspace(peak_hz - reach, peak_hz + reach, TONES)
 
 
 def grid(design: Design) -> FloatArray:

@@ -62,16 +62,22 @@ def answer(question: Question[Any], case: Case, run: Run) -> None:
 def _column(question: str, name: str, about: Figure[Any]) -> Column:
     """Return the column of table.csv that holds a figure."""
 
-    def at(place: str) -> Callable[[Record], Any]:
-        return lambda record: reach(record.answers.get(question), place)
+    def at(place: str | Callable[[Any], Any]) -> Callable[[Record], Any]:
+        def value(record: Record) -> Any:
+            found = record.answers.get(question)
+            return reach(found, place) if isinstance(place, str) else None if found is None else place(found)
 
-    bar = at(about.error) if about.error else None
-    return Column(about.name or f"{question}_{name}", about.heading, at(name), about.unit, bar, about.is_difference)
+        return value
+
+    own, bar = about.name or f"{question}_{name}", at(about.error) if about.error else None
+    return Column(own, about.heading, at(name), about.unit, bar, about.is_difference, about.is_signed)
 
 
 def _drawn(question: Question[Any]) -> Draw:
     def pictures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure] | None:
         found = case.record.answers.get(question.name)
-        return None if found is None or type(found).draw is Result.draw else found.pictures()
+        if found is None or type(found).draw is Result.draw:
+            return None
+        return found.with_arrays(arrays, case.record.design).pictures()
 
     return pictures

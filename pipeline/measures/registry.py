@@ -9,8 +9,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.measures.asked import of_question
 from pipeline.measures.measure import Measure
-from pipeline.measures.response import HYBRID, RESPONSE, TRAVEL
-from pipeline.measures.tolerance import TOLERANCE
+from pipeline.measures.response import HYBRID, TRAVEL
 from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan, Step
@@ -25,7 +24,7 @@ IN_ORDER = (
     *("modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel", "crosstalk"),
     *("live", "board", "predesign", "zone_modes", "pillar_modes", "geometry", "tet_modes"),
 )
-WRITTEN = {each.name: each for each in (RESPONSE, TOLERANCE, TOUCH, HYBRID, TRAVEL)}
+WRITTEN = {each.name: each for each in (TOUCH, HYBRID, TRAVEL)}
 
 
 def _dof(record: Record) -> int | None:

@@ -8,7 +8,7 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
 from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
-from pipeline.planning.model_choice import model_choice_of
+from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.request import driven_band_hz, response_high_hz
 from pipeline.planning.resources import Demand
 from pipeline.quantity import frequency
@@ -28,21 +28,22 @@ FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch add
 @one_thread()
 def forced_plate(
     case: Case, log: Log, band_hz: tuple[float, float] | None = None, meshes: list[MeshRecord] | None = None,
-    is_announced: bool = False,
+    is_announced: bool = False, choice: ModelChoice | None = None,
 ) -> ForcedPlate:  # fmt: skip
     """Bond the patches and prepare the forced response over a band (default: the case's); meshes are added to
-    `meshes`. is_announced: the plate is one of several, whose demand was told as a whole.
+    `meshes`. is_announced: the plate is one of several, whose demand was told as a whole; choice: that of a plan, announced.
 
     InputError for a model that cannot carry patches; raises what its solvers raise.
     """
     band = driven_band_hz(case, band_hz)
     refuse_patches(case, band)
-    if not is_announced:
+    if not is_announced and choice is None:
         foresight.announce("the forced response", _demand(case, band), log)
-    choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, band)))
+    if choice is None:
+        choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, band)))
+        simplifications.log_all(choice.left_out, log)
     if choice.reduction is None:
         raise InputError(f"{case.name}: solve.model: patches are bonded to plates cells, must be auto or superelement")
-    simplifications.log_all(choice.left_out, log)
     model = parts.built(case, choice, log, [] if meshes is None else meshes)
     assert isinstance(model, PlateModel)
     return driven(case, model, band, log)

@@ -127,11 +127,6 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
-def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """Plan of `antinode response`. Raises InputError for a model that cannot carry patches."""
-    return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
-
-
 def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, drawn: bool) -> Plan:
     """Plan of `antinode touch`. Raises InputError for a case without patches or finger."""
     return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
@@ -237,12 +232,11 @@ def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
     return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
-def tolerance_step(case: Case) -> Step:
+def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:
     """Plan plates whose pillars differ: no mirror halves them, and no cell stands for another."""
-    case.require("tolerance", command="the measure tolerance")
     given = case.tolerance
     assert given is not None
-    low, high = driven_band_hz(case, None)
+    low, high = driven_band_hz(case, band_hz)
     choice = model_choice_of(case, "plate", response_high_hz(case, (low, high)))
     scattered = simplifications.is_scattered(case)
     not_taken = {"mirror_images", "alike_cells"}

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from math import nan
+from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
@@ -113,6 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
         warn_of_doubts(case.design, log)
     question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
     if arguments.explain:
+        case = case and question.asked_of(case)
         question.check(case)  # type: ignore[arg-type]
         from pipeline.planning.simplifications import no_figures
 
@@ -142,7 +144,7 @@ def _asked(arguments: argparse.Namespace) -> Kind:
     """Return the question that a command line asks. Raises InputError for options that are another question's."""
     own: Kind = registered()[arguments.question]
     variants = _variants(own)
-    kind = next((each for each in variants if getattr(arguments, each.by)), own)
+    kind = next((each for each in variants if _is_selected(arguments, each)), own)
     lines = [
         line for other in (own, *variants) if other is not kind for line in _others_options(arguments, kind, other)
     ]
@@ -153,16 +155,27 @@ def _asked(arguments: argparse.Namespace) -> Kind:
     return kind
 
 
+def _is_selected(arguments: argparse.Namespace, kind: Kind) -> bool:
+    return any(getattr(arguments, name) for name in kind.by)
+
+
 def _others_options(arguments: argparse.Namespace, kind: Kind, other: Kind) -> Iterator[str]:
     """Yield a line for each option given that only another question than the one asked has."""
     defaults = {each.name: each.default for each in fields(other)}
     for name, about in other.options.items():
         value = getattr(arguments, name)
         given = list(value) if isinstance(value, list) else [value] * (value != defaults[name])
-        selected = flag(other.by or kind.by, (other if other.by else kind).options[other.by or kind.by])
-        why = f"needs {selected} FILE" if other.by else f"must be left out beside {selected}"
-        if name not in kind.options:
-            yield from (f"{flag(name, about)} = {_shown(one)}: {why}" for one in given)
+        if name in kind.options:
+            continue
+        needed = other.by and not _is_selected(arguments, other)
+        by = (other if needed else kind).by[0]
+        selected = (other if needed else kind).options[by]
+        why = (
+            f"needs {flag(by, selected)} {selected.metavar}"
+            if needed
+            else f"must be left out beside {flag(by, selected)}"
+        )
+        yield from (f"{flag(name, about)} = {_shown(one)}: {why}" for one in given)
 
 
 def _shown(value: Any) -> str:
@@ -218,7 +231,8 @@ def answer(arguments: argparse.Namespace, case: Case | None, question: Question[
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
     folder = outputs.folder(arguments.out) if arguments.out else None
-    result: Result = ask(case, question, Run(log, detailed=kept, folder=folder))
+    run = Run(log, detailed=kept, folder=folder, asked_by=join(["antinode", *arguments.words]))
+    result: Result = ask(case, question, run)
     rows = result.to_rows()
     lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
     head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]

@@ -127,8 +127,9 @@ class Run:
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
     page will show moving shapes. folder: where files beside the answer go, None: nowhere; all_fields: whether every mode's
-    field goes there. meshes, arrays: what was meshed, and arrays that are kept beside the record. solved: what one question has
-    solved and another of the same case can go on from, by name; found: the answers and parts of the record so far.
+    field goes there. asked_by: the command line. meshes, arrays: what was meshed, and arrays that are kept beside the record.
+    solved: what one question has solved and another of the same case can go on from, by name; found: the answers and parts of
+    the record so far.
     """
 
     def __init__(
@@ -139,8 +140,9 @@ class Run:
         shapes: bool = False,
         folder: Path | None = None,
         all_fields: bool = False,
+        asked_by: str = "",
     ) -> None:
-        self.log, self.detailed, self.shapes = log, detailed, shapes
+        self.log, self.detailed, self.shapes, self.asked_by = log, detailed, shapes, asked_by
         self.folder, self.all_fields = folder, all_fields
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
@@ -206,7 +208,7 @@ class Question(_Declared, Generic[R]):
     aliases : further names in study files; several questions may share one.
     family : the command that this question is a part of, such as active of `antinode active mason`.
     without_case : that no case has to be given, and the study's case that is then taken; "" for none. No study asks it.
-    instead_of, by : the question whose command asks this one where its option `by` is given.
+    instead_of, by : the question whose command asks this one where its option `by`, or one of several, is given.
     is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
     is_measure : whether studies ask it of each case, with its default options.
     """
@@ -217,7 +219,7 @@ class Question(_Declared, Generic[R]):
     drives: ClassVar[bool]
     pictures: ClassVar[Axis]
     instead_of: ClassVar[str]
-    by: ClassVar[str]
+    by: ClassVar[Axis]
     is_quick: ClassVar[bool]
     follows: ClassVar[str]
     after: ClassVar[str]
@@ -231,14 +233,14 @@ class Question(_Declared, Generic[R]):
 
     def __init_subclass__(
         cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str = "", is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
+        by: str | Axis = (), is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
         is_measure: bool = True, aliases: Axis = (), family: str = "", without_case: str | None = None,
     ) -> None:  # fmt: skip
         super().__init_subclass__()
-        if Question not in cls.__bases__:
+        if Question not in cls.__bases__ and not instead_of:
             return  # the same question, asked in another way
         cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
-        cls.instead_of, cls.by, cls.is_quick = instead_of, by, is_quick
+        cls.instead_of, cls.by, cls.is_quick = instead_of, (by,) if isinstance(by, str) else by, is_quick
         cls.follows, cls.after, cls.aliases = follows, after, aliases
         cls.family, cls.without_case = family, without_case
         cls.is_measure = is_measure and without_case is None
@@ -290,10 +292,14 @@ class Question(_Declared, Generic[R]):
 
     # what subclasses say
 
+    def asked_of(self, case: Case) -> Case:
+        """Return the case that is answered: with those options that stand for keys of it."""
+        return case
+
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
         if self.needs:
-            case.require(*self.needs, command=self.name)
+            case.require(*self.needs, command=self.instead_of or self.name)
 
     @property
     def is_own(self) -> bool:
@@ -349,7 +355,7 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
 
     run = log if isinstance(log, Run) else Run(log)
     assert case is not None or question.without_case is not None
-    about: Any = case
+    about: Any = case and question.asked_of(case)
     question.check(about)
     before = len(run.warnings)
     plan = NO_PLAN if question.is_quick else question.plan(about)

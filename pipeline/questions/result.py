@@ -16,19 +16,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pipeline.plots.style import ReportFigure
+    from pipeline.records.record import DesignRecord
 
 SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
+Error = str | Callable[[Any], float | None]
 
 
 class Figure(Generic[T]):
     """A property that answers in one number: a column of every sweep, a headline of every report."""
 
     def __init__(
-        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: str, is_difference: bool
-    ) -> None:
+        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: Error, is_difference: bool,
+        is_signed: bool,
+    ) -> None:  # fmt: skip
         self.of, self.heading, self.unit, self.name, self.error = of, heading, unit, name, error
-        self.is_difference = is_difference
+        self.is_difference, self.is_signed = is_difference, is_signed
         self.__doc__ = of.__doc__
 
     @overload
@@ -40,8 +43,9 @@ class Figure(Generic[T]):
 
 
 def figure(
-    heading: str, unit: str | None = "", *, name: str = "", error: str = "", is_difference: bool = False
-) -> Callable[[Callable[[Any], T]], Figure[T]]:
+    heading: str, unit: str | None = "", *, name: str = "", error: Error = "", is_difference: bool = False,
+    is_signed: bool = False,
+) -> Callable[[Callable[[Any], T]], Figure[T]]:  # fmt: skip
     """Declare a figure of a result: a property, None where it has no meaning.
 
     Parameters
@@ -51,16 +55,19 @@ def figure(
     name
         Its column in table.csv; the question's name and its own by default.
     error
-        The property, or the place of the field, with the half-width of its bar: relative for a frequency, else in the unit.
+        The property, the place of the field, or a function of the result, with the half-width of its error bar: relative for a
+        frequency, else in the unit.
     is_difference
         Whether it is a difference of frequencies, whose bar is in Hz.
+    is_signed
+        Whether it is written with its sign.
     """
-    return lambda of: Figure(of, heading, unit, name, error, is_difference)
+    return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
-def figure_at(place: str, heading: str, unit: str | None = "", *, name: str = "", error: str = "") -> Figure[Any]:
+def figure_at(place: str, heading: str, unit: str | None = "", **options: Any) -> Figure[Any]:
     """Declare a figure that is a field of one of the result's parts, by its place; options as `figure` takes them."""
-    return figure(heading, unit, name=name, error=error)(lambda result: reach(result, place))
+    return figure(heading, unit, **options)(lambda result: reach(result, place))
 
 
 def reach(part: Any, place: str) -> Any:
@@ -95,6 +102,8 @@ class Result(Part):
     axes: ClassVar[Axis] = ()
     figures: ClassVar[dict[str, Figure[Any]]] = {}
     origin: ClassVar[Origin | None] = None  # of each result by itself, set where it is computed or read
+    arrays: ClassVar[Mapping[str, Any]] = {}  # of each by itself: what pictures draw, kept beside a record
+    design: ClassVar[Any] = None  # of each by itself: the case's DesignRecord, where pictures need it
 
     def __init_subclass__(cls, *, axes: Axis, table: str = "") -> None:
         super().__init_subclass__()
@@ -122,6 +131,12 @@ class Result(Part):
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
+
+    def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
+        """Return the result itself, with arrays by name and the design for its pictures."""
+        object.__setattr__(self, "arrays", arrays)
+        object.__setattr__(self, "design", design)
+        return self
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return the main table: a dictionary of plain values a row, units in the names."""

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
-from math import isclose, isfinite, sqrt
+from math import isclose, isfinite
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -20,9 +20,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.registry import stored_shape
-from pipeline import quantity
 from pipeline.records import part, store
-from pipeline.units import NM
 from solvers.measures.levels import CONFINED_DB
 
 R = TypeVar("R", bound=part.Part)
@@ -176,66 +174,6 @@ class MeshRecord(Part):
     sha256: str
     worst_jacobian_ratio: float | None = None
     volume_error: float | None = None
-
-
-class PeakRecord(Part):
-    """The response at one frequency, and the quality factor read from the curve.
-
-    height_error: half-width of the bar of both rms, relative, the damping given; frequency_error: of the frequency's, by mesh,
-    reduction and bonding together; quality_error: of the quality factor's; confinement_error_db: of the level's. None where one
-    is not known.
-    """
-
-    frequency_hz: float
-    zone_rms_m_per_V: float
-    passive_rms_m_per_V: float | None
-    confinement_db: float | None
-    quality_factor: float | None
-    height_error: float | None = None
-    frequency_error: float | None = None
-    quality_error: float | None = None
-    confinement_error_db: float | None = None
-
-    @property
-    def zone_nm_per_V(self) -> float:
-        """The zone's rms in nm/V."""
-        return self.zone_rms_m_per_V / NM
-
-    @property
-    def zone_error_nm_per_V(self) -> float | None:
-        """Half-width of its bar."""
-        return None if self.height_error is None else self.height_error * self.zone_nm_per_V
-
-
-class ResponseRecord(Part):
-    """The forced response: curves over frequency, the wanted mode's peak (None without one), the highest of all.
-
-    zone_rms_error_m_per_V, passive_rms_error_m_per_V: half-widths of the curves' bars at each frequency, the damping given.
-    """
-
-    model: str
-    dof: int
-    frequency_hz: list[float]
-    zone_rms_m_per_V: list[float]
-    passive_rms_m_per_V: list[float] | None
-    sensor_V_per_V: list[tuple[float, float]] | None
-    sensors: list[int]
-    polarisation_signs: list[int]
-    wanted_hz: float | None
-    quality_factor_given: float
-    expected_error: float | None
-    circuit: dict[str, Any]  # how the drivers are fed, and what opening every patch does to the wanted mode
-    wanted_status: str
-    wanted_peak: PeakRecord | None
-    highest_peak: PeakRecord
-    widest_bar: dict[str, Any] | None = None
-    zone_rms_error_m_per_V: list[float] | None = None
-    passive_rms_error_m_per_V: list[float] | None = None
-
-    @property
-    def peak(self) -> PeakRecord:
-        """The wanted mode's peak; the highest where the band has none."""
-        return self.wanted_peak or self.highest_peak
 
 
 class HybridMethod(Part):
@@ -514,148 +452,6 @@ class TouchRecord(Part):
         return next((state for state in self.states if state.state == name), None)
 
 
-class CircleRecord(Open):
-    """A circle in the complex plane."""
-
-    centre: tuple[float, float]
-    radius: float
-
-
-class FittedMode(Open):
-    """A mode as fitted to a response's circle, the delay taken out."""
-
-    delay_s: float
-    circle: CircleRecord
-
-
-class ResonanceRecord(Open):
-    """A resonance as identified from a sweep; circle: None where it is the peak's.
-
-    frequency_error, relative: of a measured one by the scatter of its points, of the computed one the model's; quality_error:
-    of a measured factor by that scatter.
-    """
-
-    frequency_hz: float
-    quality_factor: float | None
-    circle: FittedMode | None
-    frequency_error: float | None = None
-    quality_error: float | None = None
-
-
-class MeasuredSweepRecord(ResonanceRecord):
-    """A measured sweep beside the computed response, where the measuring instrument points.
-
-    frequency_shift is the shift over the computed frequency; its error is by the model and by the measured points' scatter.
-    """
-
-    file: str
-    synthetic: bool
-    frequency_shift_hz: float
-    frequency_shift: float
-    computed: ResonanceRecord
-    frequency_shift_error_hz: float | None = None
-
-    @property
-    def shift_text(self) -> str:
-        """The shift in Hz and in percent with the digits that its bar allows."""
-        half, own = self.frequency_shift_error_hz, self.computed.frequency_hz
-        moved = quantity.with_bar(self.frequency_shift_hz, half, "Hz")
-        part = quantity.percentage(self.frequency_shift_hz / own, None if half is None else half / own)
-        return f"{quantity.signed(moved)} ({quantity.signed(part)})"
-
-
-class ComputedMap(Open):
-    """The computed field as a measured map would have shown it."""
-
-    confinement_at_points_db: float | None
-
-
-class MeasuredMapRecord(Open):
-    """A measured map of the touch face beside the computed operating shape."""
-
-    file: str
-    synthetic: bool
-    points: int
-    confinement_db: float | None
-    mac_operating: float
-    computed: ComputedMap
-
-
-class MeasuredRecord(Part):
-    """What was measured beside the response."""
-
-    sweep: MeasuredSweepRecord | None
-    map: MeasuredMapRecord | None
-
-
-class SpreadRecord(Part):
-    """Mean, standard deviation (None of one sample) and extremes over samples."""
-
-    mean: float
-    deviation: float | None
-    lowest: float
-    highest: float
-
-    @property
-    def relative(self) -> float | None:
-        """The standard deviation relative to the mean; None of one sample."""
-        return None if self.deviation is None else self.deviation / self.mean
-
-    def spread(self, count: int, unit: str) -> str:
-        """The standard deviation of count samples with the digits that its own, deviation / sqrt(2 (count - 1)), allows."""
-        if self.deviation is None:
-            return "unknown"
-        return f"{quantity.figure(self.deviation, self.spread_error(count))} {unit}"
-
-    def spread_error(self, count: int) -> float | None:
-        """The standard deviation's own, of count samples of a normal distribution; None of one sample."""
-        return None if self.deviation is None or count < 2 else self.deviation / sqrt(2.0 * (count - 1))
-
-
-class SampleRecord(Part):
-    """One plate of a tolerance study at the mode that the wanted one has become: the zone's rms in m/V or m/N.
-
-    tracking: single, split among several modes (the strongest is measured), or none (the figures are None then).
-    quality_error: half-width of the quality factor's bar, None where unknown: samples have no bar of their resonances.
-    """
-
-    peak_hz: float | None
-    zone_rms: float | None
-    confinement_db: float | None
-    quality_factor: float | None
-    tracking: str
-    quality_error: float | None = None
-
-
-class ToleranceRecord(Part):
-    """Plates whose pillars differ: the nominal one, the samples, their statistics without those `lost`, which it counts.
-
-    frequency_error, relative: what every frequency may be off by where a column of cells stands for the plate; dofs None then.
-    """
-
-    tolerance: dict[str, int | float]
-    drive: str
-    rms_unit: str
-    pillars: int
-    dofs: int | None
-    nominal: SampleRecord
-    samples: list[SampleRecord]
-    lost: int
-    split: int
-    peak_hz: SpreadRecord | None
-    peak_shift_hz: SpreadRecord | None
-    confinement_db: SpreadRecord | None
-    confined: int | None
-    space_check: dict[str, float | None]
-    interpolation_check: dict[str, float | None] = Field(default_factory=dict)
-    frequency_error: float | None = None
-
-    @property
-    def counted(self) -> int:
-        """How many samples the statistics are of."""
-        return len(self.samples) - self.lost
-
-
 class BoardFault(Part):
     """The fault in which the image ended."""
 
@@ -699,9 +495,6 @@ class Record(Checked):
     plan: PlanRecord | None = None
     design: DesignRecord | None = None
     meshes: list[MeshRecord] = []
-    response: ResponseRecord | None = None
-    measured: MeasuredRecord | None = None
-    tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
     hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
@@ -714,6 +507,9 @@ class Record(Checked):
         """Answers to questions stand beside the other parts, each by its question's name."""
         if not isinstance(given, Mapping):
             return given
+        if "measured" in given:  # of a record in which it stood beside the response
+            whole = {**given["response"], "measured": given["measured"]}
+            given = {key: value for key, value in given.items() if key != "measured"} | {"response": whole}
         known = {key: value for key, value in given.items() if key not in cls.model_fields and key != "schema"}
         answers = {key: answer_of(key, value) for key, value in known.items() if kind_of(key)}
         rest = {key: value for key, value in given.items() if key not in answers}
@@ -758,6 +554,11 @@ class Record(Checked):
     def modes(self) -> Any:
         """The answer about the plate's modes; None where it was not asked."""
         return self.answers.get("modes")
+
+    @property
+    def response(self) -> Any:
+        """The answer about the forced response; None where it was not asked."""
+        return self.answers.get("response")
 
     @property
     def wanted(self) -> Any:

@@ -14,8 +14,6 @@ from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
     HybridRecord,
     Part,
-    ResponseRecord,
-    ToleranceRecord,
     TouchRecord,
     TravelRecord,
 )
@@ -50,16 +48,6 @@ def save(figure: Any, place: Path) -> None:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
 
 
-def response(ax: Any, document: Document) -> None:
-    """Rms of zone and passive face per volt over frequency, the peaks marked."""
-    of_response.draw_amplitudes(ax, _read(ResponseRecord, document))
-
-
-def tolerance(ax: Any, document: Document) -> None:
-    """Peaks of the samples against their driven confinement."""
-    of_response.draw_peaks(ax, _read(ToleranceRecord, document))
-
-
 def touch(ax: Any, document: Document) -> None:
     """Amplitude under the finger at each place, the free plate's nodes as lines; the states' amplitudes without a map."""
     of_touch.draw(ax, _read(TouchRecord, document))
@@ -87,8 +75,6 @@ def differences(ax: Any, rows: list[Document]) -> None:
 FIGURES: dict[str, Callable[[Any, Document], None]] = {
     each.__name__: each
     for each in (
-        response,
-        tolerance,
         touch,
         hybrid,
         travel,

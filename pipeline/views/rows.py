@@ -9,21 +9,6 @@ Document = dict[str, Any]
 Rows = list[dict[str, Any]]
 
 
-def response(document: Document) -> Rows:
-    """One row a frequency."""
-    names = ("zone_rms_m_per_V", "passive_rms_m_per_V", "zone_rms_error_m_per_V", "passive_rms_error_m_per_V")
-    known = {name: document.get(name) for name in names}
-    return [
-        {"frequency_hz": frequency} | {name: values and values[place] for name, values in known.items()}
-        for place, frequency in enumerate(document["frequency_hz"])
-    ]
-
-
-def tolerance(document: Document) -> Rows:
-    """One row a sample."""
-    return [dict(sample) for sample in document["samples"]]
-
-
 def touch(document: Document) -> Rows:
     """One row a state: the free plate, the finger at constant voltage, retuned, held by the loop, with shaped voltages."""
     return [dict(state) for state in document["states"]]
@@ -63,8 +48,6 @@ def travel(document: Document) -> Rows:
 ROWS: dict[str, Callable[[Document], Rows]] = {
     each.__name__: each
     for each in (
-        response,
-        tolerance,
         touch,
         hybrid,
         travel,

@@ -70,6 +70,12 @@ def open_patches(forced: ForcedPlate) -> list[int]:
     return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
 
 
+def driven_hz(forced: ForcedPlate) -> float | None:
+    """Return the wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
+    shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
+    return shift.open_hz if shift else forced.wanted_hz()
+
+
 def resonances_hz(forced: ForcedPlate) -> FloatArray:
     """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
     low, high = forced.band_hz

@@ -26,9 +26,12 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("response", "tolerance", "touch", "hybrid", "travel", "explore")),
+      for name in ("touch", "hybrid", "travel", "explore")),
     "pipeline.questions.crosstalk.Crosstalk",
     "pipeline.questions.active.ActiveShaping",
+    "pipeline.questions.tolerance.Tolerance",
+    "pipeline.questions.tolerance.AlikeTolerance",
+    *(f"pipeline.questions.response.{name}Response" for name in ("", "Measured", "Synthetic")),
 }  # fmt: skip
 
 

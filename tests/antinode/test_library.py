@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 import antinode
 from antinode import sweeps
@@ -194,7 +193,7 @@ NONE = antinode.Wanted(status="none", frequency_hz=None, mac=None, strength=None
 def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
     sizes = plate.predesign()
     row = antinode.SweepTable([{"case": "a", "level_db": 1.0}], Path())
-    driven = antinode.Response({"wanted_peak": {"frequency_hz": 34e3, "quality_factor": 300.0}})
+    driven = synthetic.response(12.0)
     for frozen, name in ((plate, "name"), (plate, "colour"), (sizes, "zone_hz"), (sizes, "kind"), (row, "swept"),
                          (driven, "frequency_hz"), (NONE, "mac")):  # fmt: skip
         with pytest.raises(AttributeError):
@@ -202,8 +201,8 @@ def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
     with pytest.raises(TypeError):
         row[0]["level_db"] = 2.0
     peak = driven.wanted_peak
-    assert peak is not None and peak.frequency_hz == 34e3
-    with pytest.raises(ValidationError):
+    assert peak is not None and peak.quality_factor == 298.0
+    with pytest.raises(AttributeError):
         peak.frequency_hz = 1.0
     sizes.to_dict()["zone"]["frequency_hz"] = 0.0
     assert sizes.zone_hz > 30e3

@@ -18,16 +18,15 @@ from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.questions.board import BoardResult
 from pipeline.questions.geometry import GeometryResult
 from pipeline.questions.modes import ModesResult
+from pipeline.questions.response import PeakRecord, ResponseResult
 from pipeline.questions.tetrahedra import TetModesResult
 from pipeline.records import record as stored
 from pipeline.records import store
 from pipeline.records.record import (
     DesignRecord,
     MeshRecord,
-    PeakRecord,
     PillarRecord,
     Record,
-    ResponseRecord,
 )
 from pipeline.records.study import StoredCase
 
@@ -228,14 +227,14 @@ def peak(frequency_hz: float, level_db: float | None, zone_rms: float = 3e-8) ->
     return PeakRecord(**own, confinement_db=level_db, quality_factor=298.0)
 
 
-def response(level_db: float | None) -> ResponseRecord:
+def response(level_db: float | None) -> ResponseResult:
     """An invented resonance at 31.5 kHz with one sensor."""
     tone = np.linspace(28e3, 35e3, 141)
     motion = 3e-8 / np.abs(1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     heard = 1.0 / (1.0 - (tone / 31500.0) ** 2 + 1j / 300.0) / 300.0
     passive_rms = motion / 10.0 ** ((level_db or 0.0) / 20.0)
     highest = peak(tone[int(motion.argmax())], level_db, motion.max())
-    return ResponseRecord(
+    return ResponseResult(
         model="solid with 8 patches",
         dof=120000,
         frequency_hz=tone.tolist(),

@@ -13,8 +13,8 @@ from geometry.hex.boxes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.piezo_materials import PIEZO_MATERIALS
-from pipeline.analysis import peak_bars
-from pipeline.analysis.peak_bars import AROUND_PEAK, DECAYED, curve_errors, quality_error
+from pipeline.models import peak_bars
+from pipeline.models.peak_bars import AROUND_PEAK, DECAYED, curve_errors, quality_error
 from solvers.driven.curve_bars import Doubts
 from solvers.driven.error_bars import Variation, bases
 from solvers.piezo.forced import Curve, Drive, ForcedPlate

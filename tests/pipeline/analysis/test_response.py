@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.analysis import response
 from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
+from pipeline.models import response
 from pipeline.planning.error_bar import WidestBar
 from solvers.control.resonance import half_power_quality_factor
 from solvers.piezo.frequency_bar import FrequencyErrors

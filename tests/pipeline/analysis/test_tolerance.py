@@ -9,11 +9,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.analysis import tolerance
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.records.record import SampleRecord
+from pipeline.models import tolerance
+from pipeline.models.tolerance_parts import SampleRecord
 from solvers.variation.plate_space import PlateSpace
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")

@@ -23,10 +23,10 @@ from pipeline.plots import style
 from pipeline.plots.mesh import _dimensions
 from pipeline.plots.plate import draw_outlines
 from pipeline.questions.crosstalk import CrosstalkResult
+from pipeline.questions.response import PeakRecord
+from pipeline.questions.tolerance import SampleRecord
 from pipeline.records.record import (
     DesignRecord,
-    PeakRecord,
-    SampleRecord,
     TouchStateRecord,
 )
 from solvers.driven import curve_bars
@@ -205,9 +205,9 @@ def test_a_level_and_its_share_are_those_of_the_same_areas(forced: ForcedPlate) 
     Documents of response, touch, crosstalk and tolerance have levels alone, no share of the zone: that of `touch` is of the
     free mode's shape. Where one gets a zone_share, it belongs here.
     """
-    for record in (PeakRecord, TouchStateRecord, SampleRecord):
-        assert "zone_share" not in record.model_fields
-    assert "zone_share" not in DrivenZone.declared
+    assert "zone_share" not in TouchStateRecord.model_fields
+    for part in (PeakRecord, SampleRecord, DrivenZone):
+        assert "zone_share" not in part.declared
     zones, tone, design = zones_of(forced), 33e3, forced.design
     fed = zone_volts(forced, np.array(PATCHES["centres_mm"]) * 1e-3)[0]
     (rms,) = zones.rms(fed, np.array([tone]))

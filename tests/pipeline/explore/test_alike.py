@@ -13,8 +13,8 @@ from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.explore import alike
 from pipeline.explore.answer import Explorer
-from pipeline.plots.response import report_figure
-from pipeline.records.record import ToleranceRecord
+from pipeline.questions.question import ask
+from pipeline.questions.tolerance import AlikeTolerance, ToleranceResult
 from solvers.variation.samples import Deviations
 from tests.helpers.exploring import SMALL, small_explorer
 from tests.helpers.recording_log import RecordingLog
@@ -27,19 +27,19 @@ def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
     return small_explorer(tmp_path_factory.mktemp("cells"))
 
 
-def solved(explorer: Explorer, *settings: str, log: RecordingLog | None = None) -> ToleranceRecord:
+def solved(explorer: Explorer, *settings: str, log: RecordingLog | None = None) -> ToleranceResult:
     """The record of examples/small.toml with --set words, by the small explorer's bases."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(alike, "cell_model", lambda case, log: explorer.model)
-        return alike.solve(load_case(SMALL, list(settings)), log or RecordingLog())  # type: ignore[arg-type]
+        return ask(load_case(SMALL, list(settings)), AlikeTolerance(), log or RecordingLog())
 
 
 @pytest.fixture(scope="module")
-def scattered(explorer: Explorer) -> ToleranceRecord:
+def scattered(explorer: Explorer) -> ToleranceResult:
     return solved(explorer, *SCATTER)
 
 
-def test_a_sample_is_the_design_that_the_page_would_show(explorer: Explorer, scattered: ToleranceRecord) -> None:
+def test_a_sample_is_the_design_that_the_page_would_show(explorer: Explorer, scattered: ToleranceResult) -> None:
     record = scattered
     changes = Deviations(0.04e-3, 0.02e-3, 0.0).draw(1, 3, 1)[:, 0, :2]
     own = explorer.scene.own()
@@ -80,7 +80,7 @@ def test_pillars_of_other_shapes_grow_with_all_their_widths(
 
 
 def test_where_pillars_stand_changes_nothing_and_is_said_to_be_left_out(
-    explorer: Explorer, scattered: ToleranceRecord
+    explorer: Explorer, scattered: ToleranceResult
 ) -> None:
     log = RecordingLog()
     record = solved(explorer, *SCATTER, "tolerance.position_mm=0.1", log=log)
@@ -105,7 +105,7 @@ def test_what_cannot_be_drawn_is_one_line(explorer: Explorer, settings: tuple[st
 
 def test_the_command_writes_document_rows_and_picture(
     explorer: Explorer,
-    scattered: ToleranceRecord,
+    scattered: ToleranceResult,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -116,9 +116,9 @@ def test_the_command_writes_document_rows_and_picture(
     assert main([*command, "--out", str(tmp_path)]) == 0
     document = json.loads((tmp_path / "tolerance.json").read_text())
     assert len(document["samples"]) == 3 and document["dofs"] is None and document["space_check"] == {}
-    assert (tmp_path / "tolerance.csv").read_text().splitlines()[0] == "peak_hz,confinement_db,tracking"
+    assert (tmp_path / "tolerance.csv").read_text().splitlines()[0] == "sample,peak_hz,confinement_db,tracking"
     assert (tmp_path / "tolerance.png").exists()
-    assert "3 plates whose pillars are all off by the same" in report_figure(scattered, {}).alt
+    assert "3 plates whose pillars are all off by the same" in scattered.pictures()[0].alt
     assert "all of a plate off by the same" in capsys.readouterr().out
     assert main([*command, "--band", "30kHz:34kHz"]) == 2
-    assert "leave --band or --alike out" in capsys.readouterr().err
+    assert "must be left out beside --alike" in capsys.readouterr().err

@@ -14,9 +14,9 @@ import pytest
 from pipeline.case.model import MeasuredFiles, load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.measured.comparison import _sweep_summary, read
+from pipeline.measured.comparison import read
 from pipeline.measured.files import read_field, read_sweep
-from pipeline.records.record import MeasuredSweepRecord, ResonanceRecord
+from pipeline.measured.parts import ComputedResonance, MeasuredSweepRecord
 from tests.helpers.coarse_cells import mesh_coarsest
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -143,7 +143,7 @@ def test_a_case_may_name_its_measurements(
 )
 def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | None, words: tuple[str, ...]) -> None:
     half = None if error is None else 3e4 * error
-    ours = ResonanceRecord(frequency_hz=3e4, quality_factor=300.0, circle=None, frequency_error=error)
+    ours = ComputedResonance(frequency_hz=3e4, quality_factor=300.0, circle=None, frequency_error=error)
     theirs = MeasuredSweepRecord(
         **{
             "frequency_hz": 3e4 - 0.01001,
@@ -155,7 +155,7 @@ def test_beside_the_shift_stands_what_the_model_may_be_off_by(error: float | Non
         **{"file": "sweep.csv", "synthetic": False, "frequency_shift_hz": -0.01001, "frequency_error": 2e-5},
         **{"frequency_shift": -0.01001 / 3e4, "frequency_shift_error_hz": half},
     )
-    said = _sweep_summary(theirs)
+    said = theirs.line()
     assert all(each in said for each in words)
     assert "resonance at 30.0000 ± 0.0006 kHz" in said and "quality factor 287 ± 4 against 300 computed" in said
 
@@ -179,7 +179,7 @@ def test_the_figure_is_written_in_both_forms_and_not_empty(compared_coarsely: Pa
         (["--at", "3,4"], ["--at", "--measured"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "300,4"], ["--at", "mm"]),
         (["--measured", str(FOLDER / "sweep.csv"), "--at", "here"], ["--at", "X,Y"]),
-        (["--synthetic-data", "made", "--noise", "2"], ["--noise", "below 1"]),
+        (["--synthetic-data", "made", "--noise", "2"], ["--noise", "at most 1"]),
         (["--set", 'measured.sweep="none.csv"'], ["measured.sweep", "no such file"]),
         (["--set", 'measured.sweep="field.csv"'], ["field.csv", "frequency_kHz"]),
         (["--set", 'measured.map="field.csv"', "--set", "measured.at_mm=[1, 2]"], ["measured.at_mm", "measured.sweep"]),

@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 
 from geometry.layout import Pillar
-from pipeline.analysis import response
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
 from pipeline.case.overrides import read_toml
@@ -24,6 +23,8 @@ from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
+from pipeline.questions.question import Run, ask
+from pipeline.questions.response import Response
 from pipeline.records import store
 from solvers.analytic.predesign import predesign
 from solvers.piezo.patch import bonded_patch
@@ -285,9 +286,10 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
 def test_a_response_couples_the_classes_that_were_planned() -> None:
     for centres in ("[[-6.0,0.0],[6.0,0.0]]", "[[-6.0,1.0],[6.0,0.0]]"):
         scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), RecordingLog()
-        planned = plan.of_response(scene, None, 11, False)
-        result = response.solve(scene, heard, None, 11)
-        solved = {" with ".join(group.symmetries) or "whole" for group in result.forced.plate.groups}
+        question, run = Response(points=11), Run(heard)
+        planned = question.plan(scene)
+        ask(scene, question, run)
+        solved = {" with ".join(group.symmetries) or "whole" for group in run.solved["forced"].plate.groups}
         assert solved == set(planned.steps[0].classes)
         assert omissions(heard) <= {f"{each.what}: {each.why}" for each in planned.left_out}
 
@@ -386,7 +388,7 @@ WORK = {
         "pipeline/models/attenuation.py",
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
-    "response": ("pipeline/analysis/response.py", "pipeline/board/gains.py"),
+    "response": ("pipeline/models/response.py", "pipeline/board/gains.py"),
     "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/analysis/cross_check.py"),
     "drawing": ("pipeline/plots/", "pipeline/report/"),
 }

@@ -24,12 +24,25 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
     "attenuation": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "broadband": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "search": (SMALL, {"accuracy": 0.1}, {"vary": "pillar.height_mm=6:6.6", "evaluations": 1, "mac": 0.3}),
+    "response": (
+        SMALL,
+        {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3]},
+        {"band_kHz": (33.0, 36.0), "points": 3},
+    ),
+    "tolerance": (
+        SMALL,
+        {"accuracy": 0.1, "tolerance__height_mm": 0.05},
+        {"band_kHz": (30.0, 40.0), "samples": 2},
+    ),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
 }
 ASKED |= {f"active_{model}": (SMALL, {}, {}) for model in ("mason", "pillar", "beam", "dq", "shaping")}
 NOT_COMPUTED = {  # frequencies without an error bar: what was asked for, not computed
     "CountRecord.low_hz", "CountRecord.high_hz", "WantedRecord.window_hz", "WantedMode.window_hz",
     "AttenuationPoint.frequency_hz", "BroadbandPoint.frequency_hz", "Limits.lowest_hz",
+    "MeasuredSweepRecord.band_hz",
+    "SampleRecord.peak_hz",  # samples have no error bar of their resonances
+    "ComputedMap.frequency_hz",  # the peak's, whose error bar stands there
 }  # fmt: skip
 
 

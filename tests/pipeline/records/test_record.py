@@ -12,8 +12,9 @@ from pydantic import ValidationError
 from pipeline.batch import runner
 from pipeline.models.mode_parts import WantedMode
 from pipeline.questions.modes import ModesResult
+from pipeline.questions.response import PeakRecord
 from pipeline.records import fingerprint, record, store
-from pipeline.records.record import PeakRecord, Record
+from pipeline.records.record import Record
 from tests.helpers import fake_study, synthetic
 
 
@@ -63,9 +64,16 @@ def test_no_number_is_none_where_that_is_allowed_and_refused_elsewhere() -> None
     assert PeakRecord(**peak, quality_factor=float("nan")).quality_factor is None
     assert PeakRecord(**peak, quality_factor=np.float64("inf")).quality_factor is None
     with pytest.raises(ValidationError):
-        PeakRecord(**{**peak, "frequency_hz": float("nan")}, quality_factor=None)
+        PeakRecord.from_dict({**peak, "frequency_hz": None, "quality_factor": None})
     with pytest.raises(ValidationError):
-        synthetic.response(1.0).__class__.model_validate({"frequency_hz": [float("nan")]})
+        synthetic.response(1.0).from_dict({**synthetic.response(1.0).values(), "frequency_hz": [None]})
+
+
+def test_what_was_measured_once_stood_beside_the_response_and_is_still_read(tmp_path: Path) -> None:
+    made = Record(case_id="c", status="OK", response=synthetic.response(12.0)).to_dict()
+    field = {"sweep": None, "map": None}
+    before = {**made, "response": {k: v for k, v in made["response"].items() if k != "measured"}, "measured": field}
+    assert Record.model_validate(before).response.measured.values() == field
 
 
 def test_without_a_wanted_mode_no_figure_of_it_is_claimed() -> None:

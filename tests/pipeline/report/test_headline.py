@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from pipeline.measures import registry
+from pipeline.models.tolerance_parts import SpreadRecord
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
-from pipeline.records.record import DesignRecord, SpreadRecord
+from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.report import mode_shapes, text
 from pipeline.report import page as report_page
@@ -28,7 +29,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
     gap = Gap(lower_band=9, upper_band=10, lower_hz=1e3 * pitch, upper_hz=2e3 * pitch)
     corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[10e3 * pitch])
     text = replace(synthetic.prediction(rows, level_db), db_per_row=5.0 + pitch, rows_needed=2)
-    response = synthetic.response(driven_db) if driven_db is not None else None
+    driven = {} if driven_db is None else {"response": synthetic.response(driven_db)}
     return synthetic.case(
         more.get("name", f"p{pitch}r{rows}"),
         more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows}),
@@ -36,7 +37,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
         modes=synthetic.modes(synthetic.wanted(level_db, 35e3, mac=0.98)),
         bands=BandsResult(model="solid", dof=1, points=[corner], gaps=[gap]),
         prediction=text,
-        response=response,
+        **driven,
     )
 
 

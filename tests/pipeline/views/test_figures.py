@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.records.record import SampleRecord, ToleranceRecord
+from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.questions.tolerance import ToleranceResult
 from pipeline.units import KHZ, NM
 from pipeline.views import figures
 from tests.helpers import synthetic
@@ -16,7 +17,7 @@ from tests.helpers import synthetic
 RESPONSE, BANDS, ROWS = synthetic.response(12.0), synthetic.bands(0.004), synthetic.attenuation(3)
 
 
-def tolerance() -> ToleranceRecord:
+def tolerance() -> ToleranceResult:
     """Three plates, one of which lost its mode."""
     plates = [(31e3, 12.0, "single"), (31.5e3, 10.0, "single"), (None, None, "none")]
     nominal, *samples = (
@@ -26,19 +27,18 @@ def tolerance() -> ToleranceRecord:
     counts: dict[str, Any] = {"pillars": 4, "dofs": 9, "lost": 1, "split": 0, "confined": 1}
     statistics = dict.fromkeys(("peak_hz", "peak_shift_hz", "confinement_db"))
     texts: dict[str, Any] = {"tolerance": {}, "drive": "patches", "rms_unit": "m/V", "space_check": {}}
-    return ToleranceRecord(nominal=nominal, samples=samples, **counts, **statistics, **texts)
+    return ToleranceResult(nominal=nominal, samples=samples, **counts, **statistics, **texts)
 
 
 def test_a_response_shows_zone_and_passive_face_in_nm_per_volt_over_khz() -> None:
-    axes = figures.draw("response", {"schema": 1, **RESPONSE.to_dict()})
+    axes = RESPONSE.plot()
     zone = next(line for line in axes.lines if line.get_label() == "zone")
     assert np.allclose(zone.get_xdata(), np.array(RESPONSE.frequency_hz) / KHZ)
     assert np.allclose(zone.get_ydata(), np.array(RESPONSE.zone_rms_m_per_V) / NM)
     assert not axes.collections  # no bars, no bands
     half = [0.5 * each for each in RESPONSE.zone_rms_m_per_V]
     half[0] *= 4.0
-    barred = RESPONSE.model_copy(update={"zone_rms_error_m_per_V": half})
-    (band,) = figures.draw("response", {"schema": 1, **barred.to_dict()}).collections
+    (band,) = replace(RESPONSE, zone_rms_error_m_per_V=half).plot().collections
     ends = band.get_paths()[0].get_extents()
     assert ends.ymin > 0.0 and ends.ymax >= 1.5 * max(RESPONSE.zone_rms_m_per_V) / NM * (1.0 - 1e-9)
     assert "(nm/V)" in axes.get_ylabel() and "passive face" in axes.get_legend_handles_labels()[1]
@@ -67,13 +67,13 @@ def test_attenuation_shows_the_least_attenuated_flexural_wave() -> None:
 
 
 def test_samples_of_a_tolerance_lie_at_their_peaks_and_lost_ones_are_left_out() -> None:
-    axes = figures.draw("tolerance", tolerance().to_dict())
+    axes = tolerance().plot()
     samples, nominal = axes.lines[:2]
     assert samples.get_xydata().tolist() == [[31.5, 10.0]] and nominal.get_xydata().tolist() == [[31.0, 12.0]]
 
 
 def test_given_axes_are_drawn_into_and_an_unknown_kind_is_refused() -> None:
     axes = ROWS.plot()
-    assert figures.draw("response", RESPONSE.to_dict(), axes) is axes
+    assert RESPONSE.plot(axes) is axes
     with pytest.raises(ValueError, match="has no figure"):
         figures.draw("plan", {})

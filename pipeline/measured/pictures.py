@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from pipeline.measured.parts import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord, marked
 from pipeline.plots import style
 from pipeline.plots.plate import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, level
-from pipeline.records.record import DesignRecord, MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord
-from pipeline.records.study import StoredCase
+from pipeline.records.record import DesignRecord
 from pipeline.units import KHZ, MM
 
 SQUARE = 0.6  # width over length of a plate from which on two fit beside each other
 AROUND = 10.0  # half-power widths about both resonances that are shown
 
 
-def measured(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The comparison of a case's record."""
-    record, design = case.record.measured, case.record.design
-    return report_figure(record, arrays, design) if record and design else None
-
-
-def report_figure(record: MeasuredRecord, arrays: dict[str, Any], design: DesignRecord) -> ReportFigure:
+def report_figure(record: MeasuredRecord, arrays: Mapping[str, Any], design: DesignRecord) -> ReportFigure:
     """What was measured and what was computed, whichever of sweep and map is there."""
     beside = flat_height_in(design, 1.0) > SQUARE
     field_in = flat_height_in(design, style.WIDTH_IN * (0.36 if beside else 0.8)) + 0.8
@@ -40,10 +35,10 @@ def report_figure(record: MeasuredRecord, arrays: dict[str, Any], design: Design
     return ReportFigure("measured", "Measured beside computed", _alt(record), figure)
 
 
-def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> None:
+def _sweep(figure: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -> None:
     curve, circle = figure.subplots(1, 2, width_ratios=[2, 1])
     pairs = (
-        ("measured_hz", "measured_response", record, style.VERMILION, "measured" + _marked(record)),
+        ("measured_hz", "measured_response", record, style.VERMILION, "measured" + marked(record)),
         ("measured_computed_hz", "measured_computed", record.computed, style.BLUE, "computed"),
     )
     for tone, response, about, colour, name in pairs:
@@ -68,14 +63,14 @@ def _shown_hz(record: MeasuredSweepRecord) -> tuple[float, float]:
     return min(tones) - AROUND * width, max(tones) + AROUND * width
 
 
-def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> None:
+def _circle(axes: Any, record: MeasuredSweepRecord, arrays: Mapping[str, Any]) -> None:
     values, tone = arrays["measured_response"], arrays["measured_hz"]
     size, fit = np.abs(values).max(), record.circle
-    delay = fit.delay_s if fit else 0.0
+    delay = fit["delay_s"] if fit else 0.0
     straight = values * np.exp(2j * np.pi * tone * delay) / size
     axes.plot(straight.real, straight.imag, ".", ms=3, color=style.VERMILION)
     if fit:
-        centre, radius = complex(*fit.circle.centre) / size, fit.circle.radius / size
+        centre, radius = complex(*fit["circle"]["centre"]) / size, fit["circle"]["radius"] / size
         turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 181))
         around = centre + radius * turn
         axes.plot(around.real, around.imag, color="black", lw=0.9)
@@ -86,13 +81,13 @@ def _circle(axes: Any, record: MeasuredSweepRecord, arrays: dict[str, Any]) -> N
 
 
 def _fields(
-    figure: Any, panels: list[Any], record: MeasuredMapRecord, arrays: dict[str, Any], design: DesignRecord
+    figure: Any, panels: list[Any], record: MeasuredMapRecord, arrays: Mapping[str, Any], design: DesignRecord
 ) -> None:
     seen, made = arrays["measured_field"], arrays["measured_operating"]
     phase = np.exp(-1j * np.angle(seen[int(np.argmax(np.abs(seen)))]))
     seen, made = phase * seen, phase * made * np.exp(-1j * np.angle(np.vdot(seen, made)))
     level_text = _decibels(record.confinement_db), _decibels(record.computed.confinement_at_points_db)
-    titles = (f"Measured{_marked(record)}{level_text[0]}", f"Computed, same points{level_text[1]}")
+    titles = (f"Measured{marked(record)}{level_text[0]}", f"Computed, same points{level_text[1]}")
     for axes, values, title in zip(panels, (seen, made), titles, strict=True):
         largest = float(np.abs(values).max()) or 1.0
         image = _painted(axes, arrays["measured_xy"] / MM, values.real / largest)
@@ -110,10 +105,6 @@ def _painted(axes: Any, xy: Any, values: Any) -> Any:
     return axes.scatter(xy[:, 0], xy[:, 1], c=values, s=12, **look)
 
 
-def _marked(record: MeasuredSweepRecord | MeasuredMapRecord) -> str:
-    return " (synthetic)" if record.synthetic else ""
-
-
 def _decibels(level_db: float | None) -> str:
     return "" if level_db is None else f": {level(level_db)}"
 
@@ -125,12 +116,12 @@ def _alt(record: MeasuredRecord) -> str:
             "" if sweep.quality_factor is None else f", with a quality factor of {figure_text(sweep.quality_factor)}"
         )
         said.append(
-            f"The measured resonance{_marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.frequency_error)}, "
+            f"The measured resonance{marked(sweep)} lies at {frequency(sweep.frequency_hz, sweep.frequency_error)}, "
             f"{sweep.shift_text} from the computed one{quality_factor}"
         )
     if field := record.map:
         said.append(
-            f"The field measured at {field.points} points{_marked(field)}{_decibels(field.confinement_db)}; its "
+            f"The field measured at {field.points} points{marked(field)}{_decibels(field.confinement_db)}; its "
             f"correlation with the computed operating deflection shape is {figure_text(field.mac_operating)}"
         )
     return ". ".join(said) + "."

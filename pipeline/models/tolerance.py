@@ -1,0 +1,181 @@
+"""Plates of a case whose pillars differ, as printed ones do: each solved in a small space of the nominal plate's answers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from pipeline.case.model import Case, Tolerance
+from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models import patched_plate
+from pipeline.models.cell_cache import CellCache, ParametricCellCache
+from pipeline.models.peak_bars import AROUND_PEAK, DECAYED
+from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.planning import mesh_rules
+from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
+from pipeline.planning.simplifications import khz
+from solvers.piezo.forced import Drive, ForcedPlate
+from solvers.piezo.patched_plate import CLASSES
+from solvers.piezo.peaks import curve_about, near_hz, peak_of
+from solvers.piezo.pressure_load import PressedPlate
+from solvers.superelement.build import PlateModel
+from solvers.threads import one_thread
+from solvers.variation.plate_space import ChangedPlate
+from solvers.variation.reductions import VariedReductions
+from solvers.variation.samples import Deviations, VariedPlate
+
+DRAWN = 241  # of the curves kept for the picture
+AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows
+NARROWER = (0.875, 1.15)  # of the band: the smaller space that tells how far the space decides the answer
+MEASURES = ("peak_hz", "confinement_db")
+
+
+@dataclass(frozen=True)
+class VariedPlates:
+    """The nominal plate and the samples, each measured at its wanted mode, tracked by its shape.
+
+    curves (samples + 1, n): the zone's rms over frequency, the nominal one first. The checks hold what a narrower space, and
+    pillars reduced instead of interpolated, change; loss is 1/Q.
+    """
+
+    pillars: int
+    dofs: int
+    nominal: SampleRecord
+    samples: list[SampleRecord]
+    space_check: dict[str, float | None]
+    interpolation_check: dict[str, float | None]
+    frequency_hz: FloatArray
+    curves: FloatArray
+    loss: float
+
+
+@one_thread()
+def solve(case: Case, given: Tolerance, choice: ModelChoice, band_hz: tuple[float, float], log: Log) -> VariedPlates:
+    """Compute the samples of a tolerance over a band. Raises InputError for a model that cannot be varied."""
+    plate = _varied(case, given, choice, band_hz, log)
+    count = len(plate.pillars)
+    changes = Deviations(given.height_m, given.side_m, given.position_m).draw(count, given.samples, given.seed)
+    with log.step("nominal plate"):
+        still = plate.sample(np.zeros((count, 4)))
+        nominal = _measured(still)
+        if nominal.peak_hz is None:
+            raise InputError(_elsewhere(case, band_hz, plate.forced.wanted_hz()))
+        shown = _shown(nominal.peak_hz, band_hz)
+        first = still.curve(shown).zone_rms_m_per_v
+    log.info(nominal.line("nominal"))
+    samples, more = _sampled(plate, changes, shown, log)
+    with log.step("a sample in a smaller space"):
+        narrower = NARROWER[0] * band_hz[0], NARROWER[1] * band_hz[1]
+        space_check = _space_check(plate, changes[0], samples[0], narrower)
+    with log.step("pillars as interpolated and as reduced"):
+        interpolated, reduced = (_measured(one) for one in plate.checked())
+    off = _apart(interpolated, reduced)
+    curves = np.array([first, *more])
+    return VariedPlates(count, plate.space.size, nominal, samples, space_check, off, shown, curves, plate.forced.loss)
+
+
+def _elsewhere(case: Case, band: tuple[float, float], wanted_hz: float | None) -> str:
+    """Say that a band does not hold the wanted mode, and where that lies."""
+    about = f"{khz(band[0])} to {khz(band[1])}"
+    if wanted_hz is None:
+        return f"{case.name}: no mode of the plate has the wanted shape, which a tolerance follows"
+    return (
+        f"{case.name}: the wanted mode, which a tolerance follows, lies at {khz(wanted_hz)}, outside {about}: give another "
+        "--band or solve.band_kHz"
+    )
+
+
+def _sampled(
+    plate: VariedPlate, changes: FloatArray, shown: FloatArray, log: Log
+) -> tuple[list[SampleRecord], list[FloatArray]]:
+    """Measure every sample, and the rms on the zone at the frequencies of the figure."""
+    samples, curves = [], []
+    for number, change in enumerate(changes, start=1):
+        with log.step(f"sample {number} of {len(changes)}"):
+            sample = plate.sample(change)
+            samples.append(_measured(sample))
+            curves.append(sample.curve(shown).zone_rms_m_per_v)
+        log.info(samples[-1].line(f"sample {number}"))
+    return samples, curves
+
+
+def _varied(case: Case, given: Tolerance, choice: ModelChoice, band: tuple[float, float], log: Log) -> VariedPlate:
+    design = case.design
+    assert design.pillar
+    if case.patches:
+        patched_plate.refuse_patches(case, band)
+    if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
+        raise InputError(
+            f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "
+            "superelement, solve.mesh auto or hex"
+        )
+    reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
+    reductions = VariedReductions(
+        design.thickness_m,
+        design.material,
+        design.pillar,
+        replace(choice.reduction, further=0),
+        CellCache(),
+        reach_m=reach,
+        parametric_cache=ParametricCellCache(),
+    )
+    with log.step("reduce cells and their changes"):
+        model = PlateModel(design, reductions)
+    log.info(
+        f"{len(reductions.families)} kinds of pillar cells, each interpolated between "
+        f"{1 + max(len(family.nodes) for family in reductions.families.values())} reductions: "
+        f"{reductions.fresh} panels reduced now, {reductions.reused} taken from the cache"
+    )
+    if case.patches:
+        forced = patched_plate.driven(case, model, band, log)
+    else:
+        pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
+        with log.step("modes of the plate"):
+            window = mesh_rules.search_window_hz(design)
+            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), wanted_window_hz=window)
+    with log.step("the space of the samples"):
+        plate = VariedPlate(forced, reductions.families)
+    log.info(
+        f"{len(plate.pillars)} pillars, each of its own; {plate.space.size} nominal modes and answers hold every sample"
+    )
+    return plate
+
+
+def _measured(sample: ChangedPlate) -> SampleRecord:
+    """Measure the response at the mode into which the nominal wanted mode has turned, between the points of any
+    grid.
+    """
+    tone, tracking = sample.tracked_hz, sample.tracked.status
+    if tone is None:
+        return SampleRecord(peak_hz=None, zone_rms=None, confinement_db=None, quality_factor=None, tracking=tracking)
+    top = near_hz(sample, tone)
+    reach = DECAYED * top * sample.loss
+    curve = curve_about(sample, top - reach, top + reach, AROUND_PEAK, [top])
+    peak = peak_of(curve, top)
+    return SampleRecord.of(peak, peak_hz=peak.frequency_hz, tracking=tracking)
+
+
+def _shown(peak_hz: float, band: tuple[float, float]) -> FloatArray:
+    low, high = max(band[0], (1.0 - AROUND) * peak_hz), min(band[1], (1.0 + AROUND) * peak_hz)
+    return np.union1d(np.linspace(low, high, DRAWN), [peak_hz])
+
+
+def _space_check(
+    plate: VariedPlate, change_m: FloatArray, sample: SampleRecord, band_hz: tuple[float, float]
+) -> dict[str, float | None]:
+    """How far a sample lies from itself in the space of a narrower band; None where that is no other space."""
+    if not plate.space.is_wider(band_hz):
+        return dict.fromkeys(MEASURES)
+    return _apart(_measured(plate.sample(change_m, band_hz)), sample)
+
+
+def _apart(first: SampleRecord, second: SampleRecord) -> dict[str, float | None]:
+    """How far two measures of a plate lie apart; None where one of them has none."""
+    apart: dict[str, float | None] = {}
+    for name in MEASURES:
+        one, other = getattr(first, name), getattr(second, name)
+        apart[name] = None if one is None or other is None else abs(one - other)
+    return apart

@@ -1,0 +1,554 @@
+"""Forced response to the patches: what the zone and the rest do per volt, what the sensors hear, and what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
+from pipeline.errors import InputError
+from pipeline.measured.parts import MeasuredRecord
+from pipeline.questions.attenuation import over
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Figure, Result, figure_at
+from pipeline.records.part import Part, column, live
+from pipeline.units import KHZ, MM, NM
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from geometry.elements import FloatArray
+    from pipeline.case.model import Case
+    from pipeline.measured.comparison import Measurements
+    from pipeline.models.response import SolvedResponse
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+    from solvers.piezo.forced import ForcedPlate
+    from solvers.piezo.peaks import Peak
+
+POINTS, SHOWN = 401, 15
+BAND = 0.1  # of a value: how far down a bar is drawn that is longer
+SHARED = 0.2  # of the quality factor that is given: a peak further off it is wider or narrower than its mode
+BARS = {  # fields of error bars
+    "frequency_hz": "frequency_error", "zone_nm_per_V": "zone_error_nm_per_V", "confinement_db": "confinement_error_db",
+    "frequency_shift_hz": "frequency_shift_error_hz", "quality_factor": "quality_error",
+}  # fmt: skip
+BAR = "half-width of the error bar of {}; None without an estimate"
+
+
+class PeakRecord(Part):
+    """The response at one frequency, and the quality factor read from the curve."""
+
+    frequency_hz: float = column("frequency of the peak", "Hz", error="frequency_error")
+    zone_rms_m_per_V: float = column("rms of u_z on the active touch face", "m/V", error="height_error")
+    passive_rms_m_per_V: float | None = column(
+        "rms of u_z on the passive touch face; None without one", "m/V", error="height_error"
+    )
+    confinement_db: float | None = column(
+        "rms on the active touch face over that on the passive one; None without one",
+        "dB",
+        error="confinement_error_db",
+    )
+    quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
+    height_error: float | None = column(
+        "half-width of the error bar of both rms, relative, the damping given; None without an estimate", default=None
+    )
+    frequency_error: float | None = column(
+        "half-width of the error bar of frequency_hz, relative: mesh, reduction and bonding together; None without an estimate",
+        default=None,
+    )
+    quality_error: float | None = column(BAR.format("quality_factor"), default=None)
+    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+
+    @property
+    def zone_nm_per_V(self) -> float:
+        """The zone's rms in nm/V."""
+        return self.zone_rms_m_per_V / NM
+
+    @property
+    def zone_error_nm_per_V(self) -> float | None:
+        """Half-width of its bar."""
+        return None if self.height_error is None else self.height_error * self.zone_nm_per_V
+
+    @property
+    def tone(self) -> str:
+        """The frequency in words."""
+        from pipeline.quantity import frequency
+
+        return frequency(self.frequency_hz, self.frequency_error)
+
+    def line(self, name: str) -> str:
+        """Return the peak in words."""
+        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
+
+        level_text = ""
+        if self.confinement_db is not None:
+            level_text = f", {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
+        known = frequency_with_bar(self.frequency_hz, self.frequency_error)
+        tone = known if self.frequency_error is not None else f"{known} (error not known)"
+        bar = "error not known" if self.height_error is None else "the damping given"
+        quality = "none" if self.quality_factor is None else with_bar(self.quality_factor, self.quality_error)
+        height = with_bar(self.zone_nm_per_V, self.zone_error_nm_per_V, "nm/V")
+        return (
+            f"{name} at {tone}: {height} rms on the zone ({bar}){level_text}; quality factor from the curve: {quality}"
+        )
+
+
+def _of(name: str, place: str, heading: str, unit: str = "", is_barred: bool = True, **more: bool) -> Figure[Any]:
+    """Declare a column with a part's figure and its error bar, None where the response has no such part."""
+    part, _, own = place.rpartition(".")
+    return figure_at(place, heading, unit, name=name, error=f"{part}.{BARS[own]}" if is_barred else "", **more)
+
+
+class ResponseResult(Result, axes=("frequency_hz",)):
+    """Forced response to the patches, per volt: curves over frequency with more points about each peak, in Hz and m/V.
+
+    >>> import antinode
+    >>> patch = antinode.Patches(material="pz26", size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
+    >>> driven = antinode.load("examples/small.toml", accuracy=0.1, patches=patch).response((33.0, 36.0), points=5)
+    >>> driven.array("zone_rms_m_per_V").shape == driven.array("frequency_hz").shape
+    True
+    >>> 33e3 < driven.wanted_peak.frequency_hz < 36e3
+    True
+    """
+
+    model: str = column("model and element order, and how many patches")
+    dof: int = column("degrees of freedom that were solved for")
+    frequency_hz: list[float] = column("frequencies", "Hz", along="frequency_hz")
+    zone_rms_m_per_V: list[float] = column(
+        "rms of u_z on the active touch face", "m/V", along="frequency_hz", error="zone_rms_error_m_per_V"
+    )
+    passive_rms_m_per_V: list[float] | None = column(
+        "rms of u_z on the passive touch face; None without one", "m/V", along="frequency_hz",
+        error="passive_rms_error_m_per_V",
+    )  # fmt: skip
+    zone_rms_error_m_per_V: list[float] | None = column(
+        "half-width of the error bar of zone_rms_m_per_V, the damping given; None without an estimate, as where a charge feeds "
+        "the drivers",
+        "m/V", along="frequency_hz", default=None,
+    )  # fmt: skip
+    passive_rms_error_m_per_V: list[float] | None = column(
+        BAR.format("passive_rms_m_per_V"), "m/V", along="frequency_hz", default=None
+    )
+    sensor_V_per_V: list[list[float]] | None = column(
+        "voltage of the first sensor over that of the drive, real and imaginary; None without a sensor", "V/V",
+        along="frequency_hz", parts=("sensor_re", "sensor_im"),
+    )  # fmt: skip
+    sensors: list[int] = column("numbers of the sensor patches, from 0")
+    polarisation_signs: list[int] = column("sign of each patch's drive")
+    wanted_hz: float | None = column(
+        "frequency of the wanted mode, all patches short; None without one", "Hz", error="wanted_error"
+    )
+    quality_factor_given: float = column("quality factor that the case gives")
+    expected_error: float | None = column(
+        "widest error bar of a frequency in the band, relative; None without an estimate"
+    )
+    circuit: dict[str, Any] = column(
+        "how the drivers are fed, and what opening every patch does to the wanted mode: drivers, short_hz, open_hz, coupling"
+    )
+    wanted_status: str = column("single, split or none")
+    wanted_peak: PeakRecord | None = column("the wanted mode's peak; None where the band has none")
+    highest_peak: PeakRecord = column("the highest peak of the band")
+    widest_bar: dict[str, Any] | None = column(
+        "widest error bar of a frequency in the band: error (relative), of (which resonance), parts (mesh, reduction, bonding) "
+        "and largest_part",
+        default=None,
+    )
+    measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
+    wanted_error: float | None = column(
+        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
+    )
+    written: list[Any] = live(default_factory=list)  # files with made-up data
+
+    @classmethod
+    def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
+        """Return the result of a solved response, with the error bars of its curves and peaks."""
+        import numpy as np
+
+        from pipeline.models.peak_bars import curve_errors
+        from solvers.piezo.circuit import circuit_shift
+        from solvers.piezo.height import frequency_error
+
+        forced, curve, patches, shift = solved.forced, solved.curve, case.patches, circuit_shift(solved.forced)
+        assert patches
+        own, wanted_hz, passive = solved.wanted, forced.wanted_hz(), curve.passive_rms_m_per_v
+        bars = curve_errors(forced, curve)
+        zone_error, passive_error = [None, None] if bars is None else [*bars.tolist(), None][:2]
+        first = curve.sensor_v_per_v[:, 0] if patches.sensors else None
+        wanted = _peak(own, forced) if own else None
+        same = wanted if own and solved.highest.is_at(own.frequency_hz, forced.loss) else None
+        circuit = {name: getattr(shift, name, None) for name in ("short_hz", "open_hz", "coupling")}
+        return cls(
+            model=f"{forced.plate.name} with {patches.count} patches",
+            dof=sum(group.pencil.dof for group in forced.plate.groups),
+            frequency_hz=curve.frequency_hz.tolist(),
+            zone_rms_m_per_V=curve.zone_rms_m_per_v.tolist(),
+            passive_rms_m_per_V=None if passive is None else passive.tolist(),
+            zone_rms_error_m_per_V=zone_error,
+            passive_rms_error_m_per_V=passive_error,
+            sensor_V_per_V=None if first is None else np.column_stack([first.real, first.imag]).tolist(),
+            sensors=list(patches.sensors),
+            polarisation_signs=[int(sign) for sign in forced.signs],
+            wanted_hz=wanted_hz,
+            wanted_error=frequency_error(forced, wanted_hz) if wanted_hz else None,
+            quality_factor_given=case.quality_factor,
+            expected_error=solved.expected_error,
+            circuit={"drivers": forced.circuit, **circuit},
+            wanted_status=forced.verdict.status,
+            wanted_peak=wanted,
+            highest_peak=_peak(solved.highest, forced, same),
+            widest_bar=solved.widest_bar.to_dict(),
+        )
+
+    @property
+    def peak(self) -> PeakRecord:
+        """The wanted mode's peak; the highest where the band has none."""
+        return self.wanted_peak or self.highest_peak
+
+    @property
+    def same(self) -> bool:
+        """Whether the wanted mode's peak is the highest: they lie within a half-power width."""
+        own, other = self.wanted_peak, self.highest_peak.frequency_hz
+        return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
+
+    wanted_peak_hz = _of("wanted_peak_hz", "wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz")
+    wanted_peak_nm_per_v = _of("wanted_peak_nm_per_v", "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V")
+    wanted_peak_db = _of("wanted_peak_db", "wanted_peak.confinement_db", "confinement at that peak", "dB")
+    highest_peak_hz = _of("highest_peak_hz", "highest_peak.frequency_hz", "highest peak of the response", "Hz")
+    highest_peak_nm_per_v = _of("highest_peak_nm_per_v", "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V")
+    highest_peak_db = _of("highest_peak_db", "highest_peak.confinement_db", "confinement at the highest", "dB")
+    measured_hz = _of("measured_hz", "measured.sweep.frequency_hz", "measured resonance", "Hz")
+    measured_shift_hz = _of(
+        "measured_shift_hz", "measured.sweep.frequency_shift_hz", "measured less computed", "Hz",
+        is_difference=True, is_signed=True,
+    )  # fmt: skip
+    measured_quality_factor = _of("measured_quality_factor", "measured.sweep.quality_factor", "measured quality factor")
+    measured_db = _of("measured_db", "measured.map.confinement_db", "measured confinement", "dB", False)
+    measured_mac = _of("measured_mac", "measured.map.mac_operating", "MAC, measured to computed", "", False)
+
+    # -- words and pictures
+
+    def lines(self) -> Iterator[str]:
+        """Yield the model, the curves around the peak, the peaks, what was measured and which files were written."""
+        from pipeline.records.reading import filled, reading_table
+
+        rows = [[*row.values()] for row in self.to_rows()]
+        near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
+        whose = "wanted mode" if self.wanted_peak else "zone"
+        yield f"{self.model}, {self.dof} degrees of freedom; around the peak of the {whose}, per volt of drive:"
+        yield reading_table(*filled(tuple(self.to_rows()[0]), near))
+        yield from self.peaks()
+        yield from self.measured.lines(self.expected_error) if self.measured else ()
+        yield from (f"wrote {path}" for path in self.written)
+
+    def peaks(self) -> Iterator[str]:
+        """Yield the wanted mode's peak, and the highest where it is another."""
+        if self.wanted_peak:
+            yield self.wanted_peak.line("wanted mode's peak")
+        if not self.same:
+            yield self.highest_peak.line("highest peak")
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the rms of zone and passive face per volt over frequency, the peaks marked."""
+        from pipeline.plots import style
+
+        self._draw_curve(ax, "zone_rms", color=style.BLUE, label="zone")
+        self._draw_curve(ax, "passive_rms", color=style.VERMILION, ls="--", label="passive face")
+        wanted, highest = self.wanted_peak, self.highest_peak
+        for peak, dashes in ((wanted, ":"), (highest, "-.")):
+            if peak:
+                ax.axvline(peak.frequency_hz / KHZ, color=style.GREY, ls=dashes, lw=0.8)
+        title = f"highest peak at {highest.tone} (dash-dotted)"
+        title = f"Wanted mode's peak at {wanted.tone} (dotted),\n{title}" if wanted else title.capitalize()
+        ax.set(ylabel="rms u_z (nm/V)", xlabel="frequency (kHz)", title=title)
+        ax.grid(True)
+        ax.legend(fontsize=8)
+
+    def _draw_curve(self, ax: Axes, name: str, **look: Any) -> None:
+        """Draw a curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
+        import numpy as np
+
+        if getattr(self, f"{name}_m_per_V") is None:
+            return
+        tone, values = self.array("frequency_hz") / KHZ, self.array(f"{name}_m_per_V") / NM
+        ax.semilogy(tone, values, **look)
+        if getattr(self, f"{name}_error_m_per_V") is not None:
+            half = self.array(f"{name}_error_m_per_V") / NM
+            low = np.maximum(values - half, BAND * values)
+            ax.fill_between(tone, low, values + half, color=look["color"], alpha=0.2, lw=0)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the curves with the operating deflection shape at the peak where its field is there, and the comparison."""
+        from pipeline.measured.pictures import report_figure
+        from pipeline.plots import style
+
+        shape = self.arrays.get("response_uz")
+        count = 1 + (self.sensor_V_per_V is not None) + (shape is not None)
+        drawn, panels = style.panels(2.3 * count + 0.6, count, 1, squeeze=False)
+        self.draw(panels[0, 0])
+        if self.sensor_V_per_V is not None:
+            self._draw_sensor(panels[1, 0])
+        if shape is not None:
+            self._draw_shape(panels[-1, 0], self.arrays["response_xy"], shape)
+        own = style.ReportFigure("response", "Response per volt of drive", self._alt(), drawn, vector=shape is None)
+        return [own, report_figure(self.measured, self.arrays, self.design)] if self.measured and self.design else [own]
+
+    def _draw_sensor(self, ax: Axes) -> None:
+        import numpy as np
+
+        from pipeline.plots import style
+
+        tone, volts = self.array("frequency_hz") / KHZ, self.array("sensor_V_per_V") @ np.array([1.0, 1j])
+        ax.semilogy(tone, np.abs(volts), color=style.GREEN)
+        title = f"Sensor patch {self.sensors[0]}, open circuit"
+        ax.set(ylabel="sensor (V/V)", xlabel="frequency (kHz)", title=title)
+        ax.grid(True)
+        phase = ax.twinx()
+        phase.plot(tone, np.degrees(np.unwrap(np.angle(volts))), color=style.ORANGE, ls="--")
+        phase.set_ylabel("phase (°)", color=style.ORANGE)
+        phase.spines["right"].set_visible(True)
+
+    def _draw_shape(self, ax: Axes, points: FloatArray, shape: Any) -> None:
+        import numpy as np
+
+        from pipeline.plots import style
+
+        turned = shape * np.exp(-1j * np.angle(shape[np.argmax(np.abs(shape))]))
+        limit = np.abs(shape).max() / NM
+        x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
+        field = turned.real.reshape(len(x), len(y)).T / NM
+        look: dict[str, Any] = {"cmap": style.SIGNED, "vmin": -limit, "vmax": limit}
+        image = ax.pcolormesh(x / MM, y / MM, field, shading="gouraud", rasterized=True, **look)
+        style.mm_axes(ax)
+        ax.set_title(f"Operating deflection shape at {self.peak.tone}")
+        ax.set_anchor("W")
+        ax.figure.colorbar(image, cax=ax.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
+
+    def _alt(self) -> str:
+        from pipeline.quantity import figure as in_digits
+        from pipeline.quantity import level, with_bar
+
+        peak = self.peak
+        whose = "the wanted mode peaks" if self.wanted_peak else "the zone peaks highest"
+        level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
+        quality = ""
+        if peak.quality_factor is not None:
+            quality = f", quality factor {in_digits(peak.quality_factor, peak.quality_error)} read from the curve"
+        return (
+            f"Displacement per volt over frequency: {whose} at {peak.tone} with "
+            f"{with_bar(peak.zone_nm_per_V, peak.zone_error_nm_per_V, 'nm/V')} rms{level_text}{quality}"
+        )
+
+    def __repr__(self) -> str:
+        return over(self, self.array("frequency_hz"))
+
+
+def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
+    """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
+    from pipeline.models.peak_bars import level_error_db, quality_error
+    from solvers.piezo.height import frequency_error, height_error
+
+    return PeakRecord.of(
+        peak,
+        zone_rms_m_per_V=peak.zone_rms,
+        passive_rms_m_per_V=peak.passive_rms,
+        height_error=height_error(forced, peak.frequency_hz),
+        frequency_error=frequency_error(forced, peak.frequency_hz),
+        quality_error=same.quality_error if same else quality_error(forced, peak),
+        confinement_error_db=same.confinement_error_db if same else level_error_db(forced, peak),
+    )
+
+
+class Response(
+    Question[ResponseResult],
+    needs=("patches",),
+    drives=True,
+    example="response studies/three-rows.toml --band 28kHz:38kHz",
+):
+    """Compute the forced response to the patches over a band, with more points about each peak.
+
+    What the case names as measured is compared with it.
+
+    >>> from antinode import Patches, load
+    >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
+    >>> peak = plate.response((33.0, 36.0), points=5).wanted_peak
+    >>> round(peak.frequency_hz, -3), round(peak.confinement_db)
+    (34000.0, 13)
+    """
+
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without patches."""
+        case.require_plate(command="response")
+        super().check(case)
+
+    @classmethod
+    def in_study(cls) -> Response:
+        """Return the question that also writes the plate's mode table."""
+        return _InStudies()
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the forced response."""
+        from pipeline.planning.plan import plan_of, response_step
+
+        return plan_of(case, response_step(case, hz(self.band_kHz), self.points))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
+        """Compute the curves and peaks, and compare them with what was measured."""
+        from pipeline.measured.comparison import compare
+        from pipeline.models.response import gridded, solve
+        from pipeline.records.record import DesignRecord
+        from solvers.threads import one_thread
+
+        files = self._measured(case)
+        solved = solve(case, plan.steps[0].choice, run, hz(self.band_kHz), self.points, run.meshes)
+        run.solved["forced"] = solved.forced
+        with one_thread():
+            result = ResponseResult.of_solved(solved, case)
+        _report(result, solved, case, run)
+        arrays = gridded(*solved.forced.shape(result.peak.frequency_hz))
+        more: dict[str, Any] = {"written": self._write(case, solved, run)}
+        if files:
+            more["measured"], measured_arrays = compare(case, solved, files, run)
+            arrays |= measured_arrays
+            for line in more["measured"].lines(solved.expected_error):
+                run.info(line)
+        run.arrays |= arrays
+        return replace(result, **more).with_arrays(arrays, DesignRecord.of_design(case.design))
+
+    def _measured(self, case: Case) -> Measurements | None:
+        """Return what was measured of the plate. Raises InputError for files that do not fit."""
+        from pipeline.measured.comparison import read
+
+        return read(case, None, None, None)
+
+    def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
+        return []
+
+
+class _InStudies(Response):
+    """The response, and the patched plate's mode table in the place of the bare one's."""
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
+        """Compute the response and write mode_table.bin and mode_table.h into the case's folder."""
+        from pipeline.board.export import write_patched
+
+        result = super().compute(case, plan, run)
+        if result.wanted_hz is None:
+            run.log.warning("TABLE", "no mode of the plate with its patches has the wanted shape: it has no mode table")
+            return result
+        try:
+            assert run.folder
+            write_patched(case, run.solved["forced"], run.folder, run.log)
+        except InputError as error:
+            run.log.warning("TABLE", error.lines[0])
+        return result
+
+
+class MeasuredResponse(Response, instead_of="response", by=("measured", "map")):
+    """Compute the forced response to the patches and compare it with a measured sweep, a measured map, or both, in Hz and dB.
+
+    >>> import antinode, tempfile
+    >>> patch = antinode.Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
+    >>> plate, folder = antinode.load("examples/small.toml", accuracy=0.1, patches=patch), tempfile.mkdtemp()
+    >>> files = plate.synthetic_response((33.0, 36.0), points=101, synthetic_data=folder).written
+    >>> sweep = plate.measured_response((33.0, 36.0), points=101, measured=str(files[0])).measured.sweep
+    >>> sweep.synthetic, abs(sweep.frequency_shift_hz) < 10.0
+    (True, True)
+    """
+
+    measured: str | None = option(
+        default=None, metavar="FILE",
+        help="a measured sweep to compare with: CSV with frequency_Hz (or kHz) and real, imag or amplitude, phase_deg",
+    )  # fmt: skip
+    map: str | None = option(
+        default=None, metavar="FILE",
+        help="a vibrometer's map of the touch face: CSV with x_mm, y_mm and real, imag or amplitude, phase_deg",
+    )  # fmt: skip
+    at: str | None = option(
+        default=None, metavar="X,Y", help="where the sweep's laser stood, mm (default: where the zone moves most)"
+    )
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without patches, and without a file to compare with."""
+        super().check(case)
+        if self.measured is None and self.map is None:
+            raise InputError("measured, map: one of them must be a file to compare with")
+
+    def _measured(self, case: Case) -> Measurements | None:
+        from pipeline.measured.comparison import read
+
+        return read(case, self.measured, self.map, self.at, hz(self.band_kHz))
+
+
+class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
+    """Compute the forced response to the patches and write it as if measured, in m/s per V, with noise and marked SYNTHETIC.
+
+    >>> import antinode, tempfile
+    >>> patch = antinode.Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(0.0, 0.0)])
+    >>> plate = antinode.load("examples/small.toml", accuracy=0.1, patches=patch)
+    >>> made = plate.synthetic_response((33.0, 36.0), points=5, synthetic_data=tempfile.mkdtemp())
+    >>> [path.name for path in made.written]
+    ['sweep.csv', 'field.csv']
+    """
+
+    synthetic_data: str | None = option(
+        default=None, metavar="DIR", help="write sweep.csv and field.csv as if measured, marked SYNTHETIC"
+    )
+    seed: int = option(default=1, at_least=1, at_most=MAX_SEED, help="of the noise of --synthetic-data")
+    noise: float = option(default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise over the peak")
+
+    def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
+        from pathlib import Path
+
+        from pipeline.measured.synthetic import write
+
+        return write(case, solved, Path(self.synthetic_data or "."), run.asked_by or repr(self), self.seed, self.noise)
+
+
+def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run) -> None:
+    """Log the widest error bar, the peak and what opening the patches does; warn where a figure is not what it seems."""
+    from pipeline.quantity import figure as in_digits
+    from pipeline.quantity import frequency
+
+    run.info(solved.widest_bar.text())
+    solved.widest_bar.warn(case, run)
+    run.info(next(result.peaks()))
+    shift, error = result.circuit, result.peak.frequency_error
+    if shift["coupling"] is not None:
+        run.info(
+            f"wanted mode at {frequency(shift['short_hz'], error)} with all patches short, "
+            f"{frequency(shift['open_hz'], error)} with all open: effective coupling factor squared (k_eff^2) "
+            f"{in_digits(shift['coupling'])}"
+        )
+    if result.wanted_peak is None:
+        where = (
+            f"it lies at {frequency(result.wanted_hz)}" if result.wanted_hz else "no mode of the plate has its shape"
+        )
+        low, high = (end / KHZ for end in solved.forced.band_hz)
+        run.warning(
+            "NO_MODE",
+            f"the band from {low:g} to {high:g} kHz does not hold the wanted mode, {where}: the peak is another mode's",
+        )
+    elif not result.same:
+        run.warning(
+            "OTHER_PEAK",
+            f"the response is highest at {result.highest_peak.tone}, which is not the wanted mode at {result.wanted_peak.tone}",
+        )
+    if result.wanted_status == "split":
+        run.warning(
+            "SPLIT_MODE", "the wanted shape is split among several modes of the patched plate: the strongest is meant"
+        )
+    if result.highest_peak.frequency_hz in (result.frequency_hz[0], result.frequency_hz[-1]):
+        run.warning("PEAK_AT_END", "the response is largest at the end of the band: widen it")
+    quality, given = result.peak.quality_factor, result.quality_factor_given
+    if quality and abs(quality / given - 1.0) > SHARED:
+        run.warning(
+            "SHARED_PEAK",
+            f"the peak's width implies a quality factor of {in_digits(quality)}, but the case gives {given:g}: modes overlap",
+        )

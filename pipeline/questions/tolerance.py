@@ -1,0 +1,385 @@
+"""How far the response's peak and the confinement move when no two pillars are alike, or when all of a plate are off alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import sqrt
+from typing import TYPE_CHECKING, Any
+
+from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
+from pipeline.models.tolerance_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Result, figure_at
+from pipeline.records.part import column
+from pipeline.units import KHZ, NM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pipeline.case.model import Case
+    from pipeline.models.tolerance import VariedPlates
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+
+MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
+ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
+PER = {"m/V": "_m_per_V", "m/N": "_m_per_N"}  # ends of a column's name, by unit
+FRAME: dict[str, Any] = {"fontsize": 8, "frameon": True, "framealpha": 0.9, "edgecolor": "none"}
+ALONE = "nothing: the free wanted mode of one column of cells, all pillars off by the same"
+SAMPLES = "how many plates (default: the case's, 20)"
+
+
+class ToleranceResult(Result, table="samples", axes=("sample",)):
+    """Plates whose pillars differ: the nominal one, the samples in Hz and dB, and their statistics without those lost.
+
+    >>> import antinode
+    >>> antinode.Tolerance.heading()[:2]
+    ['sample', 'peak_hz']
+    """
+
+    tolerance: dict[str, Any] = column(
+        "what scatters, and how much: height_m, side_m, position_m, seed, cut_at_deviations"
+    )
+    drive: str = column("what drives the plate: patches, or a pressure")
+    rms_unit: str = column("m/V or m/N; empty where nothing drives")
+    pillars: int = column("number of pillars")
+    dofs: int | None = column(
+        "degrees of freedom of the smaller space in which samples are solved; None where all pillars are off by the same"
+    )
+    nominal: SampleRecord = column("the plate without scatter")
+    samples: list[SampleRecord] = column("the plates")
+    lost: int = column("samples without the wanted mode, which the statistics leave out")
+    split: int = column("samples whose wanted mode is split")
+    peak_hz: SpreadRecord | None = column("frequencies of the peaks, Hz")
+    peak_shift_hz: SpreadRecord | None = column("peaks less the nominal one, Hz")
+    confinement_db: SpreadRecord | None = column("confinements at the peaks, dB")
+    confined: int | None = column("how many samples are confined")
+    space_check: dict[str, float | None] = column(
+        "what one sample solved in the space of a narrower band changes; empty where all pillars are off by the same"
+    )
+    interpolation_check: dict[str, float | None] = column(
+        "what interpolation between reductions changes, with all pillars two standard deviations off in every way; empty where "
+        "all pillars are off by the same",
+        default_factory=dict,
+    )
+    frequency_error: float | None = column(
+        "half-width of the error bar of every frequency, relative, where a column of cells stands for the plate",
+        default=None,
+    )
+
+    mean_hz = figure_at(
+        "peak_hz.mean", "peak, pillars unlike: mean", "Hz", name="tolerance_peak_hz", error="peak_hz.relative"
+    )
+    spread_hz = figure_at(
+        "peak_hz.deviation", "its spread", "Hz", name="tolerance_peak_spread_hz", is_difference=True,
+        error=lambda result: result.peak_hz and result.peak_hz.spread_error(result.counted),
+    )  # fmt: skip
+    mean_db = figure_at(
+        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", name="tolerance_db",
+        error="confinement_db.deviation",
+    )  # fmt: skip
+    spread_db = figure_at(
+        "confinement_db.deviation", "its spread", "dB", name="tolerance_spread_db",
+        error=lambda result: result.confinement_db and result.confinement_db.spread_error(result.counted),
+    )  # fmt: skip
+    worst_db = figure_at(
+        "confinement_db.lowest", "the worst", "dB", name="tolerance_worst_db", error="confinement_db.deviation"
+    )
+
+    @property
+    def counted(self) -> int:
+        """How many samples the statistics are of."""
+        return len(self.samples) - self.lost
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """Return a row a sample; the rms under a name with its unit, and what drives alone has where something drives."""
+        rows = super().to_rows()
+        if not self.rms_unit:
+            return [{name: row[name] for name in ("sample", "peak_hz", "confinement_db", "tracking")} for row in rows]
+        own = f"zone_rms{PER[self.rms_unit]}"
+        return [{own if name == "zone_rms" else name: value for name, value in row.items()} for row in rows]
+
+    # -- words and pictures
+
+    def lines(self) -> Iterator[str]:
+        """Yield what was varied, the samples and their statistics."""
+        from pipeline.records.reading import reading_table
+
+        rows = [{name: value for name, value in row.items() if name != "sample"} for row in self.to_rows()]
+        yield self._varied()
+        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield from self.summary()
+
+    def _varied(self) -> str:
+        from pipeline.quantity import figure, percent
+        from pipeline.search.fidelity import column_level_error_db
+
+        if self.frequency_error is None:
+            return f"{self.pillars} pillars, driven by {self.drive}"
+        level = self.design and column_level_error_db(self.nominal.confinement_db, self.design.nodal_lines)
+        return (
+            f"{self.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
+            f"{percent(self.frequency_error)} of its frequency"
+            + (f" and {figure(level, level)} dB of its confinement" if level else "")
+        )
+
+    def summary(self) -> Iterator[str]:
+        """Yield the statistics: frequencies and levels with the digits that their spread allows."""
+        from pipeline.quantity import figure, frequency, interval, level, signed
+        from solvers.variation.parametric_cell import CHECKED
+        from solvers.variation.samples import CUT
+
+        peak, shift, levels, count = self.peak_hz, self.peak_shift_hz, self.confinement_db, self.counted
+        wide = peak.relative if peak else None
+        yield self.nominal.line("nominal", wide)
+        if peak and shift:
+            moved = None if shift.deviation is None else shift.deviation / sqrt(count)
+            yield (
+                f"{count} plates: peak {frequency(peak.mean, wide)}, spread {peak.spread(count, 'Hz')}, "
+                f"{interval(peak.lowest, peak.highest, wide, wide)}; moved by {signed(figure(shift.mean, moved))} Hz on average"
+            )
+        if levels:
+            yield (
+                f"confinement {level(levels.mean, levels.deviation)}, spread {levels.spread(count, 'dB')}, "
+                f"worst {level(levels.lowest, levels.deviation)}; {self.confined} of {count} confined"
+            )
+        off_hz, off_db = (self.interpolation_check.get(name) for name in ("peak_hz", "confinement_db"))
+        if off_hz is not None:
+            of_level = "" if off_db is None else f" and {figure(off_db, off_db or None)} dB of its confinement"
+            yield (
+                f"with all pillars {CUT * CHECKED:g} standard deviations off, interpolation between reductions misses "
+                f"{figure(off_hz, off_hz or None)} Hz of the peak{of_level}"
+            )
+        if self.lost:
+            yield f"{self.lost} of {len(self.samples)} plates lost the wanted mode: no mode has its shape"
+
+    def draw(self, ax: Axes) -> None:
+        """Draw each plate's peak and its driven confinement there, the nominal plate marked."""
+        import numpy as np
+
+        from pipeline.plots import style
+        from solvers.measures.levels import CONFINED_DB
+
+        both = [(one.peak_hz, one.confinement_db) for one in (self.nominal, *self.samples) if one.peak_hz is not None]
+        tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
+        ax.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
+        ax.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
+        ax.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:g} dB")
+        ax.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
+        if spread := self.confinement_db:
+            own = spread.deviation or 0.0
+            ax.axhspan(spread.mean - own, spread.mean + own, color=style.SKY, alpha=0.25, lw=0)
+            ax.set_title(f"Confinement {self._levels(', ')}")
+        ax.grid(True)
+        ax.legend(**FRAME)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return curves over frequency, where there are any, and each plate's peak with its confinement."""
+        from pipeline.plots import style
+
+        curves = self.arrays.get("tolerance_curves")
+        drawn = [self._draw_curves] * (curves is not None) + [self.draw] * bool(self.confinement_db)
+        figure, panels = style.panels(0.4 + 2.6 * len(drawn), len(drawn), 1, squeeze=False)
+        for panel, draw in zip(panels[:, 0], drawn, strict=True):
+            draw(panel)
+        title = "What pillars that are all off alike do to the wanted mode"
+        if curves is not None:
+            title = "What printed pillars do to the response"
+        return [style.ReportFigure("tolerance", title, self._alt(), figure, vector=True)]
+
+    def _draw_curves(self, ax: Axes) -> None:
+        import numpy as np
+
+        from pipeline.plots import style
+        from pipeline.quantity import frequency
+
+        tone, curves = self.arrays["tolerance_hz"] / KHZ, np.asarray(self.arrays["tolerance_curves"]) / NM
+        for number, curve in enumerate(curves[1:]):
+            ax.semilogy(tone, curve, color=style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
+        ax.semilogy(tone, curves[0], color="black", lw=1.3, label="nominal plate")
+        title, peak, count = "No plate kept the wanted mode", self.peak_hz, self.counted
+        if peak:
+            mean = frequency(peak.mean, peak.relative)
+            title = f"Wanted mode's peak {mean}, spread {peak.spread(count, 'Hz')} over {count} plates"
+        ax.set(xlabel="frequency (kHz)", ylabel=f"zone rms u_z (n{self.rms_unit})", title=title)
+        ax.grid(True)
+        ax.legend(**FRAME)
+
+    def _levels(self, to_worst: str) -> str:
+        """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
+        from pipeline.quantity import level
+
+        found = self.confinement_db
+        assert found is not None
+        mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
+        return f"{mean}, spread {found.spread(self.counted, 'dB')}{to_worst}worst {worst}"
+
+    def _alt(self) -> str:
+        from pipeline.quantity import frequency
+
+        alike = self.frequency_error is not None
+        plates = "plates whose pillars are all off by the same" if alike else "plates whose pillars differ"
+        peak, tone = self.peak_hz, self.nominal.peak_hz
+        if not peak:
+            return f"None of {len(self.samples)} {plates} kept the wanted mode."
+        nominal = "" if tone is None else f", nominally at {frequency(tone, peak.relative)}"
+        spread = f"; confinement {self._levels(', at ')}" if self.confinement_db else ""
+        return (
+            f"{len(self.samples)} {plates}: the wanted mode's peak lies at {frequency(peak.mean, peak.relative)} "
+            f"(spread {peak.spread(self.counted, 'Hz')}){nominal}{spread}"
+        )
+
+    def __repr__(self) -> str:
+        return f"<antinode.Tolerance: {len(self.samples)} samples>"
+
+
+class Tolerance(
+    Question[ToleranceResult],
+    needs=("tolerance",),
+    drives=True,
+    example="tolerance studies/three-rows.toml --set tolerance.height_mm=0.05 --samples 20 --out spread",
+):
+    """Compute how far peak (Hz) and confinement (dB) move when no two pillars are alike ([tolerance] in the case).
+
+    >>> from antinode import Scatter, load
+    >>> plate = load("examples/small.toml", accuracy=0.1, tolerance=Scatter(height_mm=0.05, samples=2))
+    >>> spread = plate.tolerance((33.5, 35.5))
+    >>> [round(sample.confinement_db) for sample in spread.samples]
+    [10, 11]
+    """
+
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
+    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
+    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
+
+    def asked_of(self, case: Case) -> Case:
+        """Return the case with as many samples and the seed that are asked for."""
+        return _drawn(case, self.samples, self.seed)
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without pillars or without deviations."""
+        case.require_plate(command="tolerance")
+        case.require("tolerance", "pillar", command="tolerance")
+
+    def plan(self, case: Case) -> Plan:
+        """Plan plates whose pillars differ."""
+        from pipeline.planning.plan import plan_of, tolerance_step
+
+        return plan_of(case, tolerance_step(case, hz(self.band_kHz)))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
+        """Compute the nominal plate and the samples."""
+        from pipeline.models.tolerance import solve
+        from pipeline.planning.request import driven_band_hz
+        from solvers.variation.samples import CUT
+
+        given, choice, band = case.tolerance, plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))
+        assert given and choice
+        solved = solve(case, given, choice, band, run)
+        scatter = {name: getattr(given, name) for name in ("height_m", "side_m", "position_m", "seed")}
+        result = ToleranceResult.of(
+            solved,
+            tolerance=scatter | {"cut_at_deviations": CUT},
+            drive="patches" if case.patches else "pressure in the wanted shape",
+            rms_unit="m/V" if case.patches else "m/N",
+            **statistics(solved.nominal, solved.samples),
+        )
+        _report(result, solved, band, run)
+        arrays = {"tolerance_hz": solved.frequency_hz, "tolerance_curves": solved.curves}
+        run.arrays |= arrays
+        return result.with_arrays(arrays)
+
+
+class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alike"):
+    """Compute how far peak (Hz) and confinement (dB) move when all pillars of a plate are off by the same.
+
+    The plates of a batch are answered from the bases of `antinode explore`, by one column of cells each.
+
+    >>> from antinode import Scatter, load
+    >>> plate = load("examples/small.toml", tolerance=Scatter(height_mm=0.05, samples=2))
+    >>> plate.alike_tolerance().pillars
+    54
+    """
+
+    alike: bool = option(
+        default=False,
+        help="all pillars of a plate off by the same, plates of a batch apart: answered from the bases of antinode explore",
+    )
+    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
+    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
+
+    def asked_of(self, case: Case) -> Case:
+        """Return the case with as many samples and the seed that are asked for."""
+        return _drawn(case, self.samples, self.seed)
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without pillars or without deviations of their sizes."""
+        from pipeline.explore.alike import check
+
+        check(case)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan a column of cells for each plate."""
+        from pipeline.explore.alike import FIXED
+        from pipeline.planning.plan import plain_step, plan_of
+
+        assert case.tolerance
+        step = plain_step(
+            "tolerance", f"{case.tolerance.samples} plates of a batch", "a column of parametric cells each"
+        )
+        return plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
+        """Answer the nominal plate and the samples from the bases."""
+        from pipeline.explore.alike import solve
+        from pipeline.records.record import DesignRecord
+        from solvers.variation.samples import CUT
+
+        nominal, samples, error = solve(case, run)
+        scatter = {name: getattr(case.tolerance, name) for name in ("height_m", "side_m", "seed")}
+        return ToleranceResult(
+            tolerance=scatter | {"cut_at_deviations": CUT},
+            drive=ALONE,
+            rms_unit="",
+            pillars=len(case.design.pillar_centres()),
+            dofs=None,
+            nominal=nominal,
+            samples=samples,
+            space_check={},
+            frequency_error=error,
+            **statistics(nominal, samples),
+        ).with_arrays({}, DesignRecord.of_design(case.design))
+
+
+def _drawn(case: Case, samples: int | None, seed: int | None) -> Case:
+    given = case.tolerance
+    if given is None:
+        return case
+    return replace(case, tolerance=replace(given, samples=samples or given.samples, seed=seed or given.seed))
+
+
+def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:
+    """Log the statistics; warn of plates whose mode lies outside the band or is lost, and of a space that is too small."""
+    from pipeline.quantity import figure
+
+    said = list(result.summary())
+    for line in said:
+        run.info(line)
+    peaks, levels = (spread_of(known(result.samples, name)) for name in ("peak_hz", "confinement_db"))
+    if peaks and (peaks.lowest <= band_hz[0] or peaks.highest >= band_hz[1]):
+        run.warning("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
+    if result.lost:
+        run.warning("LOST", said[-1])
+    nominal, (change, louder) = (
+        result.nominal.peak_hz,
+        (solved.space_check[name] for name in ("peak_hz", "confinement_db")),
+    )
+    moved, apart = (MOVED * ((each and each.deviation) or 0.0) for each in (peaks, levels))
+    small = "a narrower space of modes"
+    if change is not None and nominal and change > max(moved, 0.1 * nominal * solved.loss):
+        text = f"{small} moves a sample's peak by {figure(change, change)} Hz: widen the band"
+        run.warning("SPACE_TOO_SMALL", text)
+    if louder is not None and louder > max(apart, ALIKE_DB):
+        text = f"{small} changes a sample's confinement by {figure(louder, louder)} dB: widen the band"
+        run.warning("SPACE_TOO_SMALL", text)
