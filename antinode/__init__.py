@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.results import (
-        Hybrid,
         Response,
         Search,
         Tolerance,
@@ -33,6 +32,7 @@ if TYPE_CHECKING:
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
+    from pipeline.questions.hybrid import HybridResult as Hybrid
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
     from solvers.errors import SolverError
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.results": (
-        "Hybrid",
         "Response",
         "Search",
         "Tolerance",
@@ -67,7 +66,7 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Modes", "Predesign")
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

@@ -38,6 +38,7 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.crosstalk import Crosstalk
+from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
@@ -45,7 +46,6 @@ from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from antinode.results import (
-        Hybrid,
         Response,
         Search,
         Tolerance,
@@ -146,6 +146,7 @@ class Plate(Frozen):
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
     crosstalk = asks(Crosstalk)
+    hybrid = asks(Hybrid)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).
@@ -204,25 +205,6 @@ class Plate(Frozen):
 
         solved = touch.solve(self._case, self._log(progress), _hz(band_kHz), mapped)
         return Touch(solved.to_dict() | self._about)
-
-    def hybrid(
-        self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.3, progress: bool | None = None
-    ) -> Hybrid:
-        """Compute confinement in dB by rows, by patches and by both; alpha: weight of voltages that move little, of 1.
-
-        band_kHz: (low, high) in kHz; lists of a method are (points,). InputError without two driving patches, one in the zone.
-
-        >>> from antinode import Patches, load
-        >>> two = Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0), (14.0, 0.0)])
-        >>> methods = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3).methods
-        >>> {name: round(methods[name].confinement_db[0]) for name in ("rows", "both")}
-        {'rows': 8, 'both': 16}
-        """
-        from antinode.results import Hybrid
-        from pipeline.driven import hybrid
-
-        solved = hybrid.solve(self._case, self._log(progress), _hz(band_kHz), points, alpha)
-        return Hybrid(solved.to_dict() | self._about)
 
     def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
         """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small, beside 1.

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pipeline.records.record import (
-        HybridMethod,
         LoadedModeRecord,
         PeakRecord,
         SampleRecord,
@@ -201,31 +200,6 @@ class Touch(Result):
         return f"<antinode.Touch: {amplitudes}>"
 
 
-class Hybrid(Result):
-    """Rows and patches together over frequency: levels in dB and V for 1 um of neither, rows, patches and both.
-
-    `plate.hybrid()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> method = {"method": "rows", "confinement_db": [14.6]}
-    >>> antinode.Hybrid({"frequency_hz": [34.8e3], "methods": [method]}).methods["rows"].confinement_db
-    [14.6]
-    """
-
-    kind = "hybrid"
-    _dimensions = ("frequency_hz",)
-
-    frequencies_hz = column("frequency_hz", doc="Frequencies (points,) in Hz.")
-
-    @property
-    def methods(self) -> dict[str, HybridMethod]:
-        """Every method by its name: neither, rows, patches, both; lists over the frequencies, dB and V for 1 um."""
-        return {method["method"]: typed("HybridMethod", method) for method in self._document["methods"]}
-
-    def __repr__(self) -> str:
-        return f"<antinode.Hybrid: {len(self.frequencies_hz)} frequencies, {', '.join(self.methods)}>"
-
-
 class Travel(Result):
     """A wave that travels inside the zone: two modes held a quarter period apart; fields and powers for 1 um rms there.
 
@@ -322,7 +296,6 @@ KINDS: dict[str, type[Result]] = {
         Response,
         Tolerance,
         Touch,
-        Hybrid,
         Travel,
         Search,
     )

@@ -18,7 +18,6 @@ MARKS = {
     "tolerance": "samples",
     "touch": "states",
     "travel": "twr",
-    "hybrid": "methods",
     "search": "evaluations",
 }
 

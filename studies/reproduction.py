@@ -24,11 +24,13 @@ from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.plots.response import hybrid_levels, travelling_wave
+from pipeline.plots.response import travelling_wave
 from pipeline.plots.touch import power_by_design
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
+from pipeline.questions.hybrid import HybridResult
+from pipeline.questions.result import Result
 from pipeline.records import outputs
 from pipeline.records.record import Record, TouchRecord
 from pipeline.records.store import BadRecord, write_atomic
@@ -372,7 +374,7 @@ def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
-    hybrid = record.hybrid
+    hybrid = record.of(HybridResult)
     if hybrid is None or hybrid.wanted_hz is None:
         return None
 
@@ -424,6 +426,17 @@ def _by_gap(records: list[Record]) -> Figure:
     return figure
 
 
+def _picture_of(kind: type[Result]) -> Callable[[list[Record]], Figure]:
+    """Draws the answer of a kind in the last case."""
+
+    def draw(records: list[Record]) -> Figure:
+        answer = records[-1].of(kind)
+        assert answer
+        return answer.pictures()[0].figure
+
+    return draw
+
+
 WISHES = (
     Wish(
         "glass",
@@ -447,7 +460,7 @@ WISHES = (
             *("rows, drive", "patches, drive", "both, drive"),
         ),
         _of_hybrid,
-        lambda records: hybrid_levels(records[-1].hybrid).figure,  # type: ignore[arg-type]
+        _picture_of(HybridResult),
     ),
     Wish(
         "travelling",

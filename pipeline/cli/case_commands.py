@@ -150,18 +150,6 @@ def touch(arguments: Namespace) -> int:
     return _ran(arguments, "touch", record, lines, lambda: [tactile_map(record)] if record.map else [], log)
 
 
-def hybrid(arguments: Namespace) -> int:
-    """Compute confinement by rows, by patches and by both."""
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_hybrid", case, band, arguments.points, bool(arguments.out))
-    from pipeline.driven import hybrid as together
-    from pipeline.plots.response import hybrid_levels
-
-    record = together.solve(case, log, band, arguments.points, arguments.alpha)
-    return _ran(arguments, "hybrid", record, together.lines(record), lambda: [hybrid_levels(record)], log)
-
-
 def travel(arguments: Namespace) -> int:
     """Hold two modes of the zone a quarter period apart."""
     if not 0.0 <= arguments.others <= 1.0:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.measures.measure import Measure, Work
 from pipeline.planning import plan
-from pipeline.records.record import Record
 from pipeline.records.tables import Column, figures_of
 
 if TYPE_CHECKING:
@@ -122,44 +120,6 @@ RESPONSE = Measure(
     drives=True,
     columns=COLUMNS,
     pictures=("plots.response.response", "plots.measured.measured"),
-)
-
-
-def _compute_hybrid(work: Work) -> None:
-    from pipeline.driven import hybrid
-
-    meshes = [] if "forced" in work.solved else work.meshes
-    work.keep(hybrid=hybrid.solve(work.case, work.log, forced=work.solved.get("forced"), meshes=meshes))
-
-
-def _of_method(name: str) -> list[Column]:
-    """Columns of a way of confining, at the wanted mode's peak."""
-
-    of_hybrid = figures_of(lambda record: record.hybrid)
-
-    def at(values: str) -> Callable[[Record], float | None]:
-        return of_hybrid(lambda hybrid: hybrid.at_wanted(name, values))
-
-    words = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}[name]
-    return [
-        Column(f"hybrid_{name}_{end}", heading, at(figure), unit, at(error))
-        for end, heading, figure, unit, error in (
-            ("db", f"confinement by {words}", "confinement_db", "dB", "confinement_error_db"),
-            ("off_db", f"{words}, all off by 2 %", "off_db", "dB", "off_error_db"),
-            ("rows_off_db", f"{words}, pillars off by 2 %", "rows_off_db", "dB", "rows_off_error_db"),
-            ("v_per_um", f"drive for 1 um, {words}", "volts_per_um", "V", "volts_error_per_um"),
-        )
-    ]
-
-
-HYBRID = Measure(
-    "hybrid",
-    plan=plan.hybrid_step,
-    compute=_compute_hybrid,
-    needs=("patches",),
-    drives=True,
-    columns=tuple(column for name in ("rows", "patches", "both") for column in _of_method(name)),
-    pictures=("plots.response.hybrid",),
 )
 
 

@@ -25,7 +25,6 @@ from pipeline.planning.request import (
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
 
-HYBRID_POINTS = 61
 RESPONSE_POINTS = 401
 
 
@@ -137,11 +136,6 @@ def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, draw
     return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
 
 
-def of_hybrid(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """Plan of `antinode hybrid`. Raises InputError for a case without patches."""
-    return _plan(case, [hybrid_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
-
-
 def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Plan:
     """Plan of `antinode travel`. Raises InputError for a case without patches."""
     return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
@@ -210,22 +204,6 @@ def touch_step(case: Case, band_hz: tuple[float, float] | None = None, mapped: b
     return replace(
         step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
     )
-
-
-def hybrid_step(
-    case: Case, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS, plates: int = 4
-) -> Step:
-    """Plan rows and patches together: the plate, the same without rows, and with the pillars off by 2 % both ways.
-
-    plates: how many of them are still to be computed.
-    """
-    step = response_step(case, band_hz, points)
-    assert case.patches is not None and step.demand
-    looks = f"{points} frequencies, {case.patches.count} patches; four plates: as it is, without rows, pillars detuned twice"
-    demand = step.demand
-    for _ in range(plates - 1):
-        demand = demand.then(step.demand)
-    return replace(step, measure="hybrid", name="rows and patches together", looks_for=looks, demand=demand)
 
 
 def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:

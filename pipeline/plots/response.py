@@ -9,10 +9,8 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, percentage, with_bar
+from pipeline.quantity import frequency, level, with_bar
 from pipeline.records.record import (
-    HybridMethod,
-    HybridRecord,
     PeakRecord,
     ResponseRecord,
     SpreadRecord,
@@ -198,64 +196,6 @@ def _spread_alt(record: ToleranceRecord) -> str:
         f"{len(record.samples)} {plates}: the wanted mode's peak lies at {_mean(peak)} "
         f"(spread {peak.spread(len(record.samples) - record.lost, 'Hz')}){nominal}{spread}"
     )
-
-
-def hybrid(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Rows and patches together, from a case's record."""
-    return hybrid_levels(case.record.hybrid) if case.record.hybrid else None
-
-
-def hybrid_levels(record: HybridRecord) -> ReportFigure:
-    """Levels of the four methods over frequency, the same detuned, and the voltages."""
-    figure, panels = style.panels(7.6, 3, 1, sharex=True)
-    draw_hybrid(panels[0], record)
-    off = {
-        method.method: method.off_db if method.rows_off_db is None else method.rows_off_db for method in record.methods
-    }
-    title = f"Resonances of the pillars (of the plate without rows) off by {percentage(record.detuning, 0.0)}, the worse sign"
-    _methods(panels[1], record, off, "confinement (dB)", title)
-    _methods(
-        panels[2],
-        record,
-        {w.method: w.volts_per_um for w in record.methods},
-        "largest voltage (V)",
-        "For 1 µm rms in the zone",
-    )
-    panels[2].set(yscale="log", xlabel=FREQUENCY)
-    return ReportFigure("hybrid", "Rows and patches together", _alt_hybrid(record), figure, vector=True)
-
-
-def draw_hybrid(axes: Any, record: HybridRecord) -> None:
-    """Confinement by rows, by patches, by both and by neither over frequency."""
-    levels = {method.method: method.confinement_db for method in record.methods}
-    _methods(axes, record, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
-    axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
-    axes.set_xlabel(FREQUENCY)
-    axes.legend(fontsize=8, ncols=4)
-
-
-def _methods(axes: Any, record: HybridRecord, curves: Any, label: str, title: str) -> None:
-    style.draw_lines(axes.plot, np.array(record.frequency_hz) / KHZ, curves)
-    if record.wanted_hz:
-        style.mark(axes, record.wanted_hz / KHZ)
-    axes.set(ylabel=label, title=title)
-    axes.grid(True)
-
-
-def _alt_hybrid(record: HybridRecord) -> str:
-    where = (
-        "least over the band" if record.wanted_hz is None else f"at {frequency(record.wanted_hz, record.wanted_error)}"
-    )
-    levels = [f"{method.method} {_level_of(record, method)}" for method in record.methods]
-    return f"Confinement over frequency by rows, by patches, by both and by neither; {where}: {', '.join(levels)}"
-
-
-def _level_of(record: HybridRecord, method: HybridMethod) -> str:
-    """At the wanted mode's peak, or the least over the band."""
-    at = record.at_wanted(method.method, "confinement_db")
-    if at is None:
-        return level(min(method.confinement_db))
-    return level(at, record.at_wanted(method.method, "confinement_error_db"))
 
 
 def travelling(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:

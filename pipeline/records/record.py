@@ -319,60 +319,6 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
-class HybridMethod(Part):
-    """One method of confining, over the record's frequencies: levels in dB, the largest voltage for 1 um rms in the zone.
-
-    neither and rows: patches inside the zone in phase with the wanted mode; patches and both: all patches with the voltages
-    of the largest contrast. off_db, rows_off_db: the least level with the same voltages and frequency where every resonance,
-    or the pillars' alone, is lower or higher by the detuning; without rows none of the latter.
-    """
-
-    method: Literal["neither", "rows", "patches", "both"]
-    confinement_db: list[float]
-    volts_per_um: list[float]
-    off_db: list[float]
-    rows_off_db: list[float] | None
-    confinement_error_db: list[float | None] | None = None
-    volts_error_per_um: list[float | None] | None = None
-    off_error_db: list[float | None] | None = None
-    rows_off_error_db: list[float | None] | None = None
-
-
-class HybridRecord(Part):
-    """Confinement by rows alone, by patches alone, by both and by neither.
-
-    wanted_hz: the peak of the plate with rows, None where it lies outside the band, at wanted_elsewhere_hz. wanted_error,
-    wanted_elsewhere_error: half-widths of their bars, relative; errors of the methods have the unit of their figure.
-    """
-
-    model: str
-    dof: int
-    inside: int
-    behind: int
-    detuning: float
-    alpha: float
-    wanted_hz: float | None
-    frequency_hz: list[float]
-    methods: list[HybridMethod]
-    wanted_error: float | None = None
-    wanted_elsewhere_hz: float | None = None
-    wanted_elsewhere_error: float | None = None
-
-    @property
-    def wanted_place(self) -> int | None:
-        """Place of the wanted mode's peak among the frequencies; None where the band holds none."""
-        return None if self.wanted_hz is None else self.frequency_hz.index(self.wanted_hz)
-
-    def method(self, name: str) -> HybridMethod:
-        """A method by its name."""
-        return next(method for method in self.methods if method.method == name)
-
-    def at_wanted(self, method: str, values: str) -> float | None:
-        """A figure of a method at the wanted mode's peak, such as off_db."""
-        figures: list[float] | None = getattr(self.method(method), values)
-        return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
-
-
 class PatternMode(Part):
     """A mode held for a travelling wave: the nodal lines of its shape, and the share of its mass that moves so."""
 
@@ -822,7 +768,6 @@ class Record(Checked):
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
-    hybrid: HybridRecord | None = None
     travel: TravelRecord | None = None
     board: BoardRecord | BoardFault | None = None
     geometry: GeometryRecord | None = None

@@ -12,7 +12,6 @@ from pipeline.plots import response as of_response
 from pipeline.plots import style
 from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
-    HybridRecord,
     Part,
     ResponseRecord,
     ToleranceRecord,
@@ -65,11 +64,6 @@ def touch(ax: Any, document: Document) -> None:
     of_touch.draw(ax, _read(TouchRecord, document))
 
 
-def hybrid(ax: Any, document: Document) -> None:
-    """Confinement by rows, by patches, by both and by neither over frequency."""
-    of_response.draw_hybrid(ax, _read(HybridRecord, document))
-
-
 def travel(ax: Any, document: Document) -> None:
     """The wave along the zone's centre line through a period, its envelope beside it."""
     of_response.draw_wave(ax, _read(TravelRecord, document))
@@ -90,7 +84,6 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
         response,
         tolerance,
         touch,
-        hybrid,
         travel,
     )
 }

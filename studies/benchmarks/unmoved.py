@@ -27,6 +27,7 @@ NOT_COMPARED = ("seconds", "version", "kind", "options", "warnings")
 SMALL, ROUGH = "examples/small.toml", ("--set", "solve.accuracy=0.1")
 PATCHED = (SMALL, *ROUGH, "--set", "patches.size_mm=[8.0,3.0,0.3]")
 BAND = ("--band", "33kHz:36kHz")
+TOUCHED = (*PATCHED, *BAND, "--set", "touch.radius_mm=5.0")
 TASKS: dict[str, tuple[str, ...]] = {
     "predesign": ("predesign", SMALL),
     "modes": ("modes", SMALL, *ROUGH),
@@ -51,8 +52,20 @@ TASKS: dict[str, tuple[str, ...]] = {
     "broadband": ("broadband", SMALL, *ROUGH, *BAND, "--points", "7"),
     "response": ("response", *PATCHED, *BAND, "--points", "21"),
     "tolerance": ("tolerance", *PATCHED, *BAND, "--set", "tolerance.height_mm=0.05", "--samples", "3"),
-    "touch": ("touch", *PATCHED, *BAND, "--set", "touch.radius_mm=5.0", "--no-map"),
+    "touch": ("touch", *TOUCHED, "--no-map"),
     "crosstalk": ("crosstalk", "examples/small-zones.toml", *ROUGH, *BAND, "--points", "9"),
+    "hybrid": ("hybrid", *PATCHED, *BAND, "--points", "3"),
+    "travel": (
+        "travel",
+        *PATCHED,
+        "--set",
+        "patches.sensors=[2]",
+        "--band",
+        "28kHz:36kHz",
+        "--set",
+        "touch.radius_mm=5.0",
+    ),
+    "touch with a map": ("touch", *TOUCHED),
     "check-gap": ("check-gap",),
 }
 

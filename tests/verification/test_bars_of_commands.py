@@ -27,7 +27,7 @@ from tests.helpers.coarse_cells import COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
-    "ResponseRecord", "HybridRecord", "TravelRecord",
+    "ResponseRecord", "TravelRecord",
     "TouchRecord", "PredictionRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")
@@ -38,7 +38,6 @@ EXACT = {
     "AttenuationPoint.frequency_hz": GIVEN,
     "BroadbandPoint.frequency_hz": GIVEN,
     "ResponseRecord.frequency_hz": GIVEN,
-    "HybridRecord.frequency_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,
     "WantedRecord.window_hz": GIVEN,

@@ -9,11 +9,12 @@ import pytest
 
 from pipeline.analysis import response, touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import hybrid, travelling
+from pipeline.driven import travelling
 from pipeline.logs import TerminalLog
 from pipeline.planning import mesh_rules
 from pipeline.questions.crosstalk import CrosstalkResult
-from pipeline.records.record import HybridRecord
+from pipeline.questions.hybrid import Hybrid, HybridResult
+from pipeline.questions.question import ask
 from solvers.piezo import patch as piezo_patch
 from solvers.touch import disk
 from tests.helpers.asked import crosstalk_of
@@ -85,7 +86,9 @@ def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pyte
 @pytest.mark.slow
 def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the same tones; at the wanted mode's peak, which is elsewhere on the finer mesh, alike."""
-    records: tuple[HybridRecord, HybridRecord] = both(FOUR, hybrid.solve, monkeypatch)
+    records: tuple[HybridResult, HybridResult] = both(
+        FOUR, lambda case, log, **given: ask(case, Hybrid(**given), log), monkeypatch
+    )
     names = ("confinement", "off", "rows_off")
     for coarse, fine in zip(*(record.methods for record in records), strict=True):
         for name in names:

@@ -13,8 +13,10 @@ import pytest
 
 from pipeline.analysis import touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import hybrid, travelling
+from pipeline.driven import travelling
 from pipeline.logs import TerminalLog
+from pipeline.questions.hybrid import Hybrid
+from pipeline.questions.question import ask
 from tests.helpers.asked import crosstalk_of
 from tests.helpers.scenes import STEEL_PILLARS, three_patches
 
@@ -67,7 +69,7 @@ def solved(command: str, s: float) -> Any:
     if command == "travel":
         return travelling.solve(case_from_dict(scaled(STRIP, s)), QUIET)[0]
     if command == "hybrid":
-        return hybrid.solve(case_from_dict(scaled(FOUR, s)), QUIET, points=3)
+        return ask(case_from_dict(scaled(FOUR, s)), Hybrid(points=3), QUIET)
     return crosstalk_of(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)
 
 

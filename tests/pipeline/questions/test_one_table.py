@@ -24,6 +24,7 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
     "attenuation": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "broadband": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "hybrid": (SMALL, {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3]}, {"band_kHz": (33.0, 36.0), "points": 3}),
 }
 NOT_COMPUTED = {  # frequencies without an error bar: what was asked for, not computed
     "CountRecord.low_hz", "CountRecord.high_hz", "WantedRecord.window_hz", "WantedMode.window_hz",
