@@ -63,6 +63,6 @@ def _column(question: Question[Any], name: str, about: Figure[Any]) -> Column:
 def _drawn(question: Question[Any]) -> Draw:
     def pictures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure] | None:
         answer = case.record.of(question.result)
-        return None if answer is None else answer.pictures()
+        return None if answer is None else answer.with_arrays(arrays, case.record.design).pictures()
 
     return pictures

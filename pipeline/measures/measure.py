@@ -45,7 +45,7 @@ class Work:
     @cached_property
     def run(self) -> Run:
         """What the questions of this case share."""
-        return Run(self.log, detailed=False, shapes=True)
+        return Run(self.log, detailed=False, shapes=True, folder=self.folder)
 
     @property
     def solved(self) -> dict[str, Any]:

@@ -159,7 +159,8 @@ def answer(arguments: argparse.Namespace, case: Case, question: Question[Any], l
     from pipeline.views.answer import Answer, emit
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
-    result: Result = ask(case, question, Run(log, detailed=kept))
+    folder = outputs.folder(arguments.out) if arguments.out else None
+    result: Result = ask(case, question, Run(log, detailed=kept, folder=folder))
     rows = result.to_rows()
     lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
     head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]

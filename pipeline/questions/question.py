@@ -32,6 +32,8 @@ from pipeline.records.part import ABOUT, Axis, plain
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pipeline.case.model import Case
     from pipeline.logs import Log
     from pipeline.planning.plan import Plan
@@ -104,12 +106,13 @@ class Run:
     """What a computation uses of its surroundings: a log, and what several questions of one case share.
 
     detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
-    page will show moving shapes. meshes, arrays: what was meshed, and arrays that are kept beside the record.
-    solved: what one question has solved and another of the same case can go on from, by name.
+    page will show moving shapes. folder: where files beside the answer go; None: nowhere. meshes, arrays: what was meshed, and
+    arrays that are kept beside the record. solved: what one question has solved and another of the same case can go on from, by
+    name.
     """
 
-    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False) -> None:
-        self.log, self.detailed, self.shapes = log, detailed, shapes
+    def __init__(self, log: Log, *, detailed: bool = True, shapes: bool = False, folder: Path | None = None) -> None:
+        self.log, self.detailed, self.shapes, self.folder = log, detailed, shapes, folder
         self.warnings: list[str] = []
         self.meshes: list[MeshRecord] = []
         self.arrays: dict[str, Any] = {}

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pipeline.plots.style import ReportFigure
+    from pipeline.records.record import DesignRecord
 
 SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
@@ -89,6 +90,8 @@ class Result(Part):
     axes: ClassVar[Axis] = ()
     figures: ClassVar[dict[str, Figure[Any]]] = {}
     origin: ClassVar[Origin | None] = None  # of each result by itself, set where it is computed or read
+    arrays: ClassVar[Mapping[str, Any]] = {}  # of each by itself: what pictures draw, kept beside a record
+    design: ClassVar[Any] = None  # of each by itself: the case's DesignRecord, where pictures need it
 
     def __init_subclass__(cls, *, axes: Axis, table: str = "") -> None:
         super().__init_subclass__()
@@ -116,6 +119,12 @@ class Result(Part):
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
+
+    def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
+        """Return the result itself, with arrays by name and the design for its pictures."""
+        object.__setattr__(self, "arrays", arrays)
+        object.__setattr__(self, "design", design)
+        return self
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return the main table: a dictionary of plain values a row, units in the names."""

@@ -176,14 +176,14 @@ def rows_of(whole: Part, table: str, axes: Axis) -> list[dict[str, Any]]:
         The field whose items run along the first axis; "" where its own lists run along the axes.
     axes
         Axes of the table, the slowest first. A column of an item stands in the table when all its axes are among these, and so
-        does a list of the whole. An axis without a column of its name is counted from 1.
+        does a list of the whole along them. An axis without a column of its name is counted from 1.
     """
     items: list[Part] = getattr(whole, table) if table else [whole]
     inner = axes[1:] if table else axes
-    shared = [each for each in _table_columns(whole, inner) if each[2].along] if table else []
+    shared = [each for each in _table_columns(whole, inner) if each[2].along or not axes]
     rows = []
     for number, item in enumerate(items, start=1):
-        columns = [*shared, *_table_columns(item, inner)]
+        columns = [*shared, *(_table_columns(item, inner) if table else ())]
         numbered = {axes[0]: number} if table and axes[0] not in {name for _, name, _ in columns} else {}
         rows += [numbered | row for row in _expanded(columns, inner)]
     return rows
