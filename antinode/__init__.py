@@ -20,7 +20,6 @@ if TYPE_CHECKING:
         Search,
         Tolerance,
         Touch,
-        Travel,
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from pipeline.questions.hybrid import HybridResult as Hybrid
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
+    from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
 HOMES = {
@@ -44,7 +44,6 @@ HOMES = {
         "Search",
         "Tolerance",
         "Touch",
-        "Travel",
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
@@ -66,7 +65,7 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign")
+        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Travel")
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

@@ -42,6 +42,7 @@ from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
+from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
         Search,
         Tolerance,
         Touch,
-        Travel,
     )
 
 Pair = tuple[float, float]
@@ -147,6 +147,8 @@ class Plate(Frozen):
     broadband = asks(Broadband)
     crosstalk = asks(Crosstalk)
     hybrid = asks(Hybrid)
+    travel = asks(Travel)
+    played_travel = asks(PlayedTravel)
 
     def response(self, band_kHz: Pair | None = None, *, points: int = 401, progress: bool | None = None) -> Response:
         """Compute the forced response to the patches in m/V over a band (low, high) in kHz: arrays (points,).
@@ -205,24 +207,6 @@ class Plate(Frozen):
 
         solved = touch.solve(self._case, self._log(progress), _hz(band_kHz), mapped)
         return Touch(solved.to_dict() | self._about)
-
-    def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
-        """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small, beside 1.
-
-        band_kHz: (low, high) in kHz, with both modes in it; the wave's arrays are (points,), in m. Raises InputError
-        without patches.
-
-        >>> from antinode import Patches, load
-        >>> patches = Patches(size_mm=(8.0, 3.0, 0.3), sensors=(2,))
-        >>> wave = load("examples/small.toml", accuracy=0.1, patches=patches).travel((28.0, 36.0))
-        >>> round(wave.twr, 1), sorted(mode["nodal_lines"] for mode in wave.to_dict()["modes"])
-        (0.8, [3, 4])
-        """
-        from antinode.results import Travel
-        from pipeline.driven import travelling
-
-        record, _ = travelling.solve(self._case, self._log(progress), _hz(band_kHz), others)
-        return Travel(record.to_dict() | self._about)
 
     def search(
         self,

@@ -11,7 +11,7 @@ import numpy as np
 
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
-from pipeline.quantity import figure, frequency, level, signed
+from pipeline.quantity import figure, level, signed
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -200,36 +200,6 @@ class Touch(Result):
         return f"<antinode.Touch: {amplitudes}>"
 
 
-class Travel(Result):
-    """A wave that travels inside the zone: two modes held a quarter period apart; fields and powers for 1 um rms there.
-
-    `plate.travel()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> antinode.Travel({"x_m": [0.0], "field_m": [[0.0, 1e-6]], "twr": 0.6, "frequency_hz": 14e3}).field_m
-    array([0.+1.e-06j])
-    """
-
-    kind = "travel"
-    _dimensions = ("x_m",)
-
-    x_m = column("x_m", doc="Places along the zone's centre line (points,) in m.")
-
-    @property
-    def field_m(self) -> Any:
-        """u_z there, complex (points,) in m."""
-        return np.array([complex(*each) for each in self._document["field_m"]])
-
-    @property
-    def twr(self) -> float:
-        """Travelling-wave ratio: 1 travels, 0 stands."""
-        return float(self._document["twr"])
-
-    def __repr__(self) -> str:
-        tone = frequency(self._document["frequency_hz"], self._document.get("frequency_error"))
-        return f"<antinode.Travel: {tone}, travelling-wave ratio {figure(self.twr, self._document.get('twr_error'))}>"
-
-
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -296,7 +266,6 @@ KINDS: dict[str, type[Result]] = {
         Response,
         Tolerance,
         Touch,
-        Travel,
         Search,
     )
 }

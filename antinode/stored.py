@@ -17,7 +17,6 @@ MARKS = {
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
     "touch": "states",
-    "travel": "twr",
     "search": "evaluations",
 }
 

@@ -24,13 +24,13 @@ from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.plots.response import travelling_wave
 from pipeline.plots.touch import power_by_design
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.hybrid import HybridResult
 from pipeline.questions.result import Result
+from pipeline.questions.travel import TravelResult
 from pipeline.records import outputs
 from pipeline.records.record import Record, TouchRecord
 from pipeline.records.store import BadRecord, write_atomic
@@ -389,7 +389,7 @@ def _of_hybrid(record: Record) -> tuple[str, ...] | None:
 
 
 def _of_travel(record: Record) -> tuple[str, ...] | None:
-    travel = record.travel
+    travel = record.of(TravelResult)
     if travel is None:
         return None
     level = "none" if travel.confinement_db is None else f"{travel.confinement_db:.1f} dB"
@@ -470,7 +470,7 @@ WISHES = (
         "resting finger at most with the speed told last, along the plate and against the wave",
         ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase", "crests"),
         _of_travel,
-        lambda records: travelling_wave(records[-1].travel).figure,  # type: ignore[arg-type]
+        _picture_of(TravelResult),
     ),
     Wish(
         "zones",

@@ -11,11 +11,11 @@ import numpy as np
 
 from geometry.elements import ComplexArray
 from geometry.fingertips import Fingertip
-from pipeline.analysis.touch_bars import with_bars, with_map_bars
-from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
+from pipeline.models.touch_bars import with_bars, with_map_bars
+from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of
 from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, level_with_bar, signed, with_bar
 from pipeline.records.record import (

@@ -11,7 +11,6 @@ from pipeline.case.quantities import parse_band
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.quantity import figure, percent
-from pipeline.records import outputs
 from pipeline.records.reading import filled, reading_table
 from pipeline.views.answer import Answer, emit, of_case
 from pipeline.views.rows import ROWS
@@ -148,29 +147,6 @@ def touch(arguments: Namespace) -> int:
     record = touched.solve(case, log, band, mapped=not arguments.no_map)
     lines = [*touched.lines(record), *record.unknown]
     return _ran(arguments, "touch", record, lines, lambda: [tactile_map(record)] if record.map else [], log)
-
-
-def travel(arguments: Namespace) -> int:
-    """Hold two modes of the zone a quarter period apart."""
-    if not 0.0 <= arguments.others <= 1.0:
-        raise InputError(f"--others = {arguments.others:g}: must be from 0 to 1")
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_travel", case, band, bool(arguments.out))
-    from pipeline.driven import played, travelling
-    from pipeline.plots.response import travelling_wave
-    from pipeline.plots.touch import shear_map
-
-    record, wave = travelling.solve(case, log, band, arguments.others)
-    place = outputs.folder(arguments.out) if arguments.out else None
-    record = record.model_copy(update=played.board_outcome(wave, log, place, arguments.board))
-    lines = [*travelling.lines(record), *played.lines(record)]
-
-    def drawn() -> list[Any]:
-        more = [shear_map(record.shear, case.design.width_m)] if record.shear else []
-        return [travelling_wave(record), *more]
-
-    return _ran(arguments, "travel", record, lines, drawn, log)
 
 
 def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:

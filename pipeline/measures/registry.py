@@ -15,7 +15,7 @@ from pipeline.measures.live import LIVE
 from pipeline.measures.measure import Measure
 from pipeline.measures.modes import MODES, TETRAHEDRA
 from pipeline.measures.parts import PARTS
-from pipeline.measures.response import RESPONSE, TRAVEL
+from pipeline.measures.response import RESPONSE
 from pipeline.measures.tolerance import TOLERANCE
 from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
@@ -37,7 +37,7 @@ MEASURES: tuple[Measure, ...] = (
         TOLERANCE,
         TOUCH,
         ASKED["hybrid"],
-        TRAVEL,
+        ASKED["travel"],
         ASKED["crosstalk"],
     ),
     *(LIVE, BOARD, PARTS, GEOMETRY, TETRAHEDRA),

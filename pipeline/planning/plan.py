@@ -136,11 +136,6 @@ def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, draw
     return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
 
 
-def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Plan:
-    """Plan of `antinode travel`. Raises InputError for a case without patches."""
-    return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
-
-
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -204,15 +199,6 @@ def touch_step(case: Case, band_hz: tuple[float, float] | None = None, mapped: b
     return replace(
         step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
     )
-
-
-def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
-    """Plan two modes held a quarter period apart."""
-    step = response_step(case, band_hz, 1)
-    lines = case.design.nodal_lines
-    looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
-    looks += ", and a finger at places along the wave" if case.touch else ""
-    return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
 def tolerance_step(case: Case) -> Step:

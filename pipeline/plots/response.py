@@ -15,10 +15,9 @@ from pipeline.records.record import (
     ResponseRecord,
     SpreadRecord,
     ToleranceRecord,
-    TravelRecord,
 )
 from pipeline.records.study import StoredCase
-from pipeline.units import KHZ, MM, NM, UM
+from pipeline.units import KHZ, MM, NM
 from solvers.measures.levels import CONFINED_DB
 
 FREQUENCY = "frequency (kHz)"
@@ -99,7 +98,7 @@ def _shape(axes: Any, points: Any, shape: Any, record: ResponseRecord) -> None:
     axes.figure.colorbar(image, cax=axes.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 
 
-def _tone(peak: PeakRecord | TravelRecord) -> str:
+def _tone(peak: PeakRecord) -> str:
     return frequency(peak.frequency_hz, peak.frequency_error)
 
 
@@ -195,47 +194,4 @@ def _spread_alt(record: ToleranceRecord) -> str:
     return (
         f"{len(record.samples)} {plates}: the wanted mode's peak lies at {_mean(peak)} "
         f"(spread {peak.spread(len(record.samples) - record.lost, 'Hz')}){nominal}{spread}"
-    )
-
-
-def travelling(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The travelling wave of a case's record."""
-    return travelling_wave(case.record.travel) if case.record.travel else None
-
-
-def travelling_wave(record: TravelRecord) -> ReportFigure:
-    """The wave through a period, and the power that flows with it beside that of patches in phase."""
-    figure, (wave, flow) = style.panels(5.4, 2, 1, sharex=True)
-    draw_wave(wave, record)
-    powers = {"held a quarter period apart": record.flow_W, "all patches in phase": record.standing_flow_W}
-    curves = {name: 1e3 * np.array(watts) for name, watts in powers.items()}
-    style.draw_lines(flow.plot, np.array(record.flow_x_m) / MM, curves, marker="o", ms=3)
-    flow.axhline(0.0, color=style.GREY, lw=0.8)
-    flow.set(ylabel="power towards +x (mW)", xlabel="x (mm)", title="Through each section that no patch straddles")
-    flow.legend(fontsize=8)
-    name = "A wave that travels inside the zone"
-    return ReportFigure("travelling", name, _alt_wave(record), figure, vector=True)
-
-
-def draw_wave(axes: Any, record: TravelRecord) -> None:
-    """u_z along the zone's centre line at six moments of a period, and the envelope; the window of the ratio is shaded."""
-    x, field = np.array(record.x_m) / MM, np.array(record.field_m) @ np.array([1.0, 1j]) / UM
-    for step in range(6):
-        axes.plot(x, (field * np.exp(1j * np.pi * step / 3.0)).real, color=style.SKY, lw=0.7)
-    for sign in (1.0, -1.0):
-        axes.plot(x, sign * np.abs(field), color=style.BLUE)
-    axes.axvspan(*(end / MM for end in record.window_m), color=style.GREY, alpha=0.1, lw=0)
-    axes.set(ylabel="u_z (µm)", xlabel="x (mm)")
-    axes.set_title(f"{_tone(record)}, travelling-wave ratio {figure_text(record.twr, record.twr_error)} where shaded")
-
-
-def _alt_wave(record: TravelRecord) -> str:
-    modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in record.modes)
-    most = max(record.flow_W, key=abs)
-    flow = f"at most {figure_text(1e3 * most)} mW flow along the zone for 1 um rms"
-    if record.inner_sections == 0:
-        flow = "patches straddle every section between the plate's ends, so that the flow is unknown"
-    return (
-        f"Modes {modes} held a quarter period apart at {_tone(record)}: travelling-wave ratio "
-        f"{figure_text(record.twr, record.twr_error)}, {flow}"
     )

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.plots import places as of_places
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, with_bar
-from pipeline.records.record import ShearRecord, TouchMapRecord, TouchRecord
+from pipeline.records.record import TouchMapRecord, TouchRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import MM, UM
-
-LOOK = {"shading": "nearest", "rasterized": True}
 
 
 def tactile(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
@@ -29,45 +28,16 @@ def tactile_map(record: TouchRecord, width_m: float | None = None) -> ReportFigu
     places = record.map
     assert places is not None
     count = 1 + (places.friction is not None) + (places.needed_V is not None)
-    figure, panels = style.panels(2.4 * count + 0.4, count, 1, squeeze=False)
-    rows = iter(panels[:, 0])
+    figure, panels = of_places.panels(count, width_m)
+    rows = iter(panels)
     _amplitude(next(rows), record, places)
     if places.friction is not None:
-        _field(next(rows), places, places.friction, "friction over that at rest", "Friction, where it can be told")
+        title = "Friction, where it can be told"
+        of_places.field(next(rows), places.x_m, places.y_m, places.friction, "friction over that at rest", title)
     if places.needed_V is not None:
         title = "Drive that holds the sensor's amplitude"
-        _field(next(rows), places, places.needed_V, "drive (V)", title)
-    for axes in panels[:, 0]:
-        _borders(axes, width_m)
+        of_places.field(next(rows), places.x_m, places.y_m, places.needed_V, "drive (V)", title)
     return ReportFigure("tactile", "Tactile map", _alt(record, places), figure)
-
-
-def sheared(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """What the travelling wave of a case's record drags a finger by."""
-    shear, design = case.record.travel and case.record.travel.shear, case.record.design
-    return shear_map(shear, design.width_m if design else None) if shear else None
-
-
-def shear_map(record: ShearRecord, width_m: float | None = None) -> ReportFigure:
-    """Speed of the crests under a finger over its place, and the net shear at least and at most."""
-    fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(record.crest_m_s)}
-    for name, field in (("at least", record.shear_low), ("at most", record.shear_high)):
-        if field is not None:
-            fields[f"net shear over friction at rest, {name}"] = np.array(field, dtype=float)
-    figure, panels = style.panels(2.4 * len(fields) + 0.4, len(fields), 1, squeeze=False)
-    for axes, (label, values) in zip(panels[:, 0], fields.items(), strict=True):
-        _field(axes, record, values, label.partition(",")[0], label.capitalize())
-        _borders(axes, width_m)
-    error = record.fastest_error_m_s
-    fastest = with_bar(1e3 * record.fastest_m_s, None if error is None else 1e3 * error, "mm/s")
-    alt = f"Crests under {record.fingertip} on the travelling wave: at most {fastest} along x"
-    return ReportFigure("shear", "A finger on the travelling wave", alt, figure)
-
-
-def _borders(axes: Any, width_m: float | None) -> None:
-    if width_m is not None:
-        for side in (-0.5, 0.5):
-            axes.axhline(side * width_m / MM, color="black", lw=0.6, ls="--")
 
 
 def draw(axes: Any, record: TouchRecord) -> None:
@@ -83,21 +53,11 @@ def draw(axes: Any, record: TouchRecord) -> None:
 
 def _amplitude(axes: Any, record: TouchRecord, places: TouchMapRecord) -> None:
     title = f"Finger at each place, {_tone(record, places)}; lines: nodes of the free plate"
-    _field(axes, places, np.array(places.touched_m) / UM, "amplitude (µm)", title)
+    of_places.field(axes, places.x_m, places.y_m, np.array(places.touched_m) / UM, "amplitude (µm)", title)
     x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
     if len(x) > 1 and len(y) > 1:
         axes.contour(x, y, np.array(places.displacement_m).T, levels=[0.0], colors="white", linewidths=0.8)
     axes.plot(record.at_m[0] / MM, record.at_m[1] / MM, "+", color=style.VERMILION, ms=9)
-
-
-def _field(axes: Any, places: TouchMapRecord | ShearRecord, values: Any, label: str, title: str) -> None:
-    field = np.ma.masked_invalid(np.array(values, dtype=float).T)
-    x, y = (np.array(ticks) / MM for ticks in (places.x_m, places.y_m))
-    image = axes.pcolormesh(x, y, field, cmap=style.QUALITY, **LOOK)
-    style.mm_axes(axes)
-    axes.set_title(title)
-    axes.set_anchor("W")
-    axes.figure.colorbar(image, cax=axes.inset_axes((1.03, 0.0, 0.03, 1.0)), label=label)
 
 
 def _tone(record: TouchRecord, places: TouchMapRecord) -> str:

@@ -319,108 +319,6 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
-class PatternMode(Part):
-    """A mode held for a travelling wave: the nodal lines of its shape, and the share of its mass that moves so."""
-
-    nodal_lines: int
-    frequency_hz: float
-    share: float
-    frequency_error: float | None = None
-    share_error: float | None = None
-
-
-class PlayedPattern(Part):
-    """A pattern as the emulated board drove it: the travelling-wave ratio in the window, and |V - V_table|/|V_table|."""
-
-    name: str
-    twr: float
-    twr_target: float
-    error: float
-
-
-class ShearRecord(Part):
-    """A finger at rest on a travelling wave, at 1 um rms in the free zone, over its places x_m and y_m, row by row along x.
-
-    touched_m: amplitude under it; crest_m_s: speed of the face along x at the crests; shear_low, shear_high: net shear over the
-    friction at rest, positive towards +x, None where the relations do not hold. fastest_error_m_s, shear_low_error,
-    shear_high_error: half-widths of the bars of the largest of each, at its place.
-    """
-
-    fingertip: str
-    radius_m: float
-    force_N: float | None
-    x_m: list[float]
-    y_m: list[float]
-    touched_m: list[list[float]]
-    crest_m_s: list[list[float]]
-    shear_low: list[list[float | None]] | None
-    shear_high: list[list[float | None]] | None
-    unknown: list[str]
-    fastest_error_m_s: float | None = None
-    shear_low_error: float | None = None
-    shear_high_error: float | None = None
-
-    @property
-    def fastest_m_s(self) -> float:
-        """The largest crest speed, signed."""
-        return max((speed for row in self.crest_m_s for speed in row), key=abs, default=0.0)
-
-
-class TravelRecord(Part):
-    """Two modes held a quarter period apart. Amplitudes are peaks, figures of power and field for 1 um rms in the zone.
-
-    twr: within window_m; alone_twr: of the two shapes alone; best_twr: with any voltages. volts: of drivers, real and
-    imaginary, the largest 1 V; patches_W negative where a patch takes. flow_W: towards +x through the sections flow_x_m;
-    standing_flow_W: with all drivers in phase with the wanted mode. inner_sections: how many of the sections lie between the
-    plate's ends, where nothing flows. frequency_error is relative, the other errors have the unit of their figure;
-    field_error_m is that of the field's size.
-    """
-
-    model: str
-    dof: int
-    frequency_hz: float
-    modes: list[PatternMode]
-    others: float
-    twr: float
-    alone_twr: float
-    best_twr: float
-    wavenumber_per_m: float
-    window_m: tuple[float, float]
-    confinement_db: float | None
-    drive_V_at_1um: float
-    drivers: list[int]
-    volts: list[tuple[float, float]]
-    x_m: list[float]
-    field_m: list[tuple[float, float]]
-    patches_W: list[float]
-    lost_W: float
-    flow_x_m: list[float]
-    flow_W: list[float]
-    standing_flow_W: list[float]
-    inner_sections: int | None = None
-    frequency_error: float | None = None
-    twr_error: float | None = None
-    alone_twr_error: float | None = None
-    best_twr_error: float | None = None
-    wavenumber_error_per_m: float | None = None
-    confinement_error_db: float | None = None
-    drive_error_V_at_1um: float | None = None
-    lost_error_W: float | None = None
-    flow_error_W: list[float | None] | None = None
-    patches_error_W: list[float | None] | None = None
-    standing_flow_error_W: list[float | None] | None = None
-    field_error_m: list[float | None] | None = None
-    shear: ShearRecord | None = None
-    board: list[PlayedPattern] | BoardFault | None = None
-    tables: list[str] = []
-
-    @property
-    def largest_flow_W(self) -> tuple[float, float | None]:
-        """The largest of the flows, signed, and the half-width of its bar."""
-        errors = self.flow_error_W or [None] * len(self.flow_W)
-        return max(zip(self.flow_W, errors, strict=True), key=lambda pair: abs(pair[0]))
-
-
 class LoadedModeRecord(Part):
     """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1.
 
@@ -768,7 +666,6 @@ class Record(Checked):
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None
     touch: TouchRecord | None = None
-    travel: TravelRecord | None = None
     board: BoardRecord | BoardFault | None = None
     geometry: GeometryRecord | None = None
     tet_modes: TetModesRecord | None = None

@@ -16,7 +16,6 @@ from pipeline.records.record import (
     ResponseRecord,
     ToleranceRecord,
     TouchRecord,
-    TravelRecord,
 )
 
 Document = dict[str, Any]
@@ -64,11 +63,6 @@ def touch(ax: Any, document: Document) -> None:
     of_touch.draw(ax, _read(TouchRecord, document))
 
 
-def travel(ax: Any, document: Document) -> None:
-    """The wave along the zone's centre line through a period, its envelope beside it."""
-    of_response.draw_wave(ax, _read(TravelRecord, document))
-
-
 def differences(ax: Any, rows: list[Document]) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -84,6 +78,5 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
         response,
         tolerance,
         touch,
-        travel,
     )
 }

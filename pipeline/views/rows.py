@@ -29,16 +29,6 @@ def touch(document: Document) -> Rows:
     return [dict(state) for state in document["states"]]
 
 
-def travel(document: Document) -> Rows:
-    """One row a place of the zone's centre line: u_z for 1 um rms in the zone, real, imaginary, size and its bar, m."""
-    errors = document.get("field_error_m") or [None] * len(document["x_m"])
-    places = zip(document["x_m"], document["field_m"], errors, strict=True)
-    return [
-        {"x_m": x, "re_m": re, "im_m": im, "size_m": abs(complex(re, im)), "size_error_m": error}
-        for x, (re, im), error in places
-    ]
-
-
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -55,7 +45,6 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
         response,
         tolerance,
         touch,
-        travel,
         search,
     )
 }

@@ -27,8 +27,8 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("response", "tolerance", "touch", "travel", "explore")),
-    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid")),
+      for name in ("response", "tolerance", "touch", "explore")),
+    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Travel")),
 }  # fmt: skip
 
 

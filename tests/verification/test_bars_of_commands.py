@@ -27,7 +27,7 @@ from tests.helpers.coarse_cells import COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
-    "ResponseRecord", "TravelRecord",
+    "ResponseRecord",
     "TouchRecord", "PredictionRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")

@@ -25,6 +25,11 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
     "broadband": (SMALL, {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
     "hybrid": (SMALL, {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3]}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "travel": (
+        SMALL,
+        {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3], "patches__sensors": [2]},
+        {"band_kHz": (28.0, 36.0)},
+    ),
 }
 NOT_COMPUTED = {  # frequencies without an error bar: what was asked for, not computed
     "CountRecord.low_hz", "CountRecord.high_hz", "WantedRecord.window_hz", "WantedMode.window_hz",

@@ -13,10 +13,10 @@ import pytest
 
 from pipeline.analysis import touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import travelling
 from pipeline.logs import TerminalLog
 from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.question import ask
+from pipeline.questions.travel import Travel
 from tests.helpers.asked import crosstalk_of
 from tests.helpers.scenes import STEEL_PILLARS, three_patches
 
@@ -67,7 +67,7 @@ def solved(command: str, s: float) -> Any:
     if command == "touch":
         return touch.solve(case_from_dict(scaled({**PATCHED, "touch": FINGER}, s)), QUIET, mapped=False)
     if command == "travel":
-        return travelling.solve(case_from_dict(scaled(STRIP, s)), QUIET)[0]
+        return ask(case_from_dict(scaled(STRIP, s)), Travel(), QUIET)
     if command == "hybrid":
         return ask(case_from_dict(scaled(FOUR, s)), Hybrid(points=3), QUIET)
     return crosstalk_of(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)

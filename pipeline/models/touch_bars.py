@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
+from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of
 from pipeline.records.record import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchRecord, TouchStateRecord
 from solvers.driven.curve_bars import AT_ONCE, Doubts, doubts
 from solvers.driven.error_bars import (
