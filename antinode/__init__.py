@@ -19,7 +19,6 @@ if TYPE_CHECKING:
         Response,
         Search,
         Tolerance,
-        Touch,
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from pipeline.questions.hybrid import HybridResult as Hybrid
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
+    from pipeline.questions.touch import TouchResult as Touch
     from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
@@ -43,7 +43,6 @@ HOMES = {
         "Response",
         "Search",
         "Tolerance",
-        "Touch",
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
@@ -65,7 +64,17 @@ HOMES = {
 ANSWERS = {  # results of questions, and their parts
     **{
         name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in ("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Travel")
+        for name in (
+            "Attenuation",
+            "Bands",
+            "Broadband",
+            "Crosstalk",
+            "Hybrid",
+            "Modes",
+            "Predesign",
+            "Touch",
+            "Travel",
+        )
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",
     "Wanted": "pipeline.models.mode_parts:WantedRecord",

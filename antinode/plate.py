@@ -42,6 +42,7 @@ from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.method import asks
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
+from pipeline.questions.touch import Touch
 from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.units import KHZ
 
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
         Response,
         Search,
         Tolerance,
-        Touch,
     )
 
 Pair = tuple[float, float]
@@ -146,6 +146,7 @@ class Plate(Frozen):
     attenuation = asks(Attenuation)
     broadband = asks(Broadband)
     crosstalk = asks(Crosstalk)
+    touch = asks(Touch)
     hybrid = asks(Hybrid)
     travel = asks(Travel)
     played_travel = asks(PlayedTravel)
@@ -190,23 +191,6 @@ class Plate(Frozen):
             return Tolerance(solve(self._case, self._log(progress)).to_dict() | self._about)
         solved = tolerance.solve(self._case, self._log(progress), _hz(band_kHz))
         return Tolerance(solved.record.to_dict() | self._about)
-
-    def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
-        """Compute what a finger makes of the driven plate: m, W and Hz; `mapped`: at every place of the touch face, too.
-
-        band_kHz: (low, high) in kHz. Raises InputError without [patches] and [touch].
-
-        >>> from antinode import Finger, Patches, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-        >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)
-        >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality_factor)
-        (-300.0, 40)
-        """
-        from antinode.results import Touch
-        from pipeline.analysis import touch
-
-        solved = touch.solve(self._case, self._log(progress), _hz(band_kHz), mapped)
-        return Touch(solved.to_dict() | self._about)
 
     def search(
         self,

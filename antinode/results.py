@@ -11,17 +11,15 @@ import numpy as np
 
 from antinode.tables import Frozen
 from geometry.elements import FloatArray
-from pipeline.quantity import figure, level, signed
+from pipeline.quantity import level, signed
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from pipeline.records.record import (
-        LoadedModeRecord,
         PeakRecord,
         SampleRecord,
-        TouchStateRecord,
     )
 
 KIND = "kind"
@@ -167,39 +165,6 @@ class Tolerance(Result):
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
-class Touch(Result):
-    """A finger on the driven plate: one dictionary a state, amplitudes in m, powers in W, friction over that at rest.
-
-    `plate.with_(touch=Finger(radius_mm=5.0)).touch()` computes one; here is what it holds.
-
-    >>> import antinode
-    >>> antinode.Touch({"states": [{"state": "touched", "finger_m": 2e-7}]}).states["touched"].finger_m
-    2e-07
-    """
-
-    kind = "touch"
-    _dimensions = ("state",)
-
-    @property
-    def states(self) -> dict[str, TouchStateRecord]:
-        """Every state by its name: free, touched, retuned, held, shaped; what cannot be is not there."""
-        return {state["state"]: typed("TouchStateRecord", state) for state in self._document["states"]}
-
-    @property
-    def mode(self) -> LoadedModeRecord | None:
-        """The wanted mode under the finger: frequencies in Hz, quality factor, share; None where none is left."""
-        mode: LoadedModeRecord | None = typed("LoadedModeRecord", self._document["mode"])
-        return mode
-
-    def __repr__(self) -> str:
-        moved = {name: (state.finger_m, state.finger_error_m) for name, state in self.states.items()}
-        amplitudes = ", ".join(
-            f"{name} {figure(1e6 * size, None if error is None else 1e6 * error)} um"
-            for name, (size, error) in moved.items()
-        )
-        return f"<antinode.Touch: {amplitudes}>"
-
-
 class Search(Result):
     """What a search found: the best design beside the one it started from, every evaluation as a row; dB, Hz, mm, kg.
 
@@ -265,7 +230,6 @@ KINDS: dict[str, type[Result]] = {
     for kind in (
         Response,
         Tolerance,
-        Touch,
         Search,
     )
 }

@@ -16,7 +16,6 @@ from pipeline.records.record import first_fault
 MARKS = {
     "response": "zone_rms_m_per_V",
     "tolerance": "samples",
-    "touch": "states",
     "search": "evaluations",
 }
 

@@ -24,15 +24,15 @@ from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.plots.touch import power_by_design
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.hybrid import HybridResult
 from pipeline.questions.result import Result
+from pipeline.questions.touch import TouchResult
 from pipeline.questions.travel import TravelResult
 from pipeline.records import outputs
-from pipeline.records.record import Record, TouchRecord
+from pipeline.records.record import Record
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from pipeline.report.thesis import compare
@@ -230,8 +230,8 @@ def finger(folder: Path) -> str:
         records = [case.record for case in read_study(folder / "touch").cases]
     except BadRecord:
         return ""
-    known = [(_touched_design(record), record.touch) for record in records if record.touch]
-    power_by_design(known, PAGE.parent / TOUCH_FIGURE)
+    known = [(_touched_design(record), touch) for record in records if (touch := record.of(TouchResult))]
+    _power_by_design(known, PAGE.parent / TOUCH_FIGURE)
     words = "amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger"
     figure = f"![Power drawn for 1 um under the finger, by design]({TOUCH_FIGURE})"
     rows = outputs.markdown(TOUCH_HEADINGS, [_touched_row(design, touch) for design, touch in known])
@@ -245,7 +245,22 @@ def _touched_design(record: Record) -> str:
     return f"{rows} {'row' if rows == 1 else 'rows'}, {record.sweep.get('touch.impedance')}"
 
 
-def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
+def _power_by_design(known: list[tuple[str, TouchResult]], place: Path) -> None:
+    """Write a figure: power at 1 um under the finger of each design, all patches in phase and with shaped voltages."""
+    with style.style():
+        figure, axes = style.panels(2.8)
+        looks = ((-0.2, "touched", "in phase", style.BLUE), (0.2, "shaped", "shaped for contrast", style.VERMILION))
+        for offset, name, label, colour in looks:
+            states = [touch.state(name) for _, touch in known]
+            powers = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
+            axes.bar([i + offset for i, _ in powers], [power for _, power in powers], 0.38, color=colour, label=label)
+        axes.set_xticks(range(len(known)), [design.replace(", ", ",\n") for design, _ in known])
+        axes.set(ylabel="power at 1 µm (mW)", yscale="log")
+        axes.legend()
+        figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})
+
+
+def _touched_row(design: str, touch: TouchResult) -> tuple[str, ...]:
     states = [touch.state(name) for name in ("free", "touched", "shaped")]
     shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
     amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]

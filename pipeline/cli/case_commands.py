@@ -136,28 +136,6 @@ def _alike(arguments: Namespace, case: Case, log: TerminalLog, band: Band | None
     )
 
 
-def touch(arguments: Namespace) -> int:
-    """Put a finger on the driven plate."""
-    case, log, band = _read(arguments)
-    if arguments.explain:
-        return _explained(arguments, "of_touch", case, band, not arguments.no_map, bool(arguments.out))
-    from pipeline.analysis import touch as touched
-    from pipeline.plots.touch import tactile_map
-
-    record = touched.solve(case, log, band, mapped=not arguments.no_map)
-    lines = [*touched.lines(record), *record.unknown]
-    return _ran(arguments, "touch", record, lines, lambda: [tactile_map(record)] if record.map else [], log)
-
-
-def _ran(arguments: Namespace, name: str, record: Any, lines: list[str], pictures: Any, log: TerminalLog) -> int:
-    """Answer with a record: its own rows, its lines in words."""
-    document = record.to_dict()
-    rows = ROWS[name](document)
-    return emit(
-        arguments, name, Answer(document, lines, tuple(rows[0]), [[*row.values()] for row in rows], pictures), log
-    )
-
-
 def active(arguments: Namespace) -> int:
     """Run an analogy or control model."""
     from pipeline.active.models import run

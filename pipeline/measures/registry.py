@@ -17,7 +17,6 @@ from pipeline.measures.modes import MODES, TETRAHEDRA
 from pipeline.measures.parts import PARTS
 from pipeline.measures.response import RESPONSE
 from pipeline.measures.tolerance import TOLERANCE
-from pipeline.measures.touch import TOUCH
 from pipeline.planning import simplifications
 from pipeline.planning.plan import Plan, Step
 from pipeline.questions import registered
@@ -35,7 +34,7 @@ MEASURES: tuple[Measure, ...] = (
         ASKED["broadband"],
         RESPONSE,
         TOLERANCE,
-        TOUCH,
+        ASKED["touch"],
         ASKED["hybrid"],
         ASKED["travel"],
         ASKED["crosstalk"],

@@ -131,11 +131,6 @@ def of_response(case: Case, band_hz: tuple[float, float] | None, points: int, dr
     return _plan(case, [response_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
 
 
-def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, drawn: bool) -> Plan:
-    """Plan of `antinode touch`. Raises InputError for a case without patches or finger."""
-    return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
-
-
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -184,21 +179,6 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
     return Step(**{**vars(step), "why": (*step.why, coupled)})
-
-
-def touch_step(case: Case, band_hz: tuple[float, float] | None = None, mapped: bool = True) -> Step:
-    """Plan a finger on the driven plate: it moves every symmetry class."""
-    case.require("touch", command="touch")
-    step = response_step(case, band_hz, 1)
-    touch = case.touch
-    assert touch is not None and case.patches is not None
-    left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
-    places = ", and at every place of a map" * mapped
-    looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
-    classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
-    return replace(
-        step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
-    )
 
 
 def tolerance_step(case: Case) -> Step:

@@ -8,7 +8,7 @@ from typing import Any
 
 MECHANISM = ("question", "result", "command", "method")
 # of help and reference; what is not listed follows
-IN_ORDER = ("predesign", "modes", "bands", "attenuation", "broadband", "crosstalk", "hybrid", "travel")
+IN_ORDER = ("predesign", "modes", "bands", "attenuation", "broadband", "crosstalk", "touch", "hybrid", "travel")
 
 
 def registered() -> dict[str, type[Any]]:

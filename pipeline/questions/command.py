@@ -63,7 +63,7 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
 
 def flag(name: str, about: Option, default: Any = None) -> str:
     """Return the flag of an option: its name without its unit."""
-    words = name.removesuffix(SUFFIXES.get(about.unit, "")).replace("_", "-")
+    words = about.flag or name.removesuffix(SUFFIXES.get(about.unit, "")).replace("_", "-")
     return f"--no-{words}" if default is True else f"--{words}"
 
 

@@ -62,6 +62,7 @@ class Option:
     at_least: float = -inf
     at_most: float = inf
     metavar: str = ""
+    flag: str = ""
 
     def fault(self, value: Any) -> str:
         """Return what a value of this option must be, or '' for a good one."""
@@ -77,7 +78,7 @@ class Option:
 
 def option(
     *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, metavar: str = "",
-    kw_only: bool = True,
+    flag: str = "", kw_only: bool = True,
 ) -> Any:  # fmt: skip
     """Declare an option of a question.
 
@@ -93,10 +94,14 @@ def option(
         Limits of the number, or of each end of a band.
     metavar
         What stands for its value in the help of the command.
+    flag
+        Its name there, where that is not its own.
     kw_only
         False for an option that the method also takes by position.
     """
-    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar)})
+    return field(
+        default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar, flag)}
+    )
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------

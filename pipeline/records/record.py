@@ -319,126 +319,6 @@ class ResponseRecord(Part):
         return self.wanted_peak or self.highest_peak
 
 
-class LoadedModeRecord(Part):
-    """The wanted mode under a finger: detuning, what it adds to 1/Q, and how much of the free mode is left in it, of 1.
-
-    By its complex eigenvalue lambda = (2 pi frequency_hz)^2 (1 + i/quality_factor). free_error, frequency_error: half-widths of
-    the bars, relative; the other errors have the unit of their figure.
-    """
-
-    free_hz: float
-    frequency_hz: float
-    shift_hz: float
-    quality_factor: float | None
-    added_loss: float
-    share: float
-    free_error: float | None = None
-    frequency_error: float | None = None
-    shift_error_hz: float | None = None
-    quality_error: float | None = None
-    added_loss_error: float | None = None
-    share_error: float | None = None
-
-
-class TouchStateRecord(Part):
-    """One method of driving the plate, with the finger or without: amplitudes are peaks, powers means over a period.
-
-    finger_m: rms of u_z over the contact. friction_low, friction_high: mu over mu at rest for the two gaps; None where the
-    relation says nothing. drawn_W: patches_W and dielectric_W; drawn_mW_at_1um: at an amplitude of 1 um under the finger.
-    frequency_error is relative, the other errors have the unit of their figure; the finger itself counts as given.
-    """
-
-    state: Literal["free", "touched", "retuned", "held", "shaped"]
-    frequency_hz: float
-    drive_V: float
-    finger_m: float
-    zone_rms_m: float
-    passive_rms_m: float | None
-    confinement_db: float | None
-    sensor_V: float | None
-    friction_low: float | None
-    friction_high: float | None
-    patches_W: float
-    plate_W: float
-    finger_W: float
-    dielectric_W: float | None
-    drawn_W: float | None
-    apparent_VA: float
-    drawn_mW_at_1um: float | None
-    drive_V_at_1um: float | None
-    frequency_error: float | None = None
-    drive_error_V: float | None = None
-    finger_error_m: float | None = None
-    zone_rms_error_m: float | None = None
-    passive_rms_error_m: float | None = None
-    confinement_error_db: float | None = None
-    sensor_error_V: float | None = None
-    friction_low_error: float | None = None
-    friction_high_error: float | None = None
-    patches_error_W: float | None = None
-    plate_error_W: float | None = None
-    finger_error_W: float | None = None
-    drawn_error_W: float | None = None
-    drawn_error_mW_at_1um: float | None = None
-    drive_error_V_at_1um: float | None = None
-
-
-class LoopRecord(Part):
-    """The drive that keeps the first sensor's amplitude as without the finger, and whether the amplifier can."""
-
-    sensor_V: float
-    needed_V: float
-    limit_V: float | None
-    saturates: bool | None
-    sensor_error_V: float | None = None
-    needed_error_V: float | None = None
-
-
-class TouchMapRecord(Part):
-    """The finger at every place of a grid, x first: amplitudes at constant voltage, m; friction at the gaps' geometric mean.
-
-    displacement_m: the free plate's at each place in the phase of its largest, whose zeros are the nodes. needed_V: as
-    LoopRecord; None without a sensor. Errors have the unit of their figure and are those of a peak that follows its mode.
-    """
-
-    frequency_hz: float
-    x_m: list[float]
-    y_m: list[float]
-    displacement_m: list[list[float]]
-    free_m: list[list[float]]
-    touched_m: list[list[float]]
-    friction: list[list[float | None]] | None
-    needed_V: list[list[float]] | None
-    free_error_m: list[list[float]] | None = None
-    touched_error_m: list[list[float]] | None = None
-    friction_error: list[list[float | None]] | None = None
-    needed_error_V: list[list[float]] | None = None
-
-
-class TouchRecord(Part):
-    """A finger on the driven plate: what it is, what it makes of the wanted mode, each state, why a figure is unknown."""
-
-    model: str
-    dof: int
-    fingertip: str
-    source: str
-    at_m: tuple[float, float]
-    radius_m: float
-    impedance_N_s_m: tuple[float, float]
-    force_N: float | None
-    gap_m: tuple[float, float] | None
-    quality_factor_given: float
-    mode: LoadedModeRecord | None
-    states: list[TouchStateRecord]
-    loop: LoopRecord | None
-    map: TouchMapRecord | None
-    unknown: list[str]
-
-    def state(self, name: str) -> TouchStateRecord | None:
-        """A state by its name."""
-        return next((state for state in self.states if state.state == name), None)
-
-
 class CircleRecord(Open):
     """A circle in the complex plane."""
 
@@ -665,7 +545,6 @@ class Record(Checked):
     response: ResponseRecord | None = None
     measured: MeasuredRecord | None = None
     tolerance: ToleranceRecord | None = None
-    touch: TouchRecord | None = None
     board: BoardRecord | BoardFault | None = None
     geometry: GeometryRecord | None = None
     tet_modes: TetModesRecord | None = None

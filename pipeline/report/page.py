@@ -23,7 +23,7 @@ from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
 from pipeline.report.sketch import sketch
 from pipeline.report.thesis import TITLE
-from pipeline.units import GRAM, MM, UM
+from pipeline.units import GRAM, MM
 
 REPORT = "report.html"
 MAX_FIGURES = 12
@@ -45,12 +45,11 @@ SHOWN = {
         "verdict",
         "band_difference",
         "share_of_zone",
-        "shift",
         "CONFINED_DB",
     )
 }
 SHOWN |= {name: getattr(quantity, name) for name in ("figure", "percentage", "percent", "signed")}
-SHOWN |= {"GRAM": GRAM, "MM": MM, "UM": UM}
+SHOWN |= {"GRAM": GRAM, "MM": MM}
 
 
 @dataclass(frozen=True)

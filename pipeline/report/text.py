@@ -73,11 +73,6 @@ def share_of_zone(wanted: WantedMode) -> str:
     return quantity.percentage(wanted.zone_share, wanted.zone_share_error, WIDE)
 
 
-def shift(value_hz: float, error_hz: float | None) -> str:
-    """A difference of frequencies with its sign and its bar."""
-    return quantity.signed(quantity.with_bar(value_hz, error_hz, "Hz", WIDE))
-
-
 def verdict(record: Record) -> str:
     """Whether the wanted mode is confined, as a mode and driven, and whether the expected error leaves that open."""
     level, error = record.confinement_db, record.wanted.confinement_error_db if record.wanted else None

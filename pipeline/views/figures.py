@@ -10,12 +10,10 @@ from typing import Any, TypeVar
 from geometry.files import written_whole
 from pipeline.plots import response as of_response
 from pipeline.plots import style
-from pipeline.plots import touch as of_touch
 from pipeline.records.record import (
     Part,
     ResponseRecord,
     ToleranceRecord,
-    TouchRecord,
 )
 
 Document = dict[str, Any]
@@ -58,11 +56,6 @@ def tolerance(ax: Any, document: Document) -> None:
     of_response.draw_peaks(ax, _read(ToleranceRecord, document))
 
 
-def touch(ax: Any, document: Document) -> None:
-    """Amplitude under the finger at each place, the free plate's nodes as lines; the states' amplitudes without a map."""
-    of_touch.draw(ax, _read(TouchRecord, document))
-
-
 def differences(ax: Any, rows: list[Document]) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
@@ -77,6 +70,5 @@ FIGURES: dict[str, Callable[[Any, Document], None]] = {
     for each in (
         response,
         tolerance,
-        touch,
     )
 }

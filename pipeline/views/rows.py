@@ -24,11 +24,6 @@ def tolerance(document: Document) -> Rows:
     return [dict(sample) for sample in document["samples"]]
 
 
-def touch(document: Document) -> Rows:
-    """One row a state: the free plate, the finger at constant voltage, retuned, held by the loop, with shaped voltages."""
-    return [dict(state) for state in document["states"]]
-
-
 def search(document: Document) -> Rows:
     """One row an evaluated design, its varied keys first."""
     return [
@@ -44,7 +39,6 @@ ROWS: dict[str, Callable[[Document], Rows]] = {
     for each in (
         response,
         tolerance,
-        touch,
         search,
     )
 }

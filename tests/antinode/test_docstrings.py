@@ -27,8 +27,8 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("response", "tolerance", "touch", "explore")),
-    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Travel")),
+      for name in ("response", "tolerance", "explore")),
+    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Touch", "Travel")),
 }  # fmt: skip
 
 

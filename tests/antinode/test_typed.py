@@ -21,6 +21,7 @@ GOOD = {
     "broadband": "width: float = plate.broadband(points=3).stopped_width_hz",
     "crosstalk": "levels: list[float] = plate.crosstalk((30.0, 34.0), points=5).zones[0].level_db",
     "hybrid": 'volts: list[float] = plate.hybrid(points=3, alpha=0.1).method("both").volts_per_um',
+    "touch": "loads: list[float] = [each.finger_m for each in plate.touch((33.0, 36.0), mapped=False).states]",
     "travel": "crests: float | None = plate.travel((28.0, 36.0), others=0.1).crest_mm_s",
     "played_travel": "ratio: float = plate.played_travel().twr",
 }

@@ -28,7 +28,7 @@ from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
     "ResponseRecord",
-    "TouchRecord", "PredictionRecord",
+    "PredictionRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")
 GIVEN, OTHERWISE = "asked for", "its bar stands under another name"
@@ -48,7 +48,6 @@ EXACT = {
     "PeakRecord.zone_rms_m_per_V": OTHERWISE + ": height_error",
     "PeakRecord.passive_rms_m_per_V": OTHERWISE + ": height_error",
     "ResponseRecord.wanted_hz": OTHERWISE + ": that of wanted_peak",
-    "TouchMapRecord.frequency_hz": OTHERWISE + ": that of the state free",
     "WantedRecord.driven_confinement_db": ABSENT,
     "WantedMode.driven_confinement_db": ABSENT,
 }

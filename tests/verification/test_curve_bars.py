@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.analysis import response, touch
+from pipeline.analysis import response
 from pipeline.case.model import case_from_dict
 from pipeline.logs import TerminalLog
 from pipeline.models import travelling
@@ -18,7 +18,7 @@ from pipeline.questions.question import ask
 from pipeline.questions.travel import Travel
 from solvers.piezo import patch as piezo_patch
 from solvers.touch import disk
-from tests.helpers.asked import crosstalk_of
+from tests.helpers.asked import crosstalk_of, touch_of
 from tests.helpers.coarse_cells import COARSE, COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
@@ -123,7 +123,7 @@ def test_both_curves_of_a_response_lie_within_their_bars_of_finer_ones(monkeypat
 @pytest.mark.slow
 def test_a_finger_s_map_lies_within_its_bars_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each at its own plate's peak, over the same places; of friction where it can be told on both."""
-    coarse, fine = (each.map for each in both(FINGERED, touch.solve, monkeypatch, mapped=True))
+    coarse, fine = (each.map for each in both(FINGERED, touch_of, monkeypatch, mapped=True))
     assert coarse and fine and coarse.x_m == fine.x_m and coarse.y_m == fine.y_m and len(coarse.x_m) > 5
     for figure, error in (("free_m", "free_error_m"), ("touched_m", "touched_error_m"), ("needed_V", "needed_error_V")):
         values = [np.array(getattr(each, figure)) for each in (coarse, fine)]
