@@ -279,7 +279,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
         _check_window(self.near_kHz, self.band_kHz)
         if not Path(self.mesh_file).exists():
-            raise InputError(f"{self.mesh_file}: no such file{nearest_file(Path(self.mesh_file).absolute())}")
+            raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
 
     def plan(self, case: Case) -> Plan:
         """Plan the mesh as it is."""

@@ -68,12 +68,17 @@ class Option:
         """Return what a value of this option must be, or '' for a good one."""
         pair = isinstance(value, tuple)
         numbers = [each for each in (value if pair else (value,)) if isinstance(each, int | float)]
-        if not all(map(isfinite, numbers)):
-            return "must be a finite number"
-        if not all(self.at_least <= each <= self.at_most for each in numbers):
-            most = f", at most {self.at_most:g}" if self.at_most < inf else ""
-            return f"must be {self.at_least:g} or more{most}"
+        is_finite = all(map(isfinite, numbers))
+        if not is_finite or not all(self.at_least <= each <= self.at_most for each in numbers):
+            return self._limits(is_finite)
         return "must be two rising numbers" if pair and len(numbers) == 2 and numbers[0] >= numbers[1] else ""
+
+    def _limits(self, is_finite: bool) -> str:
+        if -inf < self.at_least == -self.at_most:
+            return f"must be a number of at most {self.at_most:g} {self.unit}".rstrip()
+        if not is_finite:
+            return "must be a finite number"
+        return f"must be {self.at_least:g} or more" + (f", at most {self.at_most:g}" if self.at_most < inf else "")
 
 
 def option(

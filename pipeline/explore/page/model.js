@@ -719,7 +719,7 @@ function searched(rule, modes, window) { // solvers/measures/wanted_search.py wh
   return found;
 }
 function changed(data, plate, window, zone = 0, rows = 0) {
-  const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 10 ** (-0.2 * data.finite.tied);
+  const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 1 / data.rule.lead;
   return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
 function plateOf(data, pillarCell, design, window, meshError) {

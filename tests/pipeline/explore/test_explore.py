@@ -147,8 +147,8 @@ def detuned(frequency_hz: list[float], strength: list[float], level_db: list[flo
 
 
 def test_modes_whose_weights_may_change_places_are_inside_the_bar() -> None:
-    """Of weights 0.30, 0.29 and 0.20 the first two may change places (0.6 dB), and either may be off by the error."""
-    own = detuned([30e3, 44e3, 48e3], [0.29, 0.30, 0.20], [3.0, 8.0, 20.0])
+    """Of weights 0.30, 0.29 and 0.15 the best leads the second by less than half as much: they may change places."""
+    own = detuned([30e3, 44e3, 48e3], [0.29, 0.30, 0.15], [3.0, 8.0, 20.0])
     assert own.verdict.index == 1 and own.tied == (1, 0)
     bar = Bar.over([own], own, 0.02)
     assert bar.frequency == pytest.approx(14.0 / 44.0 + 0.02) and bar.status == "split"
