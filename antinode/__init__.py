@@ -15,13 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
-    from antinode.results import (
-        Hybrid,
-        Touch,
-        Travel,
-    )
-    from antinode.stored import open
-    from antinode.sweeps import SweepTable, sweep
+    from antinode.sweeps import SweepTable, open, sweep
     from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
     from pipeline.models.mode_parts import ModeRecord as Mode
@@ -30,22 +24,19 @@ if TYPE_CHECKING:
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
     from pipeline.questions.crosstalk import CrosstalkResult as Crosstalk
+    from pipeline.questions.hybrid import HybridResult as Hybrid
     from pipeline.questions.modes import ModesResult as Modes
     from pipeline.questions.predesign import PredesignResult as Predesign
     from pipeline.questions.response import ResponseResult as Response
     from pipeline.questions.search import SearchResult as Search
     from pipeline.questions.tolerance import ToleranceResult as Tolerance
+    from pipeline.questions.touch import TouchResult as Touch
+    from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
-    "antinode.results": (
-        "Hybrid",
-        "Touch",
-        "Travel",
-    ),
-    "antinode.stored": ("open",),
-    "antinode.sweeps": ("SweepTable", "sweep"),
+    "antinode.sweeps": ("SweepTable", "open", "sweep"),
     "antinode.tables": (
         "Array",
         "BandPath",
@@ -69,11 +60,14 @@ ANSWERS = {  # results of questions, and their parts
             "Bands",
             "Broadband",
             "Crosstalk",
+            "Hybrid",
             "Modes",
             "Predesign",
             "Response",
             "Search",
             "Tolerance",
+            "Touch",
+            "Travel",
         )
     },
     "Mode": "pipeline.models.mode_parts:ModeRecord",

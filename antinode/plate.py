@@ -39,6 +39,7 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
 from pipeline.questions.crosstalk import Crosstalk
+from pipeline.questions.hybrid import Hybrid
 from pipeline.questions.method import asks, numpydoc
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
@@ -46,15 +47,10 @@ from pipeline.questions.question import ask
 from pipeline.questions.response import MeasuredResponse, Response, SyntheticResponse
 from pipeline.questions.search import Goal, Search, SearchResult
 from pipeline.questions.tolerance import AlikeTolerance, Tolerance
+from pipeline.questions.touch import Touch
+from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.search.terms import End, Range
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from antinode.results import (
-        Hybrid,
-        Touch,
-        Travel,
-    )
 
 Pair = tuple[float, float]
 
@@ -154,65 +150,15 @@ class Plate(Frozen):
     tolerance = asks(Tolerance)
     alike_tolerance = asks(AlikeTolerance)
     crosstalk = asks(Crosstalk)
+    touch = asks(Touch)
+    hybrid = asks(Hybrid)
+    travel = asks(Travel)
+    played_travel = asks(PlayedTravel)
     active_mason = asks(ActiveMason)
     active_pillar = asks(ActivePillar)
     active_beam = asks(ActiveBeam)
     active_shaping = asks(ActiveShaping)
     active_dq = asks(ActiveDq)
-
-    def touch(self, band_kHz: Pair | None = None, *, mapped: bool = True, progress: bool | None = None) -> Touch:
-        """Compute what a finger makes of the driven plate: m, W and Hz; `mapped`: at every place of the touch face, too.
-
-        band_kHz: (low, high) in kHz. Raises InputError without [patches] and [touch].
-
-        >>> from antinode import Finger, Patches, load
-        >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-        >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)
-        >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality_factor)
-        (-300.0, 40)
-        """
-        from antinode.results import Touch
-        from pipeline.analysis import touch
-
-        solved = touch.solve(self._case, self._log(progress), _hz(band_kHz), mapped)
-        return Touch(solved.to_dict() | self._about)
-
-    def hybrid(
-        self, band_kHz: Pair | None = None, *, points: int = 61, alpha: float = 0.3, progress: bool | None = None
-    ) -> Hybrid:
-        """Compute confinement in dB by rows, by patches and by both; alpha: weight of voltages that move little, of 1.
-
-        band_kHz: (low, high) in kHz; lists of a method are (points,). InputError without two driving patches, one in the zone.
-
-        >>> from antinode import Patches, load
-        >>> two = Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0), (14.0, 0.0)])
-        >>> methods = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3).methods
-        >>> {name: round(methods[name].confinement_db[0]) for name in ("rows", "both")}
-        {'rows': 8, 'both': 16}
-        """
-        from antinode.results import Hybrid
-        from pipeline.driven import hybrid
-
-        solved = hybrid.solve(self._case, self._log(progress), _hz(band_kHz), points, alpha)
-        return Hybrid(solved.to_dict() | self._about)
-
-    def travel(self, band_kHz: Pair | None = None, *, others: float = 0.0, progress: bool | None = None) -> Travel:
-        """Hold two modes of the zone a quarter period apart; others: weight of keeping all other modes small, beside 1.
-
-        band_kHz: (low, high) in kHz, with both modes in it; the wave's arrays are (points,), in m. Raises InputError
-        without patches.
-
-        >>> from antinode import Patches, load
-        >>> patches = Patches(size_mm=(8.0, 3.0, 0.3), sensors=(2,))
-        >>> wave = load("examples/small.toml", accuracy=0.1, patches=patches).travel((28.0, 36.0))
-        >>> round(wave.twr, 1), sorted(mode["nodal_lines"] for mode in wave.to_dict()["modes"])
-        (0.8, [3, 4])
-        """
-        from antinode.results import Travel
-        from pipeline.driven import travelling
-
-        record, _ = travelling.solve(self._case, self._log(progress), _hz(band_kHz), others)
-        return Travel(record.to_dict() | self._about)
 
     def search(
         self,

@@ -16,7 +16,10 @@ from antinode.plate import Plate, key_of, log_of
 from antinode.tables import Frozen, plain
 from pipeline.errors import CheckFailed, InputError
 from pipeline.process import terminable
+from pipeline.questions import registered
 from pipeline.questions.result import Result
+from pipeline.records import store
+from pipeline.records.record import first_fault
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -204,7 +207,7 @@ def sweep(
     from pipeline import paths
     from pipeline.batch import case_study, runner
     from pipeline.batch.progress import Progress
-    from pipeline.measures import registry
+    from pipeline.questions import study as asked
 
     if not values:
         raise InputError("sweep: needs at least one key with its values, such as pitch_mm=[4, 5, 6]")
@@ -216,7 +219,7 @@ def sweep(
     with terminable():
         options, shown = runner.Options(jobs=jobs), Progress(log.quiet)
         outcome = runner.run_study(cases, case_study.computer(study), place, options, shown, study.about)
-    registry.write_table(place)
+    asked.write_table(place)
     said = [f"case {end.case_id} failed: {end.diagnosis}" for end in outcome.failed]
     if len(said) == len(cases):
         raise CheckFailed(said)
@@ -245,13 +248,56 @@ def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: 
 
 def _stored(place: Path, swept: Sequence[str]) -> SweepTable:
     """The table of what a folder holds."""
-    from pipeline.measures import registry
+    from pipeline.questions import study as asked
     from pipeline.records.study import read_study
 
     study = read_study(place)
-    columns = registry.columns_of(study)
+    columns = asked.columns_of(study)
     rows = [{each.name: _known(each.cell(case.record)) for each in columns} for case in study.cases]
     return SweepTable(rows, place, swept)
+
+
+def open(path: str | Path) -> Result | SweepTable:
+    """Read a result that `save` or `--json` wrote, or the table of a study or a sweep by its folder or its CSV file.
+
+    Raises InputError for a file that holds none.
+
+    >>> import antinode, tempfile
+    >>> file = f"{tempfile.mkdtemp()}/sizes.json"
+    >>> antinode.open(antinode.load("examples/small.toml").predesign().save(file)).zone_hz > 33e3
+    True
+    """
+    file = Path(path) / TABLE if Path(path).is_dir() else Path(path)
+    if file.suffix == ".csv":
+        return read_table(file)
+    try:
+        document = store.read_json(Path(path))
+    except store.BadRecord as error:
+        raise InputError(f"{path}: cannot be read: {error}") from error
+    kind = _kind(document) if isinstance(document, dict) else None
+    if kind is None or document.get("schema") != 1:
+        raise InputError(
+            f"{path}: holds no result: must be a JSON document of modes, bands, attenuation, response, ..."
+        )
+    return _answer(path, registered()[kind].result, document)
+
+
+def _answer(path: str | Path, kind: type[Result], document: dict[str, Any]) -> Result:
+    from pydantic import ValidationError
+
+    try:
+        return kind.from_document(document)
+    except ValidationError as error:
+        raise InputError(f"{path}: holds no result: {first_fault(error)}") from error
+
+
+def _kind(document: dict[str, Any]) -> str | None:
+    if document.get("kind") in registered():
+        return str(document["kind"])
+    for name, question in sorted(registered().items(), key=lambda each: -len(each[1].result.required())):
+        if question.result.required() <= document.keys():
+            return name
+    return None
 
 
 def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:

@@ -24,13 +24,15 @@ from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.plots.response import hybrid_levels, travelling_wave
-from pipeline.plots.touch import power_by_design
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
+from pipeline.questions.hybrid import HybridResult
+from pipeline.questions.result import Result
+from pipeline.questions.touch import TouchResult
+from pipeline.questions.travel import TravelResult
 from pipeline.records import outputs
-from pipeline.records.record import Record, TouchRecord
+from pipeline.records.record import Record
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from pipeline.report.thesis import compare
@@ -228,8 +230,8 @@ def finger(folder: Path) -> str:
         records = [case.record for case in read_study(folder / "touch").cases]
     except BadRecord:
         return ""
-    known = [(_touched_design(record), record.touch) for record in records if record.touch]
-    power_by_design(known, PAGE.parent / TOUCH_FIGURE)
+    known = [(_touched_design(record), touch) for record in records if (touch := record.of(TouchResult))]
+    _power_by_design(known, PAGE.parent / TOUCH_FIGURE)
     words = "amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger"
     figure = f"![Power drawn for 1 um under the finger, by design]({TOUCH_FIGURE})"
     rows = outputs.markdown(TOUCH_HEADINGS, [_touched_row(design, touch) for design, touch in known])
@@ -243,7 +245,22 @@ def _touched_design(record: Record) -> str:
     return f"{rows} {'row' if rows == 1 else 'rows'}, {record.sweep.get('touch.impedance')}"
 
 
-def _touched_row(design: str, touch: TouchRecord) -> tuple[str, ...]:
+def _power_by_design(known: list[tuple[str, TouchResult]], place: Path) -> None:
+    """Write a figure: power at 1 um under the finger of each design, all patches in phase and with shaped voltages."""
+    with style.style():
+        figure, axes = style.panels(2.8)
+        looks = ((-0.2, "touched", "in phase", style.BLUE), (0.2, "shaped", "shaped for contrast", style.VERMILION))
+        for offset, name, label, colour in looks:
+            states = [touch.state(name) for _, touch in known]
+            powers = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
+            axes.bar([i + offset for i, _ in powers], [power for _, power in powers], 0.38, color=colour, label=label)
+        axes.set_xticks(range(len(known)), [design.replace(", ", ",\n") for design, _ in known])
+        axes.set(ylabel="power at 1 µm (mW)", yscale="log")
+        axes.legend()
+        figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})
+
+
+def _touched_row(design: str, touch: TouchResult) -> tuple[str, ...]:
     states = [touch.state(name) for name in ("free", "touched", "shaped")]
     shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
     amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
@@ -372,7 +389,7 @@ def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record
 
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
-    hybrid = record.hybrid
+    hybrid = record.of(HybridResult)
     if hybrid is None or hybrid.wanted_hz is None:
         return None
 
@@ -387,7 +404,7 @@ def _of_hybrid(record: Record) -> tuple[str, ...] | None:
 
 
 def _of_travel(record: Record) -> tuple[str, ...] | None:
-    travel = record.travel
+    travel = record.of(TravelResult)
     if travel is None:
         return None
     level = "none" if travel.confinement_db is None else f"{travel.confinement_db:.1f} dB"
@@ -424,6 +441,17 @@ def _by_gap(records: list[Record]) -> Figure:
     return figure
 
 
+def _picture_of(kind: type[Result]) -> Callable[[list[Record]], Figure]:
+    """Draws the answer of a kind in the last case."""
+
+    def draw(records: list[Record]) -> Figure:
+        answer = records[-1].of(kind)
+        assert answer
+        return answer.pictures()[0].figure
+
+    return draw
+
+
 WISHES = (
     Wish(
         "glass",
@@ -447,7 +475,7 @@ WISHES = (
             *("rows, drive", "patches, drive", "both, drive"),
         ),
         _of_hybrid,
-        lambda records: hybrid_levels(records[-1].hybrid).figure,  # type: ignore[arg-type]
+        _picture_of(HybridResult),
     ),
     Wish(
         "travelling",
@@ -457,7 +485,7 @@ WISHES = (
         "resting finger at most with the speed told last, along the plate and against the wave",
         ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase", "crests"),
         _of_travel,
-        lambda records: travelling_wave(records[-1].travel).figure,  # type: ignore[arg-type]
+        _picture_of(TravelResult),
     ),
     Wish(
         "zones",

@@ -17,8 +17,8 @@ from pydantic import BaseModel
 import antinode
 from pipeline.case.schema import MATERIAL_ALLOWED, TABLES, MaterialTable
 from pipeline.cli import main
-from pipeline.measures.registry import OF_SEVERAL, measures
 from pipeline.questions import known, registered
+from pipeline.questions import study as asked
 from pipeline.records import part as declared
 from pipeline.records import record, tables
 from pipeline.records.frames import unit_of
@@ -124,12 +124,12 @@ def _keys(model: type[BaseModel], known: dict[str, str] | None = None) -> Iterat
 
 def columns() -> Iterator[str]:
     """Every column of table.csv, by the measure that fills it."""
-    for measure in measures():
-        if measure.columns:
-            yield f"\n## {measure.name}\n\n{head('column', 'what it is', 'unit')}"
-            yield "\n".join(_column(each.name, each.heading, each.unit) for each in measure.columns)
+    for question in asked.questions():
+        if columns := asked.columns(question):
+            yield f"\n## {question.name}\n\n{head('column', 'what it is', 'unit')}"
+            yield "\n".join(_column(each.name, each.heading, each.unit) for each in columns)
     yield f"\n## Several together\n\n{head('column', 'what it is', 'unit')}"
-    yield "\n".join(_column(each.name, each.heading, each.unit) for each in OF_SEVERAL)
+    yield "\n".join(_column(each.name, each.heading, each.unit) for each in asked.OF_SEVERAL)
     yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
     yield "\n".join(_column(name, heading, unit) for name, heading, _, unit in tables.TRACKED)
 
@@ -141,7 +141,7 @@ def _column(name: str, heading: str, unit: str | None) -> str:
 
 def column_names() -> set[str]:
     """Every column that a measure may fill."""
-    own = {each.name for measure in measures() for each in measure.columns} | {each.name for each in OF_SEVERAL}
+    own = {each.name for question in asked.questions() for each in (*asked.columns(question), *asked.OF_SEVERAL)}
     return own | {name for name, *_ in tables.TRACKED}
 
 

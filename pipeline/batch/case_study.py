@@ -13,9 +13,8 @@ from pipeline.case.overrides import toml_text
 from pipeline.case.plausible import warn_of_doubts
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.measures import registry
-from pipeline.measures.measure import Work
 from pipeline.planning import resources, simplifications
+from pipeline.questions import study as asked
 from pipeline.questions.question import Run
 from pipeline.records import store
 from pipeline.records.record import DesignRecord
@@ -34,18 +33,18 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
     for case_id, overrides, query in wanted:
         try:
             case = case_from_dict(raw, study.case_path, overrides)
-            registry.check(case, query)
+            asked.check(case, query)
         except InputError as error:
             faults += [f"case {case_id}: {line}" for line in error.lines]
             continue
         texts = [f"{key}={toml_text(value)}" for key, value in overrides]  # as --set takes them
         payload: dict[str, Any] = {"name": case.name, "case": case.to_dict(), "overrides": texts}
         payload["measure"] = list(query)
-        measures = registry.chosen(query)
-        if all_fields and any(measure.name == "modes" for measure in measures):
+        questions = asked.chosen(query)
+        if all_fields and any(each.name == "modes" for each in questions):
             payload["fields"] = True
-        for measure in measures:
-            payload |= measure.inputs()
+        for each in questions:
+            payload |= each.inputs()
         parts = repr((case.design.material, case.design.pillar, DesignRecord.of_design(case.design).cell))
         jobs.append(Job(case_id, payload, dict(overrides), parts, partial(_forecast, case, query)))
     if faults:
@@ -56,7 +55,7 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
 def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
     """Estimated peak memory and plan of a case; no memory and the reason for one that is refused."""
     try:
-        planned = registry.plan_of(case, query)
+        planned = asked.plan_of(case, query)
     except InputError as error:
         return Forecast(plan=str(error))
     memory = round(max((demand.memory_bytes for demand in planned.demands.values()), default=0))
@@ -68,7 +67,7 @@ def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list
     from pipeline.report import explorer, page
 
     made = explorer.put(folder, study.case_path)
-    return [registry.write_table(folder), *made, page.build(folder, all_pictures=all_pictures)]
+    return [asked.write_table(folder), *made, page.build(folder, all_pictures=all_pictures)]
 
 
 def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:
@@ -90,14 +89,14 @@ def compute(case_path: str, payload: dict[str, Any], folder: Path, log: RunLog) 
     if case.to_dict() != payload["case"]:
         raise InputError(f"{Path(case_path).name}: changed while the study was running; run the study again")
     warn_of_doubts(case.design, log)
-    planned = registry.plan_of(case, payload["measure"])
+    planned = asked.plan_of(case, payload["measure"])
     log.info(planned.text(), "PLAN")
     resources.refuse(planned.demands)
     simplifications.log_all(planned.whole, log)
-    measures = {measure.name: measure for measure in registry.chosen(payload["measure"])}
+    questions = {each.name: each for each in asked.chosen(payload["measure"])}
     run = Run(log, detailed=False, shapes=True, folder=folder, all_fields=bool(payload.get("fields")))
     for step in planned.steps:
-        measures[step.measure].compute(Work(case, run))
+        asked.answer(questions[step.measure], case, run)
     if run.arrays:
         store.save_arrays(folder, run.arrays)
     design = DesignRecord.of_design(case.design)

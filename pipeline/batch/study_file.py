@@ -139,9 +139,9 @@ def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> dict[str, Any]
 
 
 def _names() -> list[str]:
-    from pipeline.measures import registry  # loads what plans: not before there is a study to plan
+    from pipeline.questions import study as asked  # loads what plans: not before there is a study to plan
 
-    return registry.names()
+    return asked.names()
 
 
 def _check_measures(key: str, measures: list[Any], diagnostics: Diagnostics) -> None:

@@ -14,10 +14,10 @@ from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import frequency, percent, percentage, signed
+from pipeline.questions.answer import Answer, emit, of_case
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.question import Run, ask
 from pipeline.records.reading import reading_table
-from pipeline.views.answer import Answer, emit, of_case
 
 FILE = REFERENCE / "band_gap.csv"
 

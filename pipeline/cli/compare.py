@@ -43,8 +43,8 @@ class Design:
 
 def run(arguments: Namespace) -> int:
     """Read both, line up their quantities, and print those that differ."""
+    from pipeline.questions.answer import Answer, emit
     from pipeline.records import outputs
-    from pipeline.views.answer import Answer, emit
 
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
     known = lined_up(one.quantities, two.quantities)
@@ -86,14 +86,24 @@ def _shown(name: str, known: Flat) -> Any:
 def _figure(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
     """Both bands over one path where both have them, else relative differences as bars."""
     from pipeline.plots import style
-    from pipeline.views import figures
 
     figure, axes = style.panels(3.6)
     if one.bands and two.bands:
         _overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
     else:
-        figures.differences(axes, rows)
+        _differences(axes, rows)
     return style.ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", figure, True)
+
+
+def _differences(ax: Axes, rows: list[dict[str, Any]]) -> None:
+    """Relative differences of two designs as bars, the largest last and so on top."""
+    from pipeline.plots import style
+
+    known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
+    ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))  # type: ignore[union-attr]
+    ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
+    ax.axvline(0.0, color=style.GREY, lw=0.8)
+    ax.set(xlabel="B over A, %")
 
 
 def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:

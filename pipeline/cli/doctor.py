@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError, reason
+from pipeline.questions.answer import Answer, emit
 from pipeline.units import GIB
-from pipeline.views.answer import Answer, emit
 
 NEEDED = (
     *("numpy", "scipy", "cadquery", "pytetwild", "pyvista", "meshio"),

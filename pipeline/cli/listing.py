@@ -8,9 +8,9 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
+from pipeline.questions.answer import Answer, emit
 from pipeline.records.outputs import table
 from pipeline.units import GPA
-from pipeline.views.answer import Answer, emit
 
 
 def studies(arguments: Namespace) -> int:

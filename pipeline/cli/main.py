@@ -114,7 +114,7 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
 def _run(arguments: argparse.Namespace) -> int:
     from geometry.files import inputs_kept, read_by_command
     from pipeline.logs import TerminalLog
-    from pipeline.views import answer
+    from pipeline.questions import answer
 
     _require_threads()
     lend_cache_folders()

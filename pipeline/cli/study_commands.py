@@ -93,12 +93,12 @@ def _log_summary(paths: Sequence[Path], quiet: bool) -> None:
 
 def _log_without_effect(folder: Path) -> None:
     """A line for each key that was varied for nothing."""
-    from pipeline.measures import registry
+    from pipeline.questions import study as asked
     from pipeline.records.study import read_study
     from pipeline.records.tables import without_effect
 
     study = read_study(folder)
-    for key in without_effect(study, registry.columns_of(study)):
+    for key in without_effect(study, asked.columns_of(study)):
         print(f"antinode: {key} changes no figure of this study: none of its measures depends on it", file=sys.stderr)
 
 
@@ -146,15 +146,15 @@ def report(arguments: Namespace) -> int:
 
 def show(arguments: Namespace) -> int:
     """Print what a stored study found: its answer, its facts and the table's main columns."""
-    from pipeline.measures import registry
+    from pipeline.questions import study as asked
+    from pipeline.questions.answer import Answer, emit
     from pipeline.records.outputs import table
     from pipeline.records.study import read_study
     from pipeline.report import text
-    from pipeline.views.answer import Answer, emit
 
     folder = _stored(arguments)[2]
     study = read_study(folder)
-    columns = [column for column in map(text.PageColumn, registry.columns_of(study)) if column.main]
+    columns = [column for column in map(text.PageColumn, asked.columns_of(study)) if column.main]
     head = [f"{column.heading} ({column.unit})" if column.unit else column.heading for column in columns]
     rows = [[column.text(case.record) or None for column in columns] for case in study.cases]
     lead = [

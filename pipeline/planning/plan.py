@@ -25,7 +25,6 @@ from pipeline.planning.request import (
 from pipeline.planning.resources import Demand, too_much
 from pipeline.planning.simplifications import Simplification, khz
 
-HYBRID_POINTS = 61
 RESPONSE_POINTS = 401
 
 
@@ -127,21 +126,6 @@ def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | No
     return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
 
 
-def of_touch(case: Case, band_hz: tuple[float, float] | None, mapped: bool, drawn: bool) -> Plan:
-    """Plan of `antinode touch`. Raises InputError for a case without patches or finger."""
-    return _plan(case, [touch_step(case, band_hz, mapped)], [simplifications.no_figures(drawn)])
-
-
-def of_hybrid(case: Case, band_hz: tuple[float, float] | None, points: int, drawn: bool) -> Plan:
-    """Plan of `antinode hybrid`. Raises InputError for a case without patches."""
-    return _plan(case, [hybrid_step(case, band_hz, points)], [simplifications.no_figures(drawn)])
-
-
-def of_travel(case: Case, band_hz: tuple[float, float] | None, drawn: bool) -> Plan:
-    """Plan of `antinode travel`. Raises InputError for a case without patches."""
-    return _plan(case, [travel_step(case, band_hz)], [simplifications.no_figures(drawn)])
-
-
 def modes_step(case: Case, request: Request) -> Step:
     """Plan the modes of a part."""
     query = with_defaults(case, request)
@@ -190,46 +174,6 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
     return Step(**{**vars(step), "why": (*step.why, coupled)})
-
-
-def touch_step(case: Case, band_hz: tuple[float, float] | None = None, mapped: bool = True) -> Step:
-    """Plan a finger on the driven plate: it moves every symmetry class."""
-    case.require("touch", command="touch")
-    step = response_step(case, band_hz, 1)
-    touch = case.touch
-    assert touch is not None and case.patches is not None
-    left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
-    places = ", and at every place of a map" * mapped
-    looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
-    classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
-    return replace(
-        step, measure="touch", name="a finger on the plate", classes=classes, looks_for=looks, left_out=left_out
-    )
-
-
-def hybrid_step(
-    case: Case, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS, plates: int = 4
-) -> Step:
-    """Plan rows and patches together: the plate, the same without rows, and with the pillars off by 2 % both ways.
-
-    plates: how many of them are still to be computed.
-    """
-    step = response_step(case, band_hz, points)
-    assert case.patches is not None and step.demand
-    looks = f"{points} frequencies, {case.patches.count} patches; four plates: as it is, without rows, pillars detuned twice"
-    demand = step.demand
-    for _ in range(plates - 1):
-        demand = demand.then(step.demand)
-    return replace(step, measure="hybrid", name="rows and patches together", looks_for=looks, demand=demand)
-
-
-def travel_step(case: Case, band_hz: tuple[float, float] | None = None) -> Step:
-    """Plan two modes held a quarter period apart."""
-    step = response_step(case, band_hz, 1)
-    lines = case.design.nodal_lines
-    looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
-    looks += ", and a finger at places along the wave" if case.touch else ""
-    return replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
 
 
 def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:

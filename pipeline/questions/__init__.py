@@ -6,9 +6,12 @@ from importlib import import_module
 from pkgutil import iter_modules
 from typing import Any
 
-MECHANISM = ("question", "result", "command", "method")
+MECHANISM = ("question", "result", "command", "method", "answer", "study")
 # of help and reference; what is not listed follows
-IN_ORDER = ("predesign", "modes", "bands", "attenuation", "broadband", "response", "tolerance", "crosstalk")
+IN_ORDER = (
+    *("predesign", "modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel"),
+    *("crosstalk", "search", "active", "active_dq"),
+)
 
 
 def registered() -> dict[str, type[Any]]:

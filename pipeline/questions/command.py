@@ -80,7 +80,7 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
 
 def flag(name: str, about: Option, default: Any = None) -> str:
     """Return the flag of an option: its name without its unit."""
-    words = name.removesuffix(SUFFIXES.get(about.unit, "")).replace("_", "-")
+    words = about.flag or name.removesuffix(SUFFIXES.get(about.unit, "")).replace("_", "-")
     return f"--no-{words}" if default is True else f"--{words}"
 
 
@@ -106,7 +106,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command of a question: read its case, then explain, or ask and write the answer."""
     from pipeline.case.plausible import warn_of_doubts
     from pipeline.logs import TerminalLog
-    from pipeline.views.answer import Answer, emit
+    from pipeline.questions.answer import Answer, emit
 
     kind = _asked(arguments)
     case, log = _case(arguments, kind), TerminalLog(arguments.quiet)
@@ -129,7 +129,7 @@ def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
     """Return the case of a command line; None for a question that does without. Raises InputError for a wrong case."""
     from pipeline.case.model import load_case
     from pipeline.paths import STUDIES
-    from pipeline.views.answer import of_case
+    from pipeline.questions.answer import of_case
 
     if arguments.case is not None:
         return of_case(arguments, load_case(arguments.case, arguments.set))
@@ -226,8 +226,8 @@ def _items(texts: list[str], item: Any, about: Option, named: str) -> tuple[Any,
 
 def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
     """Ask a question and write its answer to where the command line asks for it."""
+    from pipeline.questions.answer import Answer, emit
     from pipeline.records import outputs, store
-    from pipeline.views.answer import Answer, emit
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
     folder = outputs.folder(arguments.out) if arguments.out else None

@@ -1,7 +1,7 @@
 """Questions that can be asked of a case: one file each, with options, plan, computation and one result.
 
 A question declares its options (`option`) and what it computes (`pipeline.questions.result`). Its command, its method of a
-plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `pipeline.measures.asked`).
+plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `study`).
 Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick.
 """
 
@@ -34,6 +34,8 @@ from pipeline.records.part import ABOUT, Axis, plain
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pipeline.case.model import Case
     from pipeline.logs import Log
     from pipeline.models.mode_parts import WantedMode
@@ -70,6 +72,7 @@ class Option:
     at_most: float = inf
     metavar: str = ""
     or_infinite: bool = False
+    flag: str = ""
 
     def fault(self, value: Any) -> str:
         """Return what a value of this option must be, or '' for a good one."""
@@ -93,7 +96,7 @@ class Option:
 
 def option(
     *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, metavar: str = "",
-    or_infinite: bool = False, kw_only: bool = True,
+    or_infinite: bool = False, flag: str = "", kw_only: bool = True,
 ) -> Any:  # fmt: skip
     """Declare an option of a question.
 
@@ -111,11 +114,15 @@ def option(
         What stands for its value in the help of the command.
     or_infinite
         Whether the number may be infinite, too.
+    flag
+        Its name there, where that is not its own.
     kw_only
         False for an option that the method also takes by position.
     """
     return field(
-        default=default, kw_only=kw_only, metadata={ABOUT: Option(help, unit, at_least, at_most, metavar, or_infinite)}
+        default=default,
+        kw_only=kw_only,
+        metadata={ABOUT: Option(help, unit, at_least, at_most, metavar, or_infinite, flag)},
     )
 
 

@@ -294,7 +294,11 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         if shape is not None:
             self._draw_shape(panels[-1, 0], self.arrays["response_xy"], shape)
         own = style.ReportFigure("response", "Response per volt of drive", self._alt(), drawn, vector=shape is None)
-        return [own, report_figure(self.measured, self.arrays, self.design)] if self.measured and self.design else [own]
+        return (
+            [own, report_figure(self.measured, self.arrays, self.plate_design)]
+            if self.measured and self.plate_design
+            else [own]
+        )
 
     def _draw_sensor(self, ax: Axes) -> None:
         import numpy as np

@@ -103,7 +103,7 @@ class Result(Part):
     figures: ClassVar[dict[str, Figure[Any]]] = {}
     origin: ClassVar[Origin | None] = None  # of each result by itself, set where it is computed or read
     arrays: ClassVar[Mapping[str, Any]] = {}  # of each by itself: what pictures draw, kept beside a record
-    design: ClassVar[Any] = None  # of each by itself: the case's DesignRecord, where pictures need it
+    plate_design: ClassVar[Any] = None  # of each by itself: the case's DesignRecord, where pictures need it
 
     def __init_subclass__(cls, *, axes: Axis, table: str = "") -> None:
         super().__init_subclass__()
@@ -135,7 +135,7 @@ class Result(Part):
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""
         object.__setattr__(self, "arrays", arrays)
-        object.__setattr__(self, "design", design)
+        object.__setattr__(self, "plate_design", design)
         return self
 
     def to_rows(self) -> list[dict[str, Any]]:

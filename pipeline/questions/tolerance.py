@@ -117,7 +117,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
         if self.frequency_error is None:
             return f"{self.pillars} pillars, driven by {self.drive}"
-        level = self.design and column_level_error_db(self.nominal.confinement_db, self.design.nodal_lines)
+        level = self.plate_design and column_level_error_db(self.nominal.confinement_db, self.plate_design.nodal_lines)
         return (
             f"{self.pillars} pillars, all of a plate off by the same; one column of cells stands for the plate, within "
             f"{percent(self.frequency_error)} of its frequency"

@@ -19,7 +19,7 @@ TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes
 # Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
 SHOWING = (
     *(f"pipeline/{name}.py" for name in ("logs", "paths", "process", "workers")),
-    *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report", "views")),
+    *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report")),
     "pipeline/active/plots*.py",
     *(f"pipeline/records/{name}.py" for name in ("outputs", "run_log", "study", "tables")),
     *(f"pipeline/batch/{name}.py" for name in ("job", "journal", "lock", "peak_memory")),

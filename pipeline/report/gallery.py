@@ -11,9 +11,9 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.measures.registry import measures
 from pipeline.plots import style as style_module
 from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save, style
+from pipeline.questions.study import draws
 from pipeline.records import store
 from pipeline.records.fingerprint import canonical_json, file_hash
 from pipeline.records.study import StoredCase, StoredStudy
@@ -40,10 +40,9 @@ def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
     if (kept := kept_pictures(case, without)) is not None:
         return kept
     arrays, errors = case.read_arrays()
-    functions = [draw for measure in measures() for draw in measure.draws()]
-    draws = [partial(draw, case, arrays) for draw in functions if draw.__name__ not in without]
+    chosen = [partial(draw, case, arrays) for draw in draws() if draw.__name__ not in without]
     key = _without(_case_key(case), without)
-    return replace(_draw(case.folder / PICTURES, key, draws, errors), is_brief=bool(without))
+    return replace(_draw(case.folder / PICTURES, key, chosen, errors), is_brief=bool(without))
 
 
 def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet | None:

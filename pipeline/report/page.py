@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import quantity
-from pipeline.measures import registry
 from pipeline.plots import style
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.records.study import StoredCase, StoredStudy, read_study
@@ -23,7 +23,7 @@ from pipeline.report.other_studies import beside
 from pipeline.report.pictures import EmbeddedFigure, Embedder, link
 from pipeline.report.sketch import sketch
 from pipeline.report.thesis import TITLE
-from pipeline.units import GRAM, MM, UM
+from pipeline.units import GRAM, MM
 
 REPORT = "report.html"
 MAX_FIGURES = 12
@@ -45,12 +45,11 @@ SHOWN = {
         "verdict",
         "band_difference",
         "share_of_zone",
-        "shift",
         "CONFINED_DB",
     )
 }
 SHOWN |= {name: getattr(quantity, name) for name in ("figure", "percentage", "percent", "signed")}
-SHOWN |= {"GRAM": GRAM, "MM": MM, "UM": UM}
+SHOWN |= {"GRAM": GRAM, "MM": MM}
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ def _page(
 
     is_brief: some pictures were drawn of the best case alone.
     """
-    columns = [text.PageColumn(column) for column in registry.columns_of(study)]
+    columns = [text.PageColumn(column) for column in asked.columns_of(study)]
     return render(
         "study.html.j2",
         **SHOWN,

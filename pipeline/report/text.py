@@ -12,9 +12,9 @@ from typing import Any
 
 from pipeline import quantity
 from pipeline.case.overrides import toml_text
-from pipeline.measures import registry
 from pipeline.models.mode_parts import ModeRecord, WantedMode
 from pipeline.paths import RESULTS, ROOT, STUDIES
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy
@@ -71,11 +71,6 @@ def bar(value: float | None, error: float | None, unit: str) -> str:
 def share_of_zone(wanted: WantedMode) -> str:
     """The zone's share of the squared normal displacement with the digits of its bar."""
     return quantity.percentage(wanted.zone_share, wanted.zone_share_error, WIDE)
-
-
-def shift(value_hz: float, error_hz: float | None) -> str:
-    """A difference of frequencies with its sign and its bar."""
-    return quantity.signed(quantity.with_bar(value_hz, error_hz, "Hz", WIDE))
 
 
 def verdict(record: Record) -> str:
@@ -243,7 +238,7 @@ def facts_of(study: StoredStudy) -> list[str]:
     )
     words += [
         f"{key} changes no figure of this study: none of its measures depends on it"
-        for key in without_effect(study, registry.columns_of(study))
+        for key in without_effect(study, asked.columns_of(study))
     ]
     if day := computed_on(study):
         words.append(f"computed {day}")

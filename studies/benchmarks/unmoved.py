@@ -28,6 +28,7 @@ SMALL, ROUGH = "examples/small.toml", ("--set", "solve.accuracy=0.1")
 PATCHED = (SMALL, *ROUGH, "--set", "patches.size_mm=[8.0,3.0,0.3]")
 BAND = ("--band", "33kHz:36kHz")
 VARY = ("--vary", "pillar.height_mm=6:6.6", "--evaluations", "2", "--mac", "0.1", "--min-frequency", "20kHz")
+TOUCHED = (*PATCHED, *BAND, "--set", "touch.radius_mm=5.0")
 TASKS: dict[str, tuple[str, ...]] = {
     "predesign": ("predesign", SMALL),
     "modes": ("modes", SMALL, *ROUGH),
@@ -63,7 +64,7 @@ TASKS: dict[str, tuple[str, ...]] = {
         "examples/measured/field.csv",
     ),
     "tolerance": ("tolerance", *PATCHED, *BAND, "--set", "tolerance.height_mm=0.05", "--samples", "3"),
-    "touch": ("touch", *PATCHED, *BAND, "--set", "touch.radius_mm=5.0", "--no-map"),
+    "touch": ("touch", *TOUCHED, "--no-map"),
     "crosstalk": ("crosstalk", "examples/small-zones.toml", *ROUGH, *BAND, "--points", "9"),
     "search": ("search", SMALL, *ROUGH, *VARY, "--vary", "pillar.faces=back:both", "--goal", "confinement"),
     "search of the widest band": ("search", SMALL, *ROUGH, *VARY, "--goal", "widest"),
@@ -77,6 +78,18 @@ TASKS: dict[str, tuple[str, ...]] = {
         "closest",
         *VARY[2:],
     ),
+    "hybrid": ("hybrid", *PATCHED, *BAND, "--points", "3"),
+    "travel": (
+        "travel",
+        *PATCHED,
+        "--set",
+        "patches.sensors=[2]",
+        "--band",
+        "28kHz:36kHz",
+        "--set",
+        "touch.radius_mm=5.0",
+    ),
+    "touch with a map": ("touch", *TOUCHED),
     "check-gap": ("check-gap",),
 }
 

@@ -26,8 +26,8 @@ COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspec
 SLOW = {  # a second and more, run by `make test-all`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
-      for name in ("touch", "hybrid", "travel", "explore")),
-    "pipeline.questions.crosstalk.Crosstalk",
+      for name in ("explore",)),
+    *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Touch", "Travel")),
     "pipeline.questions.active.ActiveShaping",
     "pipeline.questions.tolerance.Tolerance",
     "pipeline.questions.tolerance.AlikeTolerance",

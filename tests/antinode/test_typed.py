@@ -30,6 +30,10 @@ GOOD = {
     "active_beam": "strength: float = plate.active_beam(gain_N_per_m=(1e7,), delay_s=(4e-6,)).cases[0].strength",
     "active_shaping": "said: str = plate.active_shaping().comparison[0].ours",
     "active_dq": "steps: int = len(plate.active_dq(settling_time_s=2e-3).steps)",
+    "hybrid": 'volts: list[float] = plate.hybrid(points=3, alpha=0.1).method("both").volts_per_um',
+    "touch": "loads: list[float] = [each.finger_m for each in plate.touch((33.0, 36.0), mapped=False).states]",
+    "travel": "crests: float | None = plate.travel((28.0, 36.0), others=0.1).crest_mm_s",
+    "played_travel": "ratio: float = plate.played_travel().twr",
 }
 SWEPT = (
     "table: antinode.SweepTable = antinode.sweep(plate, measure=['modes', antinode.Bands], jobs=1, pitch_mm=[4.0, 5.0])",

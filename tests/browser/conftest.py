@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.measures import registry
 from pipeline.plots import rendering
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.report import page
@@ -94,7 +94,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of an invented study whose first cell holds labels and shapes of its waves; the second is as of old."""
     folder = synthetic.put_study(tmp_path_factory.mktemp("browser") / "rows", pitches=(0.004, 0.006), rows=(1,))
     put_waves(folder / "pitch_mm=4,rows=1")
-    registry.write_table(folder)
+    asked.write_table(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rendering, "_faults", ["not looked at here"])
         return page.build(folder, max_figures=1)

@@ -11,6 +11,8 @@ from pipeline.questions.attenuation import Attenuation, AttenuationResult
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.crosstalk import Crosstalk, CrosstalkResult
 from pipeline.questions.question import Run, announce, ask
+from pipeline.questions.touch import Touch, TouchResult
+from solvers.piezo.forced import ForcedPlate
 
 
 def bands_of(case: Case, log: Log, shapes: bool = False, every_gap: bool = True) -> BandsResult:
@@ -33,6 +35,13 @@ def crosstalk_of(case: Case, log: Log, points: int = 401) -> CrosstalkResult:
     question = Crosstalk(points=points)
     question.check(case)
     return question.compute(case, Plan(case.name, (), ()), Run(log))
+
+
+def touch_of(case: Case, log: Log, mapped: bool = True, forced: ForcedPlate | None = None) -> TouchResult:
+    """A finger on the plate of a case, which may be solved already."""
+    run = Run(log)
+    run.solved |= {"forced": forced} if forced else {}
+    return ask(case, Touch(mapped=mapped), run)
 
 
 def attenuation_of(

@@ -73,7 +73,7 @@ def jobs(count, seconds=0.02, fates=None):
 
 def main() -> int:
     """Run as `antinode run` would."""
-    from pipeline.measures import registry  # its measures load scipy, which no worker here needs
+    from pipeline.questions import study as asked  # its measures load scipy, which no worker here needs
 
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=Path)
@@ -92,7 +92,7 @@ def main() -> int:
     except StudyBusy as error:
         print(error, file=sys.stderr)
         return 2
-    registry.write_table(args.folder)
+    asked.write_table(args.folder)
     return outcome.exit_code
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,13 +11,13 @@ import pytest
 
 from pipeline.batch.study_file import load_study
 from pipeline.models.mode_parts import WantedMode
+from pipeline.models.touch_parts import TouchStateRecord
 from pipeline.models.zone_parts import DrivenZone
 from pipeline.questions.crosstalk import CrosstalkResult
+from pipeline.questions.touch import TouchResult
 from pipeline.records.record import (
     PillarRecord,
     TipRecord,
-    TouchRecord,
-    TouchStateRecord,
 )
 from studies import reproduction
 from tests.helpers.synthetic import design
@@ -72,9 +73,9 @@ def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
 def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A record with two states: what is known stands in the table, what is not says so; no zero is made of none."""
     assert reproduction.finger(tmp_path) == "" and load_study("touch").name == "touch"
-    figures: dict[str, Any] = {name: 2e-7 if name.endswith("_m") else 0.5 for name in TouchStateRecord.model_fields}
+    figures: dict[str, Any] = {name: 2e-7 if name.endswith("_m") else 0.5 for name in TouchStateRecord.declared}
     touched = TouchStateRecord(**{**figures, "state": "touched", "confinement_db": None, "drawn_mW_at_1um": 7.5})
-    free = touched.model_copy(update={"state": "free", "confinement_db": 12.0, "finger_m": 9e-7})
+    free = replace(touched, state="free", confinement_db=12.0, finger_m=9e-7)
     texts: dict[str, Any] = {"model": "", "fingertip": "", "source": "", "states": [free, touched], "unknown": []}
     numbers: dict[str, Any] = {
         "dof": 1,
@@ -84,9 +85,8 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
         "quality_factor_given": 300,
     }
     empty: dict[str, Any] = dict.fromkeys(("force_N", "gap_m", "mode", "loop", "map"))
-    record = SimpleNamespace(
-        sweep={"array.rows": 2, "touch.impedance": "light"}, touch=TouchRecord(**texts, **numbers, **empty)
-    )
+    touch = TouchResult(**texts, **numbers, **empty)
+    record = SimpleNamespace(sweep={"array.rows": 2, "touch.impedance": "light"}, of=lambda kind: touch)
     monkeypatch.setattr(
         reproduction, "read_study", lambda folder: SimpleNamespace(cases=[SimpleNamespace(record=record)])
     )

@@ -27,8 +27,6 @@ from tests.helpers.coarse_cells import COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
 ANSWERS = (
-    "HybridRecord", "TravelRecord",
-    "TouchRecord",
 )  # fmt: skip
 FIGURE = re.compile(r"(_hz|_db|_m_per_V|_per_um|db_per_row)$")
 GIVEN, OTHERWISE = "asked for", "its bar stands under another name"
@@ -37,7 +35,6 @@ ABSENT = "never a number: modes are those of the plate without patches"
 EXACT = {
     "AttenuationPoint.frequency_hz": GIVEN,
     "BroadbandPoint.frequency_hz": GIVEN,
-    "HybridRecord.frequency_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,
     "WantedRecord.window_hz": GIVEN,
@@ -57,7 +54,6 @@ EXACT = {
     "ComputedMap.confinement_at_points_db": "a map does not tell its noise",
     "ComputedMap.frequency_hz": OTHERWISE + ": that of the peak",
     "ComputedMap.confinement_db": OTHERWISE + ": that of the peak",
-    "TouchMapRecord.frequency_hz": OTHERWISE + ": that of the state free",
     "WantedRecord.driven_confinement_db": ABSENT,
     "WantedMode.driven_confinement_db": ABSENT,
 }

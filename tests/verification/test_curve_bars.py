@@ -7,16 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.analysis import response, touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import hybrid, travelling
 from pipeline.logs import TerminalLog
+from pipeline.models import travelling
 from pipeline.planning import mesh_rules
 from pipeline.questions.crosstalk import CrosstalkResult
-from pipeline.records.record import HybridRecord
+from pipeline.questions.hybrid import Hybrid, HybridResult
+from pipeline.questions.question import ask
+from pipeline.questions.response import Response
+from pipeline.questions.travel import Travel
 from solvers.piezo import patch as piezo_patch
 from solvers.touch import disk
-from tests.helpers.asked import crosstalk_of
+from tests.helpers.asked import crosstalk_of, touch_of
 from tests.helpers.coarse_cells import COARSE, COARSEST_PATCH
 from tests.helpers.scenes import STEEL_PILLARS
 
@@ -85,7 +87,9 @@ def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pyte
 @pytest.mark.slow
 def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the same tones; at the wanted mode's peak, which is elsewhere on the finer mesh, alike."""
-    records: tuple[HybridRecord, HybridRecord] = both(FOUR, hybrid.solve, monkeypatch)
+    records: tuple[HybridResult, HybridResult] = both(
+        FOUR, lambda case, log, **given: ask(case, Hybrid(**given), log), monkeypatch
+    )
     names = ("confinement", "off", "rows_off")
     for coarse, fine in zip(*(record.methods for record in records), strict=True):
         for name in names:
@@ -100,7 +104,7 @@ def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypa
 @pytest.mark.slow
 def test_both_curves_of_a_response_lie_within_their_bars_of_finer_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     """At tones of the finer one: each has more about its own peak."""
-    coarse, fine = (each.record for each in both(FOUR, response.solve, monkeypatch))
+    coarse, fine = both(FOUR, lambda case, log, **given: ask(case, Response(**given), log), monkeypatch)
     tones = sorted(set(coarse.frequency_hz) & set(fine.frequency_hz))
     assert len(tones) >= 61
     for part in ("zone", "passive"):
@@ -119,7 +123,7 @@ def test_both_curves_of_a_response_lie_within_their_bars_of_finer_ones(monkeypat
 @pytest.mark.slow
 def test_a_finger_s_map_lies_within_its_bars_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each at its own plate's peak, over the same places; of friction where it can be told on both."""
-    coarse, fine = (each.map for each in both(FINGERED, touch.solve, monkeypatch, mapped=True))
+    coarse, fine = (each.map for each in both(FINGERED, touch_of, monkeypatch, mapped=True))
     assert coarse and fine and coarse.x_m == fine.x_m and coarse.y_m == fine.y_m and len(coarse.x_m) > 5
     for figure, error in (("free_m", "free_error_m"), ("touched_m", "touched_error_m"), ("needed_V", "needed_error_V")):
         values = [np.array(getattr(each, figure)) for each in (coarse, fine)]
@@ -139,9 +143,9 @@ def test_a_travelling_wave_and_its_shear_lie_within_their_bars_of_a_finer_plate_
 ) -> None:
     """Both plates hold the pair as their own modes take it."""
     monkeypatch.setattr(disk, "STEPS", (2, 2))  # few points, on both
-    coarse, fine = (each[0] for each in both(WAVE, travelling.solve, monkeypatch, others=0.0))
+    coarse, fine = both(WAVE, lambda case, log, **given: ask(case, Travel(**given), log), monkeypatch, others=0.0)
     for name, error in (*travelling.FIGURES.items(), *travelling.LISTS.items()):
-        if getattr(coarse, name) is not None:
+        if name != "field_m" and getattr(coarse, name) is not None:
             assert inside(getattr(coarse, name), getattr(coarse, error), getattr(fine, name)).all(), name
     sizes = [np.hypot(*np.array(each.field_m).T) for each in (coarse, fine)]
     assert inside(sizes[0], coarse.field_error_m, sizes[1]).mean() >= 0.95

@@ -18,13 +18,13 @@ import scipy.sparse.linalg as spla
 from geometry.elements import FloatArray
 from geometry.hex.boxes import VOID, Boxes, HexSettings, boxes_of, hex_mesh, plate_scene
 from geometry.hex.grading import Grading, grid_lines
-from pipeline.analysis import touch
 from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from solvers.fem.assembly import assemble
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.piezo.bond import SAME_M, grid_weights
 from studies.bonded_solid import bonded_solid
+from tests.helpers.asked import touch_of
 
 ORDER, SHRINK, EXPONENT = (
     3,
@@ -169,7 +169,7 @@ def figures(case: Case, layers: int, size_m: float, near_hz: float) -> FloatArra
 def compared(raw: dict[str, Any], layers: int, size_m: float, widest: float) -> None:
     """Each figure within its bar of the limit of two meshes, up to a third of their last step."""
     case = case_from_dict(raw)
-    mode = touch.solve(case, TerminalLog(quiet=True), mapped=False).mode
+    mode = touch_of(case, TerminalLog(quiet=True), mapped=False).mode
     assert mode and mode.quality_factor and mode.free_error and mode.shift_error_hz and mode.quality_error
     coarse, fine = (figures(case, number, size_m, mode.free_hz) for number in (layers - 1, layers))
     left = SHRINK ** (2.0 * EXPONENT)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from pipeline.analysis import response
 from pipeline.case.model import Case, load_case
 from pipeline.models import attenuation
 from pipeline.models.broadband import broadband
 from pipeline.models.modes import Request, solve_modes
 from pipeline.paths import ROOT
 from pipeline.planning import mesh_rules
+from pipeline.questions.question import ask
+from pipeline.questions.response import Response
 from solvers.superelement.interface import Interface, ReductionSettings
 from tests.helpers.asked import attenuation_of
 from tests.helpers.recording_log import RecordingLog
@@ -104,5 +105,5 @@ def test_a_response_meets_the_accuracy_where_bare_panels_move_in_their_plane() -
     """Their first fixed-interface mode in the plane lies little above nine times the band: half of such motion is its own."""
     changes = ["zone.length_mm=57.75", "zone.nodal_lines=4", "array.pitch_mm=6", "array.rows=1", "patches.sensors=[3]"]
     log, own = RecordingLog(), load_case(ROOT / "studies/three-rows.toml", changes)
-    result = response.solve(own, log, points=11)
+    result = ask(own, Response(points=11), log)
     assert "ACCURACY" not in log.warnings and 0.0 < (result.expected_error or 1.0) <= own.solve.accuracy

@@ -23,7 +23,7 @@ from pipeline.batch import job, journal, runner
 from pipeline.batch.job import Forecast
 from pipeline.batch.progress import Progress
 from pipeline.cli import study_commands
-from pipeline.measures import registry
+from pipeline.questions import study as asked
 from pipeline.records import fingerprint, store
 from pipeline.records import study as records_study
 from pipeline.workers import LocalWorkers
@@ -117,7 +117,7 @@ def test_fail_fast_stops_and_says_what_is_undone(tmp_path: Path):
 def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, here: ThreadPoolExecutor):
     run(tmp_path / "a", fake_study.jobs(4))
     run(tmp_path / "b", fake_study.jobs(4), executor=here)
-    one, two = (registry.write_table(tmp_path / name).read_bytes() for name in "ab")
+    one, two = (asked.write_table(tmp_path / name).read_bytes() for name in "ab")
     assert one == two and one.count(b"\n") == 5
 
 
@@ -414,7 +414,7 @@ def test_a_dask_cluster_of_processes_one_of_them_killed(tmp_path: Path, monkeypa
         outcome = going.result(timeout=120)
     assert outcome.exit_code == 0 and len(outcome.ended) == 8
     assert sum(starts(tmp_path / "dask").values()) > 8  # the lost worker's case went to another one
-    local, remote = (registry.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
+    local, remote = (asked.write_table(tmp_path / name).read_text() for name in ("local", "dask"))
     assert local == remote
 
 

@@ -19,7 +19,7 @@ from pipeline.case.model import load_case
 from pipeline.case.schema import TABLES, known_keys
 from pipeline.cli.compare import _differs, lined_up
 from pipeline.cli.main import _parser, main
-from pipeline.views import figures
+from pipeline.questions import answer
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from tests.helpers import synthetic
@@ -116,7 +116,7 @@ def test_two_results_with_bands_are_drawn_over_one_path(
 ) -> None:
     """Corners of the path fall on each other though the second lattice is twice as wide."""
     saved_figures: list[Any] = []
-    monkeypatch.setattr(figures, "save", lambda figure, place: saved_figures.append(figure))
+    monkeypatch.setattr(answer, "_save", lambda figure, place: saved_figures.append(figure))
     for name, scale in (("a", 1.0), ("b", 0.5)):
         points = [{"label": label, "kx_per_m": scale * k, "ky_per_m": 0.0, "frequencies_hz": [1e4 * scale * (k + 1.0)]}
                   for k, label in enumerate(("G", None, "X"))]  # fmt: skip

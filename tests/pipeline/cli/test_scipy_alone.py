@@ -9,15 +9,18 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis import cross_check
 from pipeline.case.model import load_case
 from pipeline.cli import main
+from pipeline.models import cross_check
 from pipeline.models.cell_cache import CellCache
 from pipeline.planning import mesh_rules
+from pipeline.questions.question import Run
+from pipeline.questions.study import answer as kept
+from pipeline.questions.tetrahedra import TetBands, TetModes
 from solvers.errors import TooLarge
 from solvers.fem import eigen
 from solvers.fem.factor import choice, factoriser
-from tests.helpers import coarse_cells
+from tests.helpers import coarse_cells, synthetic
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
 
@@ -97,12 +100,12 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
     def too_large(*_: Any) -> None:
         raise TooLarge("factorising 314396 degrees of freedom needs about 7.5 GiB, 4.0 GiB are free")
 
-    done: list[str] = []
     part_modes = SimpleNamespace(wanted=SimpleNamespace(row=object()), bar=None)
     monkeypatch.setattr(cross_check.modes, "solve_modes", lambda *_: part_modes)
-    monkeypatch.setattr(cross_check, "_plate", too_large)
-    monkeypatch.setattr(cross_check, "ask", lambda *_, **__: done.append("cell"))
+    monkeypatch.setattr(cross_check, "compared", too_large)
+    monkeypatch.setattr(TetBands, "compute", lambda *_: synthetic.bands(0.004))
     log = RecordingLog()
-    parts = [record for _, _, record in cross_check.solve(load_case(SMALL), log)]
-    assert done == ["cell"] and [*parts[0]] == ["tet_bands"] and len(parts) == 1
+    run = Run(log)
+    kept(TetModes(), load_case(SMALL), run)
+    assert [*run.found] == ["tet_bands"]
     assert "is left out: factorising 314396 degrees of freedom needs about 7.5 GiB" in log.warnings["TOO_LARGE"]

@@ -15,12 +15,12 @@ from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
 from pipeline.case.overrides import read_toml
 from pipeline.cli.main import main
-from pipeline.measures import registry
 from pipeline.models import modes
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from pipeline.questions import study as asked
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
@@ -120,7 +120,7 @@ def test_a_tolerance_breaks_every_mirror_and_the_sharing_of_cells() -> None:
     assert not simplifications.is_scattered(replace(case(), tolerance=Tolerance(0.0, 0.0, 0.0, 5, 1)))
     for sizes in ((1e-5, 0.0, 0.0), (0.0, 1e-5, 0.0), (0.0, 0.0, 1e-5)):
         assert simplifications.is_scattered(replace(case(), tolerance=Tolerance(*sizes, 5, 1)))
-    planned = registry.plan_of(case("tolerance.height_mm=0.05"), ["modes", "tolerance"])
+    planned = asked.plan_of(case("tolerance.height_mm=0.05"), ["modes", "tolerance"])
     nominal, scattered = planned.steps
     assert {"mirror_images", "alike_cells"} <= {each.rule for each in nominal.left_out}
     assert not {"mirror_images", "alike_cells"} & {each.rule for each in scattered.left_out}
@@ -182,13 +182,13 @@ def test_the_mirrors_of_the_cell() -> None:
 
 
 def test_patches_damping_modes_and_pictures_only_where_asked() -> None:
-    everything = registry.plan_of(case(), ["modes", "bands", "attenuation", "response"])
+    everything = asked.plan_of(case(), ["modes", "bands", "attenuation", "response"])
     assert not {"no_patches", "no_response", "no_plate_modes", "no_lattice"} & rules(everything)
-    some = registry.plan_of(case(), ["bands"])
+    some = asked.plan_of(case(), ["bands"])
     assert {"no_patches", "no_response", "no_plate_modes", "no_figures"} <= rules(some)
     assert "the case has none" in simplifications.no_patches(None, driven=True).why  # type: ignore[union-attr]
     assert simplifications.no_figures() and not simplifications.no_figures(drawn=True)
-    assert [step.measure for step in registry.plan_of(case(), ["confinement", "attenuation"]).steps] == [
+    assert [step.measure for step in asked.plan_of(case(), ["confinement", "attenuation"]).steps] == [
         "modes", "attenuation",
     ]  # fmt: skip
 
@@ -196,11 +196,11 @@ def test_patches_damping_modes_and_pictures_only_where_asked() -> None:
 def test_no_lattice_without_pitch_or_pillars() -> None:
     bare = replace(case("array.rows=0"), patches=None)
     no_pillar = replace(bare, design=replace(bare.design, pillar=None))
-    planned = registry.plan_of(no_pillar, ["modes", "bands", "attenuation"])
+    planned = asked.plan_of(no_pillar, ["modes", "bands", "attenuation"])
     assert [step.measure for step in planned.steps] == ["modes", "bands"]
-    assert "no_lattice" in rules(planned) and "no_lattice" not in rules(registry.plan_of(case(), ["attenuation"]))
+    assert "no_lattice" in rules(planned) and "no_lattice" not in rules(asked.plan_of(case(), ["attenuation"]))
     no_pitch = replace(no_pillar, design=replace(no_pillar.design, pitch_x_m=float("nan")))
-    assert [step.measure for step in registry.plan_of(no_pitch, ["modes", "bands"]).steps] == ["modes"]
+    assert [step.measure for step in asked.plan_of(no_pitch, ["modes", "bands"]).steps] == ["modes"]
 
 
 def test_other_classes_and_other_frequencies() -> None:
@@ -389,7 +389,7 @@ WORK = {
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
     "response": ("pipeline/models/response.py", "pipeline/board/gains.py"),
-    "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/analysis/cross_check.py"),
+    "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/models/cross_check.py"),
     "drawing": ("pipeline/plots/", "pipeline/report/"),
 }
 HEAVY = {"cadquery", "OCP", "pytetwild", "vtk", "vtkmodules", "pyvista", "matplotlib", "trimesh", "meshio", "unicorn"}

@@ -18,7 +18,7 @@ import antinode
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
 from pipeline.cli.main import main
-from pipeline.measures import registry
+from pipeline.questions import study as asked
 from pipeline.questions.question import QUESTIONS
 from pipeline.records import record, store
 from pipeline.records.run_log import RunLog
@@ -105,7 +105,7 @@ def test_it_is_a_column_of_a_sweep_a_part_of_each_record_and_a_section_of_the_pa
         whole = record.Record.of_case(found, case_id=job.case_id, status="OK", sweep=job.sweep)
         store.seal(folder, whole.to_dict())
         assert record.read(folder).of(toy.MassResult) == found["mass"]
-    table = list(csv.DictReader(registry.write_table(results).open()))
+    table = list(csv.DictReader(asked.write_table(results).open()))
     assert [float(row["mass_total_g"]) for row in table] == pytest.approx([grams() / 2.0, grams()])
     text = page.build(results).read_text()
     assert "Share out the mass of the plate beneath the zone" in text

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.measures import registry
+from pipeline.questions import study as asked
 from pipeline.questions.modes import ShapesResult
 from pipeline.records import tables, tracking
 from pipeline.records.study import StoredCase, StoredStudy
@@ -27,7 +27,7 @@ def study(*cases: StoredCase) -> StoredStudy:
 
 
 def table(study: StoredStudy) -> list[str]:
-    return tables.table_bytes(study, registry.columns_of(study)).decode().splitlines()
+    return tables.table_bytes(study, asked.columns_of(study)).decode().splitlines()
 
 
 FIRST, SECOND, MIXED = [1.0, 0.0], [0.0, 1.0], [0.7, 0.714]

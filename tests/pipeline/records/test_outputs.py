@@ -12,7 +12,8 @@ from zipfile import ZipFile
 
 import pytest
 
-from pipeline.cli import case_commands, main
+from pipeline.case.model import load_case
+from pipeline.cli import main
 from pipeline.errors import InputError, one_line
 from pipeline.exchange import exports
 from pipeline.logs import TerminalLog
@@ -114,7 +115,7 @@ def command(*words: str, **environment: str) -> subprocess.CompletedProcess[byte
 
 
 def test_a_file_for_others_on_standard_output_is_alone_and_whole(case: Path, capfdbinary: object) -> None:
-    loaded = case_commands.load_case("c.toml")
+    loaded = load_case("c.toml")
     sizes = {}
     for form in ("3mf", "stl"):
         exports.write(loaded, form, f"x.{form}", TerminalLog(quiet=True))

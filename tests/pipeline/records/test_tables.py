@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.measures import registry
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.records import outputs, store, tables
 from pipeline.records.record import Record
@@ -62,14 +62,14 @@ def test_a_key_that_changes_no_figure_is_told(tmp_path: Path) -> None:
         listed.append(put(tmp_path / name, "f", {"array.rows": 1, "damping.quality": 9.0}, status="FAILED"))
         store.write_sealed(tmp_path / name / "cases.json", {"schema": 1, "about": {}, "cases": listed})
         study = read_study(tmp_path / name)
-        return tables.without_effect(study, registry.columns_of(study))
+        return tables.without_effect(study, asked.columns_of(study))
 
     assert written("same", 0.0) == ["damping.quality"]
     assert written("moves", 1e-3) == []
 
 
 def test_a_row_per_case_in_the_study_s_order(study: Path):
-    rows = read(registry.write_table(study))
+    rows = read(asked.write_table(study))
     assert [row["case"] for row in rows] == ["b", "a", "f", "cell", "gone"]
     assert [row["array.rows"] for row in rows] == ["2", "1", "3", "0", "4"]
     assert rows[0]["wanted_hz"] == "31234.5678" and rows[0]["mac"] == "0.91234567" and rows[0]["dof"] == "1234"
@@ -82,15 +82,15 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
 
 
 def test_columns_only_where_some_case_has_them_and_no_times(study: Path):
-    header = registry.write_table(study).read_text().splitlines()[0].split(",")
+    header = asked.write_table(study).read_text().splitlines()[0].split(",")
     assert not {"mass_kg", "pillar_share", "rivals"} & set(header)
     assert not [name for name in header if "second" in name or "time" in name]
 
 
 def test_the_same_records_give_the_same_bytes(study: Path):
-    first = registry.write_table(study).read_bytes()
+    first = asked.write_table(study).read_bytes()
     store.write_json(study / "b" / store.TIMING, {"seconds": {"total": 99.0}})
-    assert registry.write_table(study).read_bytes() == first
+    assert asked.write_table(study).read_bytes() == first
 
 
 @pytest.mark.parametrize("text", ["=cmd|'/C calc'!A0", "+1+1", "-2+3", "@SUM(A1)", "\t=1", "\n=1"])
@@ -99,7 +99,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
     listed = store.read_json(study / "cases.json")["cases"]
     listed.append({"case_id": "formula", "sweep": {"name": text, "array.rows": -1}})
     store.write_sealed(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
-    row = read(registry.write_table(study))[-1]
+    row = read(asked.write_table(study))[-1]
     assert row["name"] == row["diagnosis"] == f"'{text}"
     assert row["array.rows"] == "-1"  # numbers stay numbers
 
@@ -107,7 +107,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
 def test_a_return_in_a_swept_text_ends_no_row(study: Path):
     listed = [{"case_id": "gone", "sweep": {"name": "a\rb"}}]
     store.write_sealed(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
-    assert [row["name"] for row in read(registry.write_table(study))] == ["a\\rb"]
+    assert [row["name"] for row in read(asked.write_table(study))] == ["a\\rb"]
 
 
 def test_a_signed_number_is_no_formula():
@@ -119,12 +119,12 @@ def test_a_signed_number_is_no_formula():
 def test_a_count_that_does_not_hold_is_told(study: Path):
     modes = synthetic.record_of(study / "b").modes
     synthetic.change(study / "b", modes=replace(modes, count_check=synthetic.count(7, 6)))
-    assert read(registry.write_table(study))[0]["count_check"] == "6 of 7"
+    assert read(asked.write_table(study))[0]["count_check"] == "6 of 7"
 
 
 def test_nothing_stored_is_one_clear_line(tmp_path: Path):
     with pytest.raises(store.BadRecord, match="run it first"):
-        registry.write_table(tmp_path)
+        asked.write_table(tmp_path)
 
 
 def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> None:
@@ -142,7 +142,7 @@ def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> Non
 
 def test_no_column_of_a_figure_with_an_estimate_lacks_its_bar() -> None:
     """Every column of a measure in whose record an error of the same name stands."""
-    columns = {column.name: column for measure in registry.measures() for column in measure.columns}
+    columns = {column.name: column for each in asked.questions() for column in asked.columns(each)}
     named = ("wanted_hz", "confinement_db", "mac", "zone_share", "strength", "gap_lower_hz", "db_per_row", "rows_db")
     named += ("wanted_peak_hz", "wanted_peak_nm_per_v", "highest_peak_hz", "touched_um", "touched_db", "touch_share")
     named += (

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from pipeline.measures import registry
 from pipeline.models.tolerance_parts import SpreadRecord
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, StoredStudy
@@ -139,7 +139,7 @@ def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_pa
 
 
 def test_the_table_shows_frequencies_in_khz_and_few_columns_first(study: StoredStudy) -> None:
-    columns = {column.name: text.PageColumn(column) for column in registry.columns_of(study)}
+    columns = {column.name: text.PageColumn(column) for column in asked.columns_of(study)}
     wanted, rows, zone = columns["wanted_hz"], columns["array.rows"], columns["zone_share"]
     record = study.cases[-1].record
     assert (wanted.unit, wanted.text(record), wanted.style("")) == ("kHz", "35.0", "number")

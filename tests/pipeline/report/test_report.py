@@ -14,9 +14,9 @@ from urllib.parse import unquote
 import numpy as np
 import pytest
 
-from pipeline.measures import registry
 from pipeline.plots import rendering, style
 from pipeline.plots.style import ReportFigure, StoredFigure
+from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records import store, tables
 from pipeline.records.record import Record
@@ -63,7 +63,7 @@ class Page(HTMLParser):
 
 
 def table(study: StoredStudy) -> str:
-    return tables.table_bytes(study, registry.columns_of(study)).decode()
+    return tables.table_bytes(study, asked.columns_of(study)).decode()
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     synthetic.change(folder / "pitch_mm=4,rows=1", warnings=["a thin element", "faces <clamped>"])
     (folder / "pitch_mm=6,rows=1/arrays.npz").unlink()  # nothing but its bands can be drawn
     synthetic.change(folder / "pitch_mm=6,rows=1")  # and kept: it has none, none is missed
-    registry.write_table(folder)
+    asked.write_table(folder)
     report_page.build(folder)
     return folder
 

@@ -70,11 +70,9 @@ def emit(arguments: Namespace, name: str, answer: Answer, log: TerminalLog | Non
         if not is_standard_output(place):
             write_file(place, data)
     if out := getattr(arguments, "out", None):
-        _draw(name, answer, document, folder(out))
+        _draw(answer, folder(out))
     if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
-        from pipeline.views import figures
-
-        figures.save(_figure(name, answer, document), Path(arguments.plot))
+        _save(_figure(answer), Path(arguments.plot))
     _print(arguments, answer, written)  # last: whoever reads it may have left
     return 0
 
@@ -88,17 +86,23 @@ def _print(arguments: Namespace, answer: Answer, written: Mapping[Path, bytes]) 
     sys.stdout.flush()
 
 
-def _figure(name: str, answer: Answer, document: dict[str, Any]) -> Any:
-    """The figure of a document of this kind, else the first picture of the answer."""
+def _figure(answer: Answer) -> Any:
+    """The figure of an answer, else its first picture."""
     from pipeline.plots import style
-    from pipeline.views import figures
 
     if answer.figure:
         return answer.figure()
-    if name in figures.FIGURES:
-        return figures.draw(name, document).figure
     with style.style():
         return answer.pictures()[0].figure
+
+
+def _save(figure: Any, place: Path) -> None:
+    """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
+    from geometry.files import written_whole
+    from pipeline.plots import style
+
+    with style.style(), written_whole(place) as temporary:
+        figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
 
 
 def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:
@@ -114,15 +118,10 @@ def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> d
     return written
 
 
-def _draw(name: str, answer: Answer, document: dict[str, Any], place: Path) -> None:
-    """Every picture of an answer, or the one that --plot draws where it has none of its own."""
+def _draw(answer: Answer, place: Path) -> None:
+    """Every picture of an answer into a folder."""
     from pipeline.plots import style
-    from pipeline.views import figures
 
     with style.style():
-        pictures = list(answer.pictures())
-        if not pictures and answer.head and name in figures.FIGURES:
-            words = f"{name} of {document['case']}"
-            pictures = [style.ReportFigure(name, words, words, figures.draw(name, document).figure, True)]
-        for picture in pictures:
+        for picture in answer.pictures():
             style.save(picture, place)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from pipeline.analysis.touch_states import Session, friction_ratio, loop_of, states_of
-from pipeline.records.record import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchRecord, TouchStateRecord
+from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of
 from solvers.driven.curve_bars import AT_ONCE, Doubts, doubts
 from solvers.driven.error_bars import (
     Louder,
@@ -60,36 +60,29 @@ LOWER = 2  # degrees of the polynomials over the contact that are left out, at m
 Figures = dict[tuple[str, str], float]
 
 
-def with_bars(record: TouchRecord, session: Session, mode: LoadedMode | None, share: float | None) -> TouchRecord:
-    """The record with the half-widths of its figures' bars; None where they are not known."""
-    nominal = _figures(session, mode)
+def with_bars(
+    mode: LoadedModeRecord | None, states: list[TouchStateRecord], loop: LoopRecord | None, session: Session,
+    solved: LoadedMode | None, share: float | None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return mode, states and loop by name with the half-widths of their figures' bars; None where they are not known."""
+    nominal = _figures(session, solved)
     errors = frequency_errors(session.touched)
-    half = _half_widths(session, mode, nominal, errors, share)
+    half = _half_widths(session, solved, nominal, errors, share)
     own = frequency_error(session.touched, session.free.free.wanted_hz() or session.peak_hz, errors)
-    bars = {key: None if np.isnan(value) else float(value) for key, value in zip(nominal, half, strict=True)}
-    loaded = _mode_bars(record.mode, bars, own) if record.mode else None
-    tuned = loaded.frequency_error if loaded else None
-    states = [_state_bars(each, bars, tuned if each.state == "retuned" else own) for each in record.states]
-    loop = record.loop and record.loop.model_copy(
-        update={error: bars.get(("loop", figure)) for figure, error in LOOP.items()}
-    )
-    return record.model_copy(update={"mode": loaded, "states": states, "loop": loop})
+    bars = dict(zip(nominal, half.tolist(), strict=True))
 
+    def known(part: str, names: dict[str, str]) -> dict[str, Any]:
+        return {error: bars.get((part, figure)) for figure, error in names.items()}
 
-def _mode_bars(
-    mode: LoadedModeRecord, bars: dict[tuple[str, str], float | None], own: float | None
-) -> LoadedModeRecord:
-    update = {error: bars.get(("mode", figure)) for figure, error in MODE.items()}
-    absolute = update["frequency_error"]
-    update["frequency_error"] = None if absolute is None else absolute / mode.frequency_hz
-    return mode.model_copy(update=update | {"free_error": own})
-
-
-def _state_bars(
-    state: TouchStateRecord, bars: dict[tuple[str, str], float | None], frequency: float | None
-) -> TouchStateRecord:
-    known = {error: bars.get((state.state, figure)) for figure, error in STATE.items()}
-    return state.model_copy(update=known | {"frequency_error": frequency})
+    if mode:
+        mode = replace(mode, **known("mode", MODE), free_error=own)
+        mode = replace(mode, frequency_error=mode.frequency_error and mode.frequency_error / mode.frequency_hz)
+    tuned = mode.frequency_error if mode else None
+    states = [
+        replace(each, **known(each.state, STATE), frequency_error=tuned if each.state == "retuned" else own)
+        for each in states
+    ]
+    return {"mode": mode, "states": states, "loop": loop and replace(loop, **known("loop", LOOP))}
 
 
 def _figures(session: Session, mode: LoadedMode | None) -> Figures:
@@ -173,7 +166,7 @@ def with_map_bars(record: TouchMapRecord, session: Session, places: Places, shar
         update["needed_error_V"] = needed.tolist()
     if record.friction is not None:
         update["friction_error"] = _friction_errors(session, record, second)
-    return record.model_copy(update=update)
+    return replace(record, **update)
 
 
 def _of_places(places: Places, numbers: IntArray, known: Doubts, missing: float) -> FloatArray:

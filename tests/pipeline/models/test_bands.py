@@ -13,7 +13,6 @@ import pytest
 from geometry.hex.boxes import HexSettings
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
-from pipeline.measures.asked import answer
 from pipeline.models import attenuation, bands, unit_cell
 from pipeline.models.bands import SolvedBands
 from pipeline.models.whole_cell import WholeCell
@@ -23,6 +22,7 @@ from pipeline.plots import style
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.question import Run
+from pipeline.questions.study import answer
 from pipeline.report import dispersion_picture
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap

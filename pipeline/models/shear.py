@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from pipeline.analysis.touch_bars import contacts_at, missing_at_ends
 from pipeline.case.model import Case
 from pipeline.case.touch import Touch
 from pipeline.logs import Log
+from pipeline.models.touch_bars import contacts_at, missing_at_ends
+from pipeline.models.travel_parts import ShearRecord
 from pipeline.quantity import figure
-from pipeline.records.record import ShearRecord
 from pipeline.units import GIB, MM
 from solvers.driven.error_bars import Louder, Variation, half_widths
 from solvers.driven.motions import Contacts
@@ -98,9 +98,8 @@ def _with_bars(
     half = half_widths(nominal, varied, finger.figures)
     for more in ((1.0 + by_rule, 0.0), (1.0, missing)):
         half = half + np.abs(finger.figures(driven, *more) - nominal)
-    known = [None if np.isnan(each) else float(each) for each in half + by_rule * np.abs(nominal)]
-    names = ("fastest_error_m_s", "shear_low_error", "shear_high_error")
-    return record.model_copy(update=dict(zip(names, known, strict=True)))
+    fastest, low, high = (half + by_rule * np.abs(nominal)).tolist()
+    return replace(record, fastest_error_m_s=fastest, shear_low_error=low, shear_high_error=high)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.case.model import Case
 from pipeline.case.touch import Touch
-from pipeline.records.record import LoopRecord, TouchStateRecord
+from pipeline.models.touch_parts import LoopRecord, TouchStateRecord
 from pipeline.units import UM
 from solvers.driven.contrast import contrast_volts
 from solvers.measures.levels import ratio_db
@@ -66,7 +66,7 @@ def _state(session: Session, plate: TouchedPlate, name: str, frequency_hz: float
     zone, passive = float(curve.zone_rms_m_per_v[0]), curve.passive_rms_m_per_v
     friction = (None, None) if plate is session.free else _friction(session, volts * flow.finger_m, frequency_hz)
     return TouchStateRecord(
-        state=name,  # type: ignore[arg-type]
+        state=name,
         frequency_hz=frequency_hz,
         drive_V=volts,
         finger_m=volts * flow.finger_m,

@@ -11,15 +11,14 @@ import numpy as np
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design
 from pipeline.case.model import Case
-from pipeline.driven import shear
-from pipeline.driven.shear import Driven
-from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models import shear
 from pipeline.models.patched_plate import forced_plate
+from pipeline.models.shear import Driven
+from pipeline.models.travel_parts import PatternMode
 from pipeline.planning import calibration
-from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
-from pipeline.records.record import MeshRecord, PatternMode, ShearRecord, TravelRecord
-from pipeline.units import KHZ, MM, UM
+from pipeline.records.record import MeshRecord
+from pipeline.units import KHZ, UM
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
 from solvers.driven.plate_table import motion_at, plate_table
 from solvers.driven.power_flow import power_flow
@@ -77,44 +76,20 @@ class Travelling:
 
 @one_thread()
 def solve(
-    case: Case, log: Log, band_hz: tuple[float, float] | None = None, others: float = 0.0,
-    meshes: list[MeshRecord] | None = None,
-) -> tuple[TravelRecord, Travelling]:  # fmt: skip
+    case: Case, log: Log, band_hz: tuple[float, float] | None, others: float, meshes: list[MeshRecord]
+) -> tuple[dict[str, Any], Travelling]:
     """Hold the wanted mode and its neighbour with one nodal line more or less; the pair that runs best.
 
-    InputError for a case without patches that listen and two that drive, or with fewer than two nodal lines; SolverError
-    where the band does not hold both modes.
+    Returns columns of `TravelResult` by name, and what they are made from. SolverError where the band does not hold both modes.
     """
-    _check(case)
-    forced = forced_plate(case, log, band_hz, [] if meshes is None else meshes)
+    forced = forced_plate(case, log, band_hz, meshes)
     with log.step("two modes a quarter period apart"):
         wave = best_pair(forced, case.design, others)
-        record = _record(wave, case.design, others)
+        values = _values(wave, case.design)
     with log.step("error bars"):
-        record, varied = _with_bars(record, forced, case.design, others)
-    driven = _driven(wave, record)
-    shear_record = shear.solve(case, forced, driven, record.wavenumber_per_m, log, varied)
-    record = record.model_copy(update={"shear": shear_record}) if shear_record else record
-    for line in lines(record):
-        log.info(line)
-    return record, wave
-
-
-def _check(case: Case) -> None:
-    case.require_plate(command="travel")
-    case.require("patches", command="travel")
-    patches = case.patches
-    assert patches is not None
-    said = []
-    if case.design.nodal_lines < 2:
-        said.append(f"zone.nodal_lines = {case.design.nodal_lines}: must be 2 or more, rigid shapes do not travel")
-    if patches.circuit != "short":
-        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
-    if len(patches.drivers) < 2 or not patches.sensors:
-        what = f"{len(patches.drivers)} drive and {len(patches.sensors)} listen"
-        said.append(f"patches.sensors: {what}: two or more must drive and one or more listen")
-    if said:
-        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+        bars, varied = _bars(values, forced, case.design, others)
+    felt = shear.solve(case, forced, _driven(wave, values), values["wavenumber_per_m"], log, varied)
+    return {**values, **bars, "shear": felt}, wave
 
 
 def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[FloatArray] | None = None) -> Travelling:
@@ -186,7 +161,8 @@ def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
     return best if share[best] >= MIN_SHARE else None
 
 
-def _record(wave: Travelling, design: Design, others: float) -> TravelRecord:
+def _values(wave: Travelling, design: Design) -> dict[str, Any]:
+    """Return the columns of a wave without their bars; figures of power and field for 1 um rms in the zone."""
     pair, volts, tone = wave.pair, wave.drives["pair+"], wave.pair.frequency_hz
     plate = wave.forced.driven_by(wave.all_volts(volts))
     curve, flow = plate.curve(np.array([tone])), power_flow(plate, tone)
@@ -198,11 +174,11 @@ def _record(wave: Travelling, design: Design, others: float) -> TravelRecord:
     standing = float(stand.curve(np.array([tone])).zone_rms_m_per_v[0])
     shares = [share_of(wave.table, design, lines) for lines in _neighbours(design)]
     own = [int(np.argmax([share[mode] for share in shares])) for mode in pair.modes]
-    return TravelRecord(
-        model=f"{plate.plate.name} with {len(plate.plate.patches)} patches",
-        dof=sum(group.pencil.dof for group in plate.plate.groups),
-        frequency_hz=tone,
-        modes=[
+    return {
+        "model": f"{plate.plate.name} with {len(plate.plate.patches)} patches",
+        "dof": sum(group.pencil.dof for group in plate.plate.groups),
+        "frequency_hz": tone,
+        "modes": [
             PatternMode(
                 nodal_lines=_neighbours(design)[which],
                 frequency_hz=float(wave.table.frequencies_hz[mode]),
@@ -210,25 +186,24 @@ def _record(wave: Travelling, design: Design, others: float) -> TravelRecord:
             )
             for which, mode in zip(own, pair.modes, strict=True)
         ],
-        others=others,
-        twr=pair.twr,
-        alone_twr=pair.alone,
-        best_twr=wave.twr(wave.drives["wave+"]),
-        wavenumber_per_m=pair.wavenumber,
-        window_m=(float(wave.table.points_m[wave.window, 0].min()), float(wave.table.points_m[wave.window, 0].max())),
-        confinement_db=passive,
-        drive_V_at_1um=per_um,
-        drivers=list(wave.forced.drivers),
-        volts=[(float(each.real), float(each.imag)) for each in volts],
-        x_m=wave.line_m.tolist(),
-        field_m=[(float(each.real), float(each.imag)) for each in field],
-        patches_W=(flow.patches_w * per_um**2).tolist(),
-        lost_W=flow.lost_w * per_um**2,
-        flow_x_m=flow.x_m.tolist(),
-        flow_W=(flow.flow_w * per_um**2).tolist(),
-        standing_flow_W=(power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
-        inner_sections=max(len(flow.x_m) - 2, 0),
-    )
+        "twr": pair.twr,
+        "alone_twr": pair.alone,
+        "best_twr": wave.twr(wave.drives["wave+"]),
+        "wavenumber_per_m": pair.wavenumber,
+        "window_m": [float(end(wave.table.points_m[wave.window, 0])) for end in (np.min, np.max)],
+        "confinement_db": passive,
+        "drive_V_at_1um": per_um,
+        "drivers": list(wave.forced.drivers),
+        "volts": volts.tolist(),
+        "x_m": wave.line_m,
+        "field_m": field,
+        "patches_W": (flow.patches_w * per_um**2).tolist(),
+        "lost_W": flow.lost_w * per_um**2,
+        "flow_x_m": flow.x_m.tolist(),
+        "flow_W": (flow.flow_w * per_um**2).tolist(),
+        "standing_flow_W": (power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
+        "inner_sections": max(len(flow.x_m) - 2, 0),
+    }
 
 
 FIGURES = {
@@ -242,29 +217,34 @@ FIGURES = {
 }
 
 
-LISTS = {"flow_W": "flow_error_W", "patches_W": "patches_error_W", "standing_flow_W": "standing_flow_error_W"}
+LISTS = {
+    "flow_W": "flow_error_W",
+    "patches_W": "patches_error_W",
+    "standing_flow_W": "standing_flow_error_W",
+    "field_m": "field_error_m",
+}
 
 
-def _driven(wave: Travelling, record: TravelRecord, each: Variation | Louder | None = None) -> Driven:
-    return Driven(wave.all_volts(wave.drives["pair+"]) * record.drive_V_at_1um, record.frequency_hz, each)
+def _driven(wave: Travelling, values: dict[str, Any], each: Variation | Louder | None = None) -> Driven:
+    return Driven(wave.all_volts(wave.drives["pair+"]) * values["drive_V_at_1um"], values["frequency_hz"], each)
 
 
-def _with_bars(
-    record: TravelRecord, forced: ForcedPlate, design: Design, others: float
-) -> tuple[TravelRecord, list[tuple[Driven, ...]]]:
-    """The record with the half-widths of its figures' bars, None where they are not known; how plates within the bars are
-    driven, those of one source together, none where one of them has no such wave.
+def _bars(
+    values: dict[str, Any], forced: ForcedPlate, design: Design, others: float
+) -> tuple[dict[str, Any], list[tuple[Driven, ...]]]:
+    """Return the columns with half-widths of bars, and how plates within the bars are driven.
+
+    Plates of one source together; nothing where the bars are not known, no plates where one of them has no such wave.
     """
     errors, share = frequency_errors(forced), calibration.mixing()
     if share is None or not is_known(errors):
-        return record, []
-    nominal, rows = _figures(record), motion_at(forced, _points(design)[0])
-    tone, load = record.frequency_hz, height_error(forced, record.modes[0].frequency_hz)
-
-    first_hz, second_hz = (mode.frequency_hz for mode in record.modes)
+        return {}, []
+    nominal, rows = _figures(values), motion_at(forced, _points(design)[0])
+    tone, modes = values["frequency_hz"], values["modes"]
+    load = height_error(forced, modes[0].frequency_hz)
     varied: list[tuple[Variation | Louder, ...]] = [
-        *sources(forced, errors, first_hz, share, load),
-        *mixings(forced, errors, second_hz, share),
+        *sources(forced, errors, modes[0].frequency_hz, share, load),
+        *mixings(forced, errors, modes[1].frequency_hz, share),
     ]
     driven: dict[int, Driven] = {}
 
@@ -272,100 +252,34 @@ def _with_bars(
         known = [each.of_columns(basis, own) for basis, own in zip(forced.modes, rows, strict=True)]
         try:
             wave = best_pair(each.of(forced), design, others, known)
-            moved = _record(wave, design, others)
+            moved = _values(wave, design)
             figures, driven[id(each)] = _figures(moved), _driven(wave, moved, each)
         except SolverError:
             figures = np.zeros(0)
         return figures if figures.shape == nominal.shape else np.full_like(nominal, np.nan)
 
     half = half_widths(nominal, varied, again)
-    bars = [None if np.isnan(value) else float(value) for value in half]
-    names = [name for name in FIGURES if getattr(record, name) is not None]
-    update: dict[str, Any] = {FIGURES[name]: bar for name, bar in zip(names, bars, strict=False)}
-    first, modes = len(names), bars[-5:-1]
-    for name, error in [*LISTS.items(), ("field_m", "field_error_m")]:
-        count = len(getattr(record, name))
-        update[error], first = bars[first : first + count], first + count
-    pairs = zip(record.modes, modes[::2], modes[1::2], strict=True)
-    update["modes"] = [
-        mode.model_copy(update={"frequency_error": _times(hz, 1.0 / mode.frequency_hz), "share_error": part})
-        for mode, hz, part in pairs
+    names = [name for name in FIGURES if values[name] is not None]
+    bars: dict[str, Any] = {FIGURES[name]: float(bar) for name, bar in zip(names, half, strict=False)}
+    first = len(names)
+    for name, error in LISTS.items():
+        bars[error] = half[first : (first := first + len(values[name]))]
+    bars["modes"] = [
+        replace(mode, frequency_error=float(hz) / mode.frequency_hz, share_error=float(part))
+        for mode, hz, part in zip(modes, half[first:-1:2], half[first + 1 : -1 : 2], strict=True)
     ]
     known = [tuple(driven[id(each)] for each in source if id(each) in driven) for source in varied]
     whole = all(len(some) == len(source) for some, source in zip(known, varied, strict=True))
-    barred = record.model_copy(update=update | {"frequency_error": _times(bars[-1], 1.0 / tone)})
-    return barred, known if whole else []
+    return bars | {"frequency_error": float(half[-1]) / tone}, known if whole else []
 
 
-def _figures(record: TravelRecord) -> FloatArray:
-    """Every figure that has a bar: those of FIGURES and LISTS, the field's size, both modes and the wave's frequency."""
-    single = [getattr(record, name) for name in FIGURES]
-    of_modes = [value for mode in record.modes for value in (mode.frequency_hz, mode.share)]
-    known = [value for value in single if value is not None]
-    lists = [value for name in LISTS for value in getattr(record, name)]
-    sizes = np.abs(np.array(record.field_m) @ np.array([1.0, 1j])).tolist()
-    return np.array(known + lists + sizes + of_modes + [record.frequency_hz])
+def _figures(values: dict[str, Any]) -> FloatArray:
+    """Return every figure that has a bar: those of FIGURES and LISTS, of the field its size, both modes, the frequency."""
+    known = [values[name] for name in FIGURES if values[name] is not None]
+    lists = [np.abs(values[name]) if name == "field_m" else values[name] for name in LISTS]
+    of_modes = [value for mode in values["modes"] for value in (mode.frequency_hz, mode.share)]
+    return np.concatenate([known, *lists, of_modes, [values["frequency_hz"]]])
 
 
 def _neighbours(design: Design) -> tuple[int, ...]:
     return design.nodal_lines - 1, design.nodal_lines, design.nodal_lines + 1
-
-
-def lines(record: TravelRecord) -> list[str]:
-    """The result in words."""
-    modes = " and ".join(f"(0, {mode.nodal_lines}) at {_mode_text(mode)}" for mode in record.modes)
-    level = ""
-    if record.confinement_db is not None:
-        level = f"; {level_with_bar(record.confinement_db, record.confinement_error_db)} above the passive face"
-    tone = frequency_with_bar(record.frequency_hz, record.frequency_error)
-    own, alone, best = (
-        with_bar(value, error)
-        for value, error in (
-            (record.twr, record.twr_error),
-            (record.alone_twr, record.alone_twr_error),
-            (record.best_twr, record.best_twr_error),
-        )
-    )
-    half = pi / abs(record.wavenumber_per_m) / MM
-    wave = with_bar(half, _times(record.wavenumber_error_per_m, half / abs(record.wavenumber_per_m)), "mm")
-    drive = with_bar(record.drive_V_at_1um, record.drive_error_V_at_1um, "V")
-    first, last = (end / MM for end in record.window_m)
-    lost = with_bar(1e3 * record.lost_W, _times(record.lost_error_W, 1e3), "mW")
-    return [
-        f"modes {modes}, held a quarter period apart at {tone}",
-        f"travelling-wave ratio {own} from {figure(first)} to {figure(last)} mm, "
-        f"{alone} by the two shapes alone, {best} with any voltages; half a wave is {wave}{level}",
-        f"{drive} for 1 um rms in the zone; then {lost} are lost in the plate, {_flow_text(record)}",
-        *([_of_shear(record.shear)] if record.shear else []),
-    ]
-
-
-def _mode_text(mode: PatternMode) -> str:
-    return frequency_with_bar(mode.frequency_hz, mode.frequency_error)
-
-
-def _flow_text(record: TravelRecord) -> str:
-    """The largest flow along the zone, or why none is known."""
-    if not record.inner_sections:
-        return "how much flows along it is unknown: patches straddle every section between the plate's ends"
-    place = max(range(len(record.flow_W)), key=lambda i: abs(record.flow_W[i]))
-    error = record.flow_error_W[place] if record.flow_error_W else None
-    flow = with_bar(1e3 * record.flow_W[place], _times(error, 1e3), "mW")
-    return f"{flow} flow through x = {figure(record.flow_x_m[place] / MM)} mm"
-
-
-def _times(error: float | None, factor: float) -> float | None:
-    return None if error is None else error * factor
-
-
-def _of_shear(record: ShearRecord) -> str:
-    """The finger on the wave in words."""
-    ends = [
-        (max((abs(each) for row in field for each in row if each is not None), default=None), error)
-        for field, error in ((record.shear_low, record.shear_low_error), (record.shear_high, record.shear_high_error))
-        if field
-    ]
-    limits = [with_bar(each, error) for each, error in ends if each is not None]
-    drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
-    crests = with_bar(1e3 * record.fastest_m_s, _times(record.fastest_error_m_s, 1e3), "mm/s")
-    return f"a finger ({record.fingertip}) at rest meets crests of {crests} along x{drag}"

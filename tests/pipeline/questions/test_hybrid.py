@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,15 +10,13 @@ import numpy as np
 import pytest
 
 from pipeline.case.model import Case, case_from_dict
-from pipeline.driven import hybrid
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models import hybrid
 from pipeline.models.patched_plate import forced_plate
-from pipeline.planning.plan import hybrid_step, response_step
-from pipeline.plots.response import hybrid_levels
-from pipeline.records.record import HybridRecord
-from pipeline.views import figures
-from pipeline.views.rows import ROWS
+from pipeline.planning.plan import response_step
+from pipeline.questions.hybrid import Hybrid, HybridResult
+from pipeline.questions.question import ask
 from tests.helpers.coarse_cells import mesh_coarsest
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
@@ -59,12 +56,12 @@ def solved(coarse: pytest.MonkeyPatch) -> list[hybrid.Plates]:
 
 
 @pytest.fixture(scope="module")
-def record(coarse: pytest.MonkeyPatch, log: RecordingLog, solved: list[hybrid.Plates]) -> HybridRecord:
-    return hybrid.solve(case_of(), log, points=4, alpha=0.0)
+def record(coarse: pytest.MonkeyPatch, log: RecordingLog, solved: list[hybrid.Plates]) -> HybridResult:
+    return ask(case_of(), Hybrid(points=4, alpha=0.0), log)
 
 
 def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
-    record: HybridRecord, solved: list[hybrid.Plates]
+    record: HybridResult, solved: list[hybrid.Plates]
 ) -> None:
     plates = solved[0]
     for plate in (plates.rows, plates.bare, *plates.detuned):
@@ -72,8 +69,8 @@ def test_no_plate_holds_matrices_or_factors_while_others_are_solved(
         assert all(shared.near is None for shared in plate.forced._kept.values())
 
 
-def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridRecord, log: RecordingLog) -> None:
-    whole, one = hybrid_step(case_of(), None, 4).demand, response_step(case_of(), None, 4).demand
+def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridResult, log: RecordingLog) -> None:
+    whole, one = Hybrid(points=4).plan(case_of()).steps[0].demand, response_step(case_of(), None, 4).demand
     assert whole and one and whole.cost.operations == pytest.approx(4.0 * one.cost.operations)
     assert [fact for fact in log.facts if fact.startswith("foreseen")] == [whole.text()]
     assert [fact for fact in log.facts if fact.startswith("plate ")] == [
@@ -81,7 +78,7 @@ def test_four_plates_are_foreseen_at_once_and_named_as_they_come(record: HybridR
     ]  # fmt: skip
 
 
-def test_each_way_is_what_the_response_says(record: HybridRecord, coarse: pytest.MonkeyPatch) -> None:
+def test_each_way_is_what_the_response_says(record: HybridResult, coarse: pytest.MonkeyPatch) -> None:
     """Rows: the patches inside alone, others at rest, as a case has it whose others only listen but for their open circuit."""
     forced = forced_plate(case_of(), QUIET)
     tones = np.array(record.frequency_hz)
@@ -98,7 +95,7 @@ def test_each_way_is_what_the_response_says(record: HybridRecord, coarse: pytest
 
 
 def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none_to_detune(
-    record: HybridRecord,
+    record: HybridResult,
 ) -> None:
     for plain, shaped in (("neither", "patches"), ("rows", "both")):
         more = np.array(record.method(shaped).confinement_db) - np.array(record.method(plain).confinement_db)
@@ -108,7 +105,7 @@ def test_shaped_patches_confine_at_least_as_well_and_without_rows_there_are_none
 
 @pytest.mark.slow
 def test_pillars_off_by_two_percent_are_stiffer_or_softer_pillars(
-    record: HybridRecord, coarse: pytest.MonkeyPatch
+    record: HybridResult, coarse: pytest.MonkeyPatch
 ) -> None:
     """A plate whose pillars have (1 +- 0.02)^2 of Young's modulus, driven with the voltages of the plate as computed."""
     forced, levels = forced_plate(case_of(), QUIET), []
@@ -121,13 +118,14 @@ def test_pillars_off_by_two_percent_are_stiffer_or_softer_pillars(
     assert record.method("rows").rows_off_db == pytest.approx(np.min(levels, axis=0), abs=1e-6)
 
 
-def test_rows_and_pictures_come_from_the_record_alone(record: HybridRecord, tmp_path: Path) -> None:
-    assert HybridRecord.model_validate(record.to_dict()) == record
-    rows = ROWS["hybrid"](record.to_dict())
+def test_rows_and_pictures_come_from_the_record_alone(record: HybridResult, tmp_path: Path) -> None:
+    assert HybridResult.from_document(record.to_dict()) == record
+    rows = record.to_rows()
     assert len(rows) == len(record.frequency_hz) and rows[0]["both_db"] == record.method("both").confinement_db[0]
     assert "bare_rows_off_db" not in rows[0] and "rows_rows_off_db" in rows[0]
-    assert len(hybrid_levels(record).figure.axes) == 3
-    figures.write("hybrid", record.to_dict(), tmp_path / "hybrid.svg")
+    (picture,) = record.pictures()
+    assert len(picture.figure.axes) == 3 and "both" in picture.alt
+    record.as_figure().savefig(tmp_path / "hybrid.svg")
     assert (tmp_path / "hybrid.svg").stat().st_size > 1000
 
 
@@ -155,5 +153,5 @@ def test_patches_behind_the_rows_stand_beside_every_antinode() -> None:
 def test_what_cannot_be_is_one_line(change: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said.replace(".", r"\.")) as refused:
         case = case_of(**change)
-        hybrid.solve(dataclasses.replace(case), QUIET)
+        ask(case, Hybrid(), QUIET)
     assert all("patches" in line or "array" in line for line in refused.value.lines)

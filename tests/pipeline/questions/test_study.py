@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
-from pipeline.measures import registry
-from pipeline.measures.measure import Measure
 from pipeline.paths import ROOT
-from pipeline.planning.plan import Step
+from pipeline.questions import study
+from pipeline.questions.question import Question
 
 SMALL = ROOT / "examples" / "small.toml"
 FULL = str(ROOT / "studies" / "three-rows.toml")
@@ -24,17 +24,17 @@ def test_a_measure_that_was_not_registered_is_refused(tmp_path: Path) -> None:
         load_study(tmp_path / "toy.toml")
 
 
-@pytest.mark.parametrize("measure", registry.measures(), ids=lambda measure: measure.name)
-def test_every_measure_plans_a_step_of_its_name(measure: Measure) -> None:
+@pytest.mark.parametrize("question", study.questions(), ids=lambda question: question.name)
+def test_every_question_plans_a_step_of_its_name(question: Question[Any]) -> None:
     lacking = {"tolerance": ["tolerance.samples=2", "tolerance.height_mm=0.05"], "touch": ["touch.radius_mm=5.0"]}
-    step = measure.plan(load_case(FULL, [line for table in measure.needs for line in lacking.get(table, [])]))
-    assert isinstance(step, Step) and step.measure == measure.name
+    case = load_case(FULL, [line for table in question.needs for line in lacking.get(table, [])])
+    assert not question.spared(case) and question.plan(case).steps[0].measure == question.name
 
 
 def test_names_and_columns_are_each_once() -> None:
-    columns = [column.name for measure in registry.measures() for column in measure.columns]
-    columns += [column.name for column in registry.OF_SEVERAL]
-    assert len(set(columns)) == len(columns) and len(set(registry.names())) == len(registry.names())
+    columns = [column.name for each in study.questions() for column in study.columns(each)]
+    columns += [column.name for column in study.OF_SEVERAL]
+    assert len(set(columns)) == len(columns) and len(set(study.names())) == len(study.names())
 
 
 @pytest.mark.parametrize(
@@ -42,4 +42,4 @@ def test_names_and_columns_are_each_once() -> None:
 )
 def test_what_a_case_lacks_is_named(measure: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"{said}: missing, the measure {measure} needs it"):
-        registry.check(load_case(SMALL), [measure])
+        study.check(load_case(SMALL), [measure])

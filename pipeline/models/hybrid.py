@@ -1,4 +1,4 @@
-"""Rows and patches together: how far either and both confine the zone over frequency, and what detuning costs each."""
+"""A plate with and without rows, its patches in phase or shaped: confinement by each over frequency, with error bars."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from pipeline.case.model import Case
-from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
-from pipeline.planning.foresight import announce
-from pipeline.planning.plan import HYBRID_POINTS, hybrid_step
-from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-from pipeline.records.record import HybridMethod, HybridRecord, MeshRecord
+from pipeline.records.record import MeshRecord
 from pipeline.units import UM
 from solvers.driven.contrast import best_volts
 from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widths, in_parts
@@ -31,7 +27,6 @@ from solvers.threads import one_thread
 
 DETUNING = 0.02
 METHODS = ("neither", "rows", "patches", "both")
-ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,78 +161,57 @@ def _level(squares: FloatArray) -> FloatArray:
     return ratio_db(*np.sqrt(squares))
 
 
+@dataclass(frozen=True)
+class SolvedHybrid:
+    """The plate with rows, frequencies (t,) in Hz, and the driven wanted mode, in the band or elsewhere, with its bar.
+
+    methods: by name, figures (level in dB, V per um, level off, level with pillars off) and half-widths of bars, (2, 4, t).
+    """
+
+    forced: ForcedPlate
+    frequency_hz: FloatArray
+    methods: dict[str, FloatArray]
+    wanted_hz: float | None
+    wanted_elsewhere_hz: float | None
+    wanted_error: float | None
+    wanted_elsewhere_error: float | None
+
+
 @one_thread()
 def solve(
-    case: Case, log: Log, band_hz: tuple[float, float] | None = None, points: int = HYBRID_POINTS, alpha: float = ALPHA,
-    forced: ForcedPlate | None = None, meshes: list[MeshRecord] | None = None,
-) -> HybridRecord:  # fmt: skip
-    """Confinement by rows alone, by patches alone on a plate without rows, by both, and by neither.
+    case: Case, log: Log, band_hz: tuple[float, float] | None, points: int, alpha: float,
+    forced: ForcedPlate | None, meshes: list[MeshRecord],
+) -> SolvedHybrid:  # fmt: skip
+    """Drive the plate with rows and without, its patches in phase inside the zone or all shaped for contrast.
 
-    InputError for a case without rows, patches inside the zone, two drivers fed by voltages, or a passive face.
+    alpha: weight of voltages that move little. forced: the plate, where it is solved already.
     """
-    inner = _checked(case)
-    kept: list[MeshRecord] = [] if meshes is None else meshes
-    step = hybrid_step(case, band_hz, points, 3 if forced else 4)
-    assert step.demand
-    announce(step.name, step.demand, log)
-    plates = _plates(case, log, band_hz, forced, kept)
+    plates = _plates(case, log, band_hz, forced, meshes)
     rows, own = plates.rows, plates.rows.forced
     tone, (low, high) = driven_hz(own), own.band_hz
     wanted = near_hz(own, tone) if tone and low <= tone <= high else None
     tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
-    alone = (own.signs * inner)[own.drivers].astype(complex)
+    alone = (own.signs * driven_inside(case))[own.drivers].astype(complex)
+    methods = {}
     with log.step(f"{len(tones)} frequencies, four methods each, and their error bars"):
-        methods = []
         for name in METHODS:
             plate, others = (rows, plates.detuned) if name in ("rows", "both") else (plates.bare, ())
             method = _Method(plate, None if name in ("patches", "both") else alone, others, alpha)
-            figures = in_parts(method.with_bars, tones)
+            methods[name] = in_parts(method.with_bars, tones)
             if wanted is not None:
-                figures[..., tones == wanted] = method.at_peak(wanted, rows)[..., None]
-            methods.append(_method(name, *figures))
-    patches = case.patches
-    assert patches is not None
+                methods[name][..., tones == wanted] = method.at_peak(wanted, rows)[..., None]
     known = tone is not None and own.wanted_place() is not None
     error = frequency_error(own, tone, frequency_errors(own)) if tone and known else None
-    record = HybridRecord(
-        model=f"{own.plate.name} with {patches.count} patches",
-        dof=sum(len(group.loads) for group in own.plate.groups),
-        inside=int(inner.sum()),
-        behind=len(patches.drivers) - int(inner.sum()),
-        detuning=DETUNING,
-        alpha=alpha,
-        wanted_hz=wanted,
-        wanted_elsewhere_hz=None if wanted else tone,
-        frequency_hz=tones.tolist(),
-        methods=methods,
-        wanted_error=error if wanted else None,
-        wanted_elsewhere_error=None if wanted else error,
-    )
-    for line in lines(record):
-        log.info(line)
-    return record
+    at, bar = ((wanted, None), (error, None)) if wanted else ((None, tone), (None, error))
+    return SolvedHybrid(own, tones, methods, *at, *bar)
 
 
-def _checked(case: Case) -> FloatArray:
-    """Which patches drive the zone itself, 1 or 0, (patches,)."""
-    case.require_plate(command="hybrid")
-    case.require("patches", command="hybrid")
-    patches, design = case.patches, case.design
+def driven_inside(case: Case) -> BoolArray:
+    """Return which patches drive the zone itself, (patches,)."""
+    patches = case.patches
     assert patches is not None
-    drives = np.array([i in patches.drivers for i in range(patches.count)])
-    inner = drives & (np.abs(np.array(patches.centres_m)[:, 1]) < design.width_m / 2.0)
-    said = []
-    if not design.rows:
-        said.append("array.rows = 0: must be 1 or more, hybrid compares rows with patches")
-    if patches.circuit != "short":
-        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
-    if not inner.any():
-        said.append("patches.centres_mm: no driving patch stands inside the zone, at least one must")
-    elif drives.sum() < 2:
-        said.append("patches: one drives, shaping takes two or more")
-    if said:
-        raise InputError(f"{case.source or case.name}: {text}" for text in said)
-    return inner.astype(float)
+    drives = np.isin(np.arange(patches.count), patches.drivers)
+    return np.asarray(drives & (np.abs(np.array(patches.centres_m)[:, 1]) < case.design.width_m / 2.0))
 
 
 def _plates(
@@ -268,57 +242,3 @@ def _retuned(design: Design, factor: float) -> Design:
         return replace(pillar, material=replace(pillar.material, young_pa=pillar.material.young_pa * factor**2))
 
     return replace(design, pillar=design.pillar and of(design.pillar), graded=tuple(map(of, design.graded)))
-
-
-def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
-    """From figures and bars, (4, t) each."""
-    db, per_um, off, rows_off = figures.tolist()
-    errors = [[None if np.isnan(each) else each for each in column] for column in bars.tolist()]
-    has_rows = bool(np.isfinite(figures[3]).all())
-    return HybridMethod(
-        method=name,  # type: ignore[arg-type]
-        confinement_db=db,
-        volts_per_um=per_um,
-        off_db=off,
-        rows_off_db=rows_off if has_rows else None,
-        confinement_error_db=errors[0],
-        volts_error_per_um=errors[1],
-        off_error_db=errors[2],
-        rows_off_error_db=errors[3] if has_rows else None,
-    )
-
-
-def lines(record: HybridRecord) -> list[str]:
-    """The result in words."""
-    return [f"{record.inside} patches drive inside the zone, {record.behind} beyond it", *_at_wanted(record)]
-
-
-def _at_wanted(record: HybridRecord) -> Iterator[str]:
-    place = record.wanted_place
-    if place is None or record.wanted_hz is None:
-        elsewhere = record.wanted_elsewhere_hz
-        tone = frequency_with_bar(elsewhere, record.wanted_elsewhere_error)
-        where = "no mode of the plate has its shape" if elsewhere is None else f"it lies at {tone}"
-        yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
-        return
-    yield f"at the wanted mode's peak, {frequency_with_bar(record.wanted_hz, record.wanted_error)}:"
-    for method in record.methods:
-        level, volts, off, rows_off = (_at(place, *each) for each in _pairs(method))
-        alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with the pillars' alone"
-        yield (
-            f"{method.method}: {level_with_bar(*level)}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
-            f"{level_with_bar(*off)} with every resonance off by {100.0 * record.detuning:g}%{alone}"
-        )
-
-
-def _pairs(method: HybridMethod) -> list[tuple[list[float] | None, list[float | None] | None]]:
-    return [
-        (method.confinement_db, method.confinement_error_db),
-        (method.volts_per_um, method.volts_error_per_um),
-        (method.off_db, method.off_error_db),
-        (method.rows_off_db, method.rows_off_error_db),
-    ]
-
-
-def _at(place: int, values: list[float] | None, errors: list[float | None] | None) -> tuple[float, float | None]:
-    return (values[place] if values else np.nan), (errors[place] if errors else None)

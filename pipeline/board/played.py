@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,10 @@ from geometry.elements import FloatArray
 from pipeline.board import export
 from pipeline.board.shaping import LARGEST, SAMPLE_RATE_HZ, plate_table
 from pipeline.board.table_file import ModeTable, to_bytes
-from pipeline.driven.travelling import Travelling
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.quantity import figure, percent
-from pipeline.records.record import BoardFault, PlayedPattern, TravelRecord
+from pipeline.models.travel_parts import PlayedPattern, PlayFault
+from pipeline.models.travelling import Travelling
 
 NOISE = 1e-3  # of full scale, at every sensor
 PATTERN_TAUS = 12.0  # decay times that each pattern is held
@@ -62,10 +62,8 @@ def _padded(values: FloatArray) -> FloatArray:
     return np.pad(values, ((0, 0), (0, CHANNELS - values.shape[1])))
 
 
-def board_outcome(
-    wave: Travelling, log: Log, folder: Path | None, played: bool
-) -> dict[str, list[str] | list[PlayedPattern] | BoardFault]:
-    """What a record keeps of the board: where the table went, and how the emulated board played each pattern.
+def board_outcome(wave: Travelling, log: Log, folder: Path | None, played: bool) -> dict[str, Any]:
+    """Return the columns `tables`, where the table went, and `board`, how the emulated board played each pattern.
 
     A plate that the board cannot play leaves both out and says why, unless playing was asked for.
     """
@@ -76,7 +74,7 @@ def board_outcome(
             raise
         log.left_out("the six-channel board's table", "; ".join(reason.lines))
         return {}
-    results: dict[str, list[str] | list[PlayedPattern] | BoardFault] = {}
+    results: dict[str, Any] = {}
     if folder is not None:
         results["tables"] = [path.name for path in export.write(table, folder, "travelling_wave")]
     if played and (board := _played(wave, table, log)) is not None:
@@ -84,7 +82,7 @@ def board_outcome(
     return results
 
 
-def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern] | BoardFault | None:
+def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern] | PlayFault | None:
     from firmware.build import BuildError
     from firmware.emulate import EmulationError, six_run
 
@@ -99,7 +97,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
         return None
     except EmulationError as error:
         log.warning("BOARD", f"emulated board: {error}")
-        return BoardFault(fault=str(error))
+        return PlayFault(fault=str(error))
     return patterns_of(wave, run.drives)
 
 
@@ -112,15 +110,3 @@ def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:
         error = float(np.linalg.norm(volts - scale * wanted_volts) / np.linalg.norm(volts))
         results.append(PlayedPattern(name=name, twr=wave.twr(volts), twr_target=wave.twr(wanted_volts), error=error))
     return results
-
-
-def lines(record: TravelRecord) -> list[str]:
-    """What the board played, in words."""
-    if record.board is None or isinstance(record.board, BoardFault):
-        return []
-    return [
-        f"emulated board, {each.name}: travelling-wave ratio {figure(each.twr, record.twr_error)} where "
-        f"{figure(each.twr_target, record.twr_error)} is asked for, "
-        f"drives off by {percent(each.error)}"
-        for each in record.board
-    ]

@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
-from pipeline.analysis import touch
 from pipeline.case.model import case_from_dict
-from pipeline.driven import hybrid, travelling
 from pipeline.logs import TerminalLog
-from tests.helpers.asked import crosstalk_of
+from pipeline.questions.hybrid import Hybrid
+from pipeline.questions.question import ask
+from pipeline.questions.travel import Travel
+from tests.helpers.asked import crosstalk_of, touch_of
 from tests.helpers.scenes import STEEL_PILLARS, three_patches
 
 QUIET = TerminalLog(quiet=True)
@@ -63,11 +64,11 @@ def scaled(value: Any, s: float, key: str = "") -> Any:
 def solved(command: str, s: float) -> Any:
     """The record of a command on the plate s times as large."""
     if command == "touch":
-        return touch.solve(case_from_dict(scaled({**PATCHED, "touch": FINGER}, s)), QUIET, mapped=False)
+        return touch_of(case_from_dict(scaled({**PATCHED, "touch": FINGER}, s)), QUIET, mapped=False)
     if command == "travel":
-        return travelling.solve(case_from_dict(scaled(STRIP, s)), QUIET)[0]
+        return ask(case_from_dict(scaled(STRIP, s)), Travel(), QUIET)
     if command == "hybrid":
-        return hybrid.solve(case_from_dict(scaled(FOUR, s)), QUIET, points=3)
+        return ask(case_from_dict(scaled(FOUR, s)), Hybrid(points=3), QUIET)
     return crosstalk_of(case_from_dict(scaled(TWO_ZONES, s)), QUIET, points=3)
 
 
@@ -115,7 +116,7 @@ def figures(record: Any, command: str) -> dict[str, tuple[float, float | None, i
 
 
 def touch_names() -> list[tuple[str, str]]:
-    from pipeline.analysis.touch_bars import STATE
+    from pipeline.models.touch_bars import STATE
 
     return list(STATE.items())
 

@@ -12,16 +12,16 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from firmware.emulate.beam import BeamSimulation, Structure
+from pipeline.board import played
 from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.case.model import Case, case_from_dict
-from pipeline.driven import played, shear, travelling
-from pipeline.driven.travelling import Travelling
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.plots.response import travelling_wave
-from pipeline.plots.touch import shear_map
-from pipeline.records.record import ShearRecord, TravelRecord
-from pipeline.views import figures
+from pipeline.models import shear, travelling
+from pipeline.models.travel_parts import PlayedPattern, ShearRecord
+from pipeline.models.travelling import Travelling
+from pipeline.questions.question import Run, ask
+from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
 from solvers.touch import disk, touch_map
@@ -62,11 +62,12 @@ def core() -> None:
 
 
 @pytest.fixture(scope="module")
-def solved(coarsest_cells: None) -> tuple[TravelRecord, Travelling]:
-    return travelling.solve(case_of(), QUIET)
+def solved(coarsest_cells: None) -> tuple[TravelResult, Travelling]:
+    values, wave = travelling.solve(case_of(), QUIET, None, 0.0, [])
+    return TravelResult(**values, others=0.0), wave
 
 
-def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelResult, Travelling]) -> None:
     """Power flows the way the phase turns, many times what patches in phase let through; all that comes in is lost."""
     record, _ = solved
     assert {mode.nodal_lines for mode in record.modes} <= {5, 6, 7} and record.wavenumber_per_m > 0.0
@@ -81,7 +82,7 @@ def test_the_wave_travels_and_carries_what_its_losses_take(solved: tuple[TravelR
     assert record.twr <= record.best_twr + 1e-9
 
 
-def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelResult, Travelling]) -> None:
     """What the modal table says along the centre line against rms of the whole face, which the forced plate sums itself."""
     record, wave = solved
     plate = wave.forced.driven_by(wave.all_volts(wave.drives["pair+"]))
@@ -96,14 +97,14 @@ def test_the_field_is_the_forced_plate_s_own(solved: tuple[TravelRecord, Travell
     assert np.abs(ours - theirs).max() < 0.1 * np.abs(ours).max()  # the nearest points are up to half a millimetre away
 
 
-def test_backwards_is_the_mirror_image(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_backwards_is_the_mirror_image(solved: tuple[TravelResult, Travelling]) -> None:
     _, wave = solved
     forward, back = (wave.field(wave.drives[name])[wave.window[wave.line]] for name in ("pair+", "pair-"))
     slopes = [np.polyfit(np.arange(len(each)), np.unwrap(np.angle(each)), 1)[0] for each in (forward, back)]
     assert slopes[0] < 0.0 < slopes[1] and slopes[1] == pytest.approx(-slopes[0], rel=0.05)
 
 
-def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
+def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelResult, Travelling], tmp_path: Path) -> None:
     record, wave = solved
     outcome = played.board_outcome(wave, QUIET, tmp_path, played=False)
     assert outcome["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
@@ -134,7 +135,7 @@ def _sampled(plate: Structure, frequency_hz: float) -> np.ndarray:
     return np.array(columns).T
 
 
-def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelling], core: None) -> None:
+def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelResult, Travelling], core: None) -> None:
     """The core of this machine, which the firmware's own tests compare with the image bit for bit; noise of 1e-3."""
     from tests.helpers.hosted_boards import HostedSix
 
@@ -155,16 +156,16 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelRecord, Travelli
         assert each.twr == pytest.approx(each.twr_target, abs=0.05) and each.error < 0.05
 
 
-def test_pictures_come_from_the_record_alone(solved: tuple[TravelRecord, Travelling], tmp_path: Path) -> None:
+def test_pictures_come_from_the_record_alone(solved: tuple[TravelResult, Travelling], tmp_path: Path) -> None:
     record, _ = solved
-    assert TravelRecord.model_validate(record.to_dict()) == record
-    assert "mW flow along the zone" in travelling_wave(record).alt
-    figures.write("travel", record.to_dict(), tmp_path / "travel.svg")
+    assert TravelResult.from_document(record.to_dict()) == record
+    assert "mW flow along the zone" in record.pictures()[0].alt
+    record.as_figure().savefig(tmp_path / "travel.svg")
     assert (tmp_path / "travel.svg").stat().st_size > 1000
 
 
 def fingered(
-    record: TravelRecord, wave: Travelling, drive: str = "pair+", varied: Any = (), **touch: Any
+    record: TravelResult, wave: Travelling, drive: str = "pair+", varied: Any = (), **touch: Any
 ) -> ShearRecord:
     given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
@@ -176,7 +177,7 @@ def fingered(
 
 
 @pytest.fixture(scope="module")
-def free(solved: tuple[TravelRecord, Travelling]) -> Iterator[ShearRecord]:
+def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
     """The finger of nothing; what points of the free plate answer to forces knows of no finger, and is told once."""
     known: dict[bytes, np.ndarray] = {}
 
@@ -192,7 +193,7 @@ def free(solved: tuple[TravelRecord, Travelling]) -> Iterator[ShearRecord]:
 
 
 def test_crests_run_as_the_outer_skin_of_the_plate_moves(
-    solved: tuple[TravelRecord, Travelling], free: ShearRecord
+    solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
     """u_x and u_z of the skin that pictures draw, summed over the classes; (h/2) dw/dx alone misses what patches shift."""
     record, wave = solved
@@ -217,7 +218,7 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
 
 
 def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
-    solved: tuple[TravelRecord, Travelling], free: ShearRecord
+    solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
     record, wave = solved
     inside = np.abs(np.array(free.x_m)) < record.window_m[1]
@@ -230,7 +231,7 @@ def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
 
 
 def test_soft_and_hard_fingers_bound_the_net_shear(
-    solved: tuple[TravelRecord, Travelling], free: ShearRecord, monkeypatch: pytest.MonkeyPatch
+    solved: tuple[TravelResult, Travelling], free: ShearRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """No finger is dragged by nothing; one that nothing moves meets no crest; the low end is never above the high one."""
     record, wave = solved
@@ -244,12 +245,13 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     monkeypatch.setattr(disk, "STEPS", (2, 2))  # whatever the points of its contact are, a rigid finger holds them
     rigid = fingered(record, wave, impedance={"stiffness_N_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
-    assert "mm/s along x" in shear_map(soft, 8e-3).alt
+    wave, felt = dataclasses.replace(record, shear=soft).pictures()
+    assert felt.name == "shear" and "mm/s along x" in felt.alt
 
 
 @pytest.mark.usefixtures("free")
 def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
-    solved: tuple[TravelRecord, Travelling], monkeypatch: pytest.MonkeyPatch
+    solved: tuple[TravelResult, Travelling], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Drives louder by a tenth raise the crest by as much; the same drive again by what the contact misses, and no more."""
     record, wave = solved
@@ -269,24 +271,24 @@ def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
 
 
 @pytest.mark.usefixtures("free")
-def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelResult, Travelling]) -> None:
     record, wave = solved
     bare = fingered(record, wave, force_N=None, gap_um=None)
     assert bare.shear_low is None and bare.unknown == ["net shear: touch.gap_um and touch.force_N are not given"]
-    wide = fingered(record.model_copy(update={"wavenumber_per_m": 1.1e3}), wave)
+    wide = fingered(dataclasses.replace(record, wavenumber_per_m=1.1e3), wave)
     assert wide.shear_high is None and "5 mm wide, more than half a wave of 2.86 mm" in wide.unknown[0]
     afloat = fingered(record, wave, gap_um=[0.8, 3.0])
     assert any("net shear: at some places" in reason for reason in afloat.unknown)
 
 
-def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> None:
     for change, said in (
         ({"zone__nodal_lines": 1}, "rigid shapes do not travel"),
         ({"patches__circuit": "open"}, "must be 'short'"),
         ({"patches__sensors": []}, "12 drive and 0 listen"),
     ):
         with pytest.raises(InputError, match=said) as refused:
-            travelling.solve(case_of(**change), QUIET)
+            ask(case_of(**change), Travel(), QUIET)
         assert len(refused.value.lines) == 1
     _, wave = solved
     with pytest.raises(SolverError, match="does not hold the wanted mode and a neighbour"):
@@ -298,12 +300,28 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelRecord, Travelling]) -> 
     assert played.board_outcome(seven, QUIET, None, played=False) == {}
 
 
-def test_a_flow_that_no_inner_section_shows_is_said(solved: tuple[TravelRecord, Travelling]) -> None:
+def test_a_flow_that_no_inner_section_shows_is_said(solved: tuple[TravelResult, Travelling]) -> None:
     """Where patches straddle all sections but the plate's ends, 0 there by balance is no flow."""
     record, _ = solved
     assert record.inner_sections == len(record.flow_x_m) - 2 > 0
-    none = record.model_copy(update={"inner_sections": 0})
-    assert any("patches straddle every section between the plate's ends" in line for line in travelling.lines(none))
-    assert not any("mW flow through" in line for line in travelling.lines(none))
-    assert any("mW flow through" in line for line in travelling.lines(record))
-    assert "flow is unknown" in travelling_wave(none).alt
+    none = dataclasses.replace(record, inner_sections=0)
+    assert any("patches straddle every section between the plate's ends" in line for line in none.lines())
+    assert not any("mW flow through" in line for line in none.lines())
+    assert any("mW flow through" in line for line in record.lines())
+    assert "flow is unknown" in none.pictures()[0].alt
+
+
+def test_the_board_is_a_question_of_its_own(
+    solved: tuple[TravelResult, Travelling], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its plan has a step more; what it played stands in the answer, and the table goes where files go."""
+    record, wave = solved
+    steps = [[step.name for step in kind().plan(case_of()).steps] for kind in (Travel, PlayedTravel)]
+    assert steps[1][:1] == steps[0] and "emulated board" in steps[1][1]
+    values = {name: getattr(record, name) for name in record.declared if name not in ("others", "board", "tables")}
+    monkeypatch.setattr(travelling, "solve", lambda *given: (values, wave))
+    pattern = PlayedPattern(name="pair+", twr=0.9, twr_target=0.91, error=0.01)
+    monkeypatch.setattr(played, "_played", lambda *given: [pattern])
+    plain, on_board = (ask(case_of(), kind(), Run(QUIET, folder=tmp_path)) for kind in (Travel, PlayedTravel))
+    assert plain.board is None and on_board.board == [pattern] and "emulated board, pair+" in [*on_board.lines()][-1]
+    assert {path.name for path in tmp_path.iterdir()} == {*plain.tables} == {"travelling_wave.bin", "travelling_wave.h"}

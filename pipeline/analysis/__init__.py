@@ -1,1 +1,0 @@
-"""One computation a module, on a case."""

@@ -1,0 +1,34 @@
+"""`antinode export`: files for other programs."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+
+from pipeline.case.model import Case, load_case
+from pipeline.case.plausible import warn_of_doubts
+from pipeline.logs import TerminalLog
+from pipeline.questions.answer import Answer, emit, of_case
+
+SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any number of zones
+
+
+def export(arguments: Namespace) -> int:
+    """Write files for other programs."""
+    case, log = of_case(arguments, load_case(arguments.case, arguments.set)), TerminalLog(arguments.quiet)
+    warn_of_doubts(case.design, log)
+    from pipeline.exchange import exports
+
+    if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
+        _require_part(case, arguments.part, f"export {arguments.format}")
+    written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
+    answer = Answer({"schema": 1, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written])
+    return emit(arguments, "export", answer)
+
+
+def _require_part(case: Case, part: str, command: str) -> None:
+    if part == "plate":
+        case.require_plate(command=command, several=command in SOLIDS)
+    elif part == "zone":
+        case.require("plate", "zone", command="modes --part zone")
+    else:
+        case.require("pillar", command="modes --part pillar")

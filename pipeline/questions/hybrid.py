@@ -1,0 +1,317 @@
+"""Rows and patches together: how far either and both confine the zone over frequency, and what detuning costs each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+from pipeline.case.limits import MAX_FREQUENCIES
+from pipeline.errors import InputError
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Figure, Result, figure
+from pipeline.records.part import Part, column
+from pipeline.units import KHZ
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.elements import FloatArray
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+
+POINTS = 61
+ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
+BAR = "half-width of the error bar of {}; None without an estimate"
+WORDS = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}
+
+
+class HybridMethod(Part):
+    """A method of confinement over the frequencies: neither and rows drive the patches inside the zone in phase with the wanted
+    mode, patches and both drive all with the voltages of the largest contrast. Rows stand where rows or both are named.
+    """
+
+    method: str = column("neither, rows, patches or both")
+    confinement_db: list[float] = column(
+        "confinement", "dB", along="frequency_hz", name="db", error="confinement_error_db"
+    )
+    off_db: list[float] = column(
+        "least confinement, at the same voltages, with every resonance lower or higher by the detuning", "dB",
+        along="frequency_hz", error="off_error_db",
+    )  # fmt: skip
+    rows_off_db: list[float] | None = column(
+        "least confinement with the pillars' resonances alone off; None without rows", "dB", along="frequency_hz",
+        error="rows_off_error_db",
+    )  # fmt: skip
+    volts_per_um: list[float] = column(
+        "largest voltage for 1 um rms in the zone", "V", along="frequency_hz", error="volts_error_per_um"
+    )
+    confinement_error_db: list[float | None] | None = column(
+        BAR.format("confinement_db"), "dB", along="frequency_hz", name="error_db", default=None
+    )
+    off_error_db: list[float | None] | None = column(BAR.format("off_db"), "dB", along="frequency_hz", default=None)
+    rows_off_error_db: list[float | None] | None = column(
+        BAR.format("rows_off_db"), "dB", along="frequency_hz", default=None
+    )
+    volts_error_per_um: list[float | None] | None = column(
+        BAR.format("volts_per_um"), "V", along="frequency_hz", default=None
+    )
+
+    def at(self, name: str, place: int) -> tuple[float, float | None]:
+        """Return a figure at a place of the frequencies, NaN where there is none, and the half-width of its bar."""
+        values, errors = getattr(self, name), getattr(self, self.declared[name].error)
+        return values[place] if values else nan, errors[place] if errors else None
+
+
+def _at_peak(method: str, name: str, heading: str) -> Figure[float | None]:
+    """Declare a figure of a method at the wanted mode's peak."""
+    error = HybridMethod.declared[name].error
+    unit = HybridMethod.declared[name].unit
+    about = figure(heading.format(WORDS[method]), unit, error=lambda answer: answer.at_wanted(method, error))
+    return about(lambda answer: answer.at_wanted(method, name))
+
+
+class HybridResult(Result, axes=("frequency_hz",)):
+    """Rows and patches together over frequency: levels in dB and V for 1 um by neither, rows, patches and both.
+
+    >>> import antinode
+    >>> from pipeline.questions.hybrid import HybridMethod
+    >>> rows = HybridMethod(method="rows", confinement_db=[14.6], off_db=[9.1], rows_off_db=[8.2], volts_per_um=[2.0])
+    >>> plate = {"model": "", "dof": 0, "inside": 7, "behind": 14, "detuning": 0.02, "alpha": 0.3, "wanted_hz": None}
+    >>> antinode.Hybrid(**plate, frequency_hz=[34.8e3], methods=[rows]).to_rows()[0]["rows_db"]
+    14.6
+    """
+
+    model: str = column("model of the plate and its element order, and the number of patches")
+    dof: int = column("degrees of freedom that were solved for")
+    inside: int = column("driving patches inside the zone")
+    behind: int = column("driving patches beyond the zone")
+    detuning: float = column("how far resonances are put off, relative")
+    alpha: float = column("weight of voltages that move little")
+    wanted_hz: float | None = column(
+        "peak of the plate with rows; None where it lies outside the band", "Hz", error="wanted_error"
+    )
+    frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
+    methods: list[HybridMethod] = column("the four methods of confinement")
+    wanted_error: float | None = column(
+        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
+    )
+    wanted_elsewhere_hz: float | None = column(
+        "peak of the plate with rows where it lies outside the band", "Hz", error="wanted_elsewhere_error", default=None
+    )
+    wanted_elsewhere_error: float | None = column(
+        "half-width of the error bar of wanted_elsewhere_hz, relative; None without an estimate", default=None
+    )
+
+    @property
+    def frequencies_hz(self) -> FloatArray:
+        """Frequencies (points,) in Hz."""
+        return self.array("frequency_hz")
+
+    @property
+    def wanted_place(self) -> int | None:
+        """Place of the wanted mode's peak among the frequencies; None where the band holds none."""
+        return None if self.wanted_hz is None else self.frequency_hz.index(self.wanted_hz)
+
+    def method(self, name: str) -> HybridMethod:
+        """Return a method by its name."""
+        return next(each for each in self.methods if each.method == name)
+
+    def at_wanted(self, method: str, values: str) -> float | None:
+        """Return a figure of a method, such as off_db, or its bar at the wanted mode's peak."""
+        figures: list[float] | None = getattr(self.method(method), values)
+        return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
+
+    rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
+    rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
+    rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
+    rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
+    patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
+    patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
+    patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
+    both_db = _at_peak("both", "confinement_db", "confinement by {}")
+    both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
+    both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
+    both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """Return a row a frequency: of each method its figures, those that it has, such as both_off_db."""
+        columns = {
+            f"{method.method}_{about.name or name}": values
+            for method in self.methods
+            for name, about in method.declared.items()
+            if about.along and (values := getattr(method, name)) is not None
+        }
+        return [
+            {"frequency_hz": frequency, **{name: values[place] for name, values in columns.items()}}
+            for place, frequency in enumerate(self.frequency_hz)
+        ]
+
+    def lines(self) -> Iterator[str]:
+        """Yield the patches, and each method at the wanted mode's peak."""
+        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
+
+        yield f"{self.inside} patches drive inside the zone, {self.behind} beyond it"
+        place = self.wanted_place
+        if place is None:
+            elsewhere = frequency_with_bar(self.wanted_elsewhere_hz, self.wanted_elsewhere_error)
+            where = (
+                "no mode of the plate has its shape" if self.wanted_elsewhere_hz is None else f"it lies at {elsewhere}"
+            )
+            yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
+            return
+        yield f"at the wanted mode's peak, {frequency_with_bar(self.wanted_hz, self.wanted_error)}:"
+        for method in self.methods:
+            names = ("confinement_db", "volts_per_um", "off_db", "rows_off_db")
+            level, volts, off, rows_off = (method.at(name, place) for name in names)
+            alone = "" if method.rows_off_db is None else f", {level_with_bar(*rows_off)} with the pillars' alone"
+            yield (
+                f"{method.method}: {level_with_bar(*level)}, {with_bar(*volts, 'V')} for 1 um rms in the zone; "
+                f"{level_with_bar(*off)} with every resonance off by {100.0 * self.detuning:g}%{alone}"
+            )
+
+    def draw(self, ax: Axes) -> None:
+        """Draw confinement by rows, by patches, by both and by neither over frequency."""
+        from pipeline.plots import style
+        from solvers.measures.levels import CONFINED_DB
+
+        levels = {method.method: method.confinement_db for method in self.methods}
+        self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
+        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.set_xlabel("frequency (kHz)")
+        ax.legend(fontsize=8, ncols=4)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the levels of the four methods over frequency, the same detuned, and the voltages."""
+        from pipeline.plots import style
+        from pipeline.quantity import percentage
+
+        drawn, (levels, detuned, drive) = style.panels(7.6, 3, 1, sharex=True)
+        self.draw(levels)
+        off = {each.method: each.off_db if each.rows_off_db is None else each.rows_off_db for each in self.methods}
+        shift = percentage(self.detuning, 0.0)
+        title = f"Resonances of the pillars (of the plate without rows) off by {shift}, the worse sign"
+        self._draw_methods(detuned, off, "confinement (dB)", title)
+        volts = {each.method: each.volts_per_um for each in self.methods}
+        self._draw_methods(drive, volts, "largest voltage (V)", "For 1 µm rms in the zone")
+        drive.set(yscale="log", xlabel="frequency (kHz)")
+        return [style.ReportFigure("hybrid", "Rows and patches together", self._alt(), drawn, vector=True)]
+
+    def _draw_methods(self, ax: Axes, curves: dict[str, list[float]], label: str, title: str) -> None:
+        from pipeline.plots import style
+
+        style.draw_lines(ax.plot, self.frequencies_hz / KHZ, curves)
+        if self.wanted_hz:
+            style.mark(ax, self.wanted_hz / KHZ)
+        ax.set(ylabel=label, title=title)
+        ax.grid(True)
+
+    def _alt(self) -> str:
+        from pipeline.quantity import frequency, level
+
+        place, where = self.wanted_place, "least over the band"
+        if place is not None:
+            where = f"at {frequency(self.wanted_hz, self.wanted_error)}"
+        levels = [
+            f"{each.method} {level(min(each.confinement_db)) if place is None else level(*each.at('confinement_db', place))}"
+            for each in self.methods
+        ]
+        return f"Confinement over frequency by rows, by patches, by both and by neither; {where}: {', '.join(levels)}"
+
+    def __repr__(self) -> str:
+        return f"<antinode.Hybrid: {len(self.frequency_hz)} frequencies, {', '.join(each.method for each in self.methods)}>"
+
+
+class Hybrid(
+    Question[HybridResult],
+    needs=("patches",),
+    drives=True,
+    example="hybrid examples/hybrid-plate.toml --out hybrid",
+):
+    """Compare rows and patches: confinement by either and by both over frequency, drive voltages, what detuning costs.
+
+    Two or more patches must drive, one of them inside the zone.
+
+    >>> from antinode import Patches, load
+    >>> two = Patches(size_mm=(8.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0), (14.0, 0.0)])
+    >>> result = load("examples/small.toml", accuracy=0.1, patches=two).hybrid((33.0, 36.0), points=3)
+    >>> {name: round(result.method(name).confinement_db[0]) for name in ("rows", "both")}
+    {'rows': 8, 'both': 16}
+    """
+
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
+    points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
+    alpha: float = option(
+        default=ALPHA, at_least=0.0, at_most=0.999, metavar="A",
+        help="leave large voltages for little motion alone: their weight beside the passive face's motion; 0: the largest "
+        "contrast, whatever it takes",
+    )  # fmt: skip
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without rows, a patch inside the zone, or two drivers fed by voltages."""
+        from pipeline.models.hybrid import driven_inside
+
+        case.require_plate(command="hybrid")
+        super().check(case)
+        patches = case.patches
+        assert patches is not None
+        said = []
+        if not case.design.rows:
+            said.append("array.rows = 0: must be 1 or more, hybrid compares rows with patches")
+        if patches.circuit != "short":
+            said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
+        if not driven_inside(case).any():
+            said.append("patches.centres_mm: no driving patch stands inside the zone, at least one must")
+        elif len(patches.drivers) < 2:
+            said.append("patches: one drives, shaping takes two or more")
+        if said:
+            raise InputError(f"{case.source or case.name}: {text}" for text in said)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan four plates: as it is, without rows, and with the pillars off by 2 % both ways."""
+        from dataclasses import replace
+
+        from pipeline.planning.plan import plan_of, response_step
+
+        step = response_step(case, hz(self.band_kHz), self.points)
+        assert case.patches is not None and step.demand
+        demand = step.demand
+        for _ in range(3):
+            demand = demand.then(step.demand)
+        plates = "four plates: as it is, without rows, pillars detuned twice"
+        looks = f"{self.points} frequencies, {case.patches.count} patches; {plates}"
+        about = {"measure": self.name, "name": "rows and patches together", "looks_for": looks, "demand": demand}
+        return plan_of(case, replace(step, **about))  # type: ignore[arg-type]
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> HybridResult:
+        """Drive the four plates and compare."""
+        from pipeline.models.hybrid import DETUNING, driven_inside, solve
+
+        forced = run.solved.get("forced")
+        solved = solve(case, run, hz(self.band_kHz), self.points, self.alpha, forced, [] if forced else run.meshes)
+        patches, plate, inside = case.patches, solved.forced.plate, int(driven_inside(case).sum())
+        assert patches is not None
+        result = HybridResult.of(
+            solved, model=f"{plate.name} with {patches.count} patches", dof=sum(len(group.loads) for group in plate.groups),
+            inside=inside, behind=len(patches.drivers) - inside, detuning=DETUNING, alpha=self.alpha,
+            methods=[_method(name, *figures) for name, figures in solved.methods.items()],
+        )  # fmt: skip
+        for line in result.lines():
+            run.info(line)
+        return result
+
+
+def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
+    """Return a method from its figures and their bars, (4, frequencies) each."""
+    import numpy as np
+
+    level, volts, off, rows_off = figures
+    errors = dict(
+        zip(("confinement_error_db", "volts_error_per_um", "off_error_db", "rows_off_error_db"), bars, strict=True)
+    )
+    if not np.isfinite(rows_off).all():
+        rows_off = errors["rows_off_error_db"] = None
+    return HybridMethod(
+        method=name, confinement_db=level, volts_per_um=volts, off_db=off, rows_off_db=rows_off, **errors
+    )

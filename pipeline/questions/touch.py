@@ -1,0 +1,300 @@
+"""A finger on the driven plate: the wanted mode under it, amplitude and friction, the loop's drive, power, a map of places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Figure, Result, figure
+from pipeline.records.part import Part, column
+from pipeline.units import MM, UM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+
+
+def _of(part: Callable[[Any], Part | None], kind: type[Part], field: str, scale: float = 1.0) -> Any:
+    """Return a figure of a part of the answer and its bar as functions; None where there is no part."""
+
+    def value(name: str) -> Callable[[Any], float | None]:
+        def of(answer: Any) -> float | None:
+            found = part(answer)
+            known = None if found is None else getattr(found, name)
+            return None if known is None else known / scale
+
+        return of
+
+    return value(field), value(kind.declared[field].error)
+
+
+def _figure(name: str, heading: str, unit: str, values: Any, **more: bool) -> Figure[float | None]:
+    of, error = values
+    return figure(heading, unit, name=name, error=error, **more)(of)
+
+
+def _of_mode(field: str) -> Any:
+    return _of(attrgetter("mode"), LoadedModeRecord, field)
+
+
+def _of_state(state: str, field: str, scale: float = 1.0) -> Any:
+    return _of(lambda answer: answer.state(state), TouchStateRecord, field, scale)
+
+
+class TouchResult(Result, table="states", axes=("state",)):
+    """A finger on the driven plate: amplitudes in m, powers in W, friction over that at rest; a row a state.
+
+    >>> import antinode
+    >>> [name for name, about in antinode.Touch.declared.items() if about.unit == "m"]
+    ['at_m', 'radius_m', 'gap_m']
+    """
+
+    model: str = column("model of the plate and its element order, and the number of patches")
+    dof: int = column("degrees of freedom that were solved for")
+    fingertip: str = column("name of the finger's impedance")
+    source: str = column("where its values come from")
+    at_m: list[float] = column("middle of the contact", "m")
+    radius_m: float = column("radius of the contact", "m")
+    impedance_N_s_m: list[float] = column("impedance at the wanted mode, real and imaginary", "N s/m")
+    force_N: float | None = column("force of the finger; None where the case gives none", "N")
+    gap_m: list[float] | None = column("the smallest and the largest gap of air; None where the case gives none", "m")
+    quality_factor_given: float = column("quality factor that the case gives")
+    mode: LoadedModeRecord | None = column("the wanted mode under the finger; None where none is left")
+    states: list[TouchStateRecord] = column("one way of driving each; what cannot be is not there")
+    loop: LoopRecord | None = column("the closed loop's drive; None without a sensor")
+    map: TouchMapRecord | None = column("the finger at every place of the touch face; None where it was not asked for")
+    unknown: list[str] = column("why a figure is missing, a sentence each")
+
+    def state(self, name: str) -> TouchStateRecord | None:
+        """Return a state by its name; None where it cannot be."""
+        return next((state for state in self.states if state.state == name), None)
+
+    shift_hz = _figure(
+        "touch_shift_hz", "detuning by the finger", "Hz", _of_mode("shift_hz"), is_difference=True, is_signed=True
+    )
+    quality_factor = _figure("touch_quality_factor", "quality factor under the finger", "", _of_mode("quality_factor"))
+    share = _figure("touch_share", "share of the wanted mode under the finger", "", _of_mode("share"))
+    free_um = _figure("free_um", "amplitude at the finger, free", "um", _of_state("free", "finger_m", UM))
+    free_db = _figure("free_db", "confinement, free", "dB", _of_state("free", "confinement_db"))
+    free_mW = _figure("free_mw_at_1um", "power at 1 um, free", "mW", _of_state("free", "drawn_mW_at_1um"))
+    free_V = _figure("free_v_at_1um", "drive at 1 um, free", "V", _of_state("free", "drive_V_at_1um"))
+    touched_um = _figure("touched_um", "amplitude at the finger, touched", "um", _of_state("touched", "finger_m", UM))
+    touched_db = _figure("touched_db", "confinement, touched", "dB", _of_state("touched", "confinement_db"))
+    touched_mW = _figure("touched_mw_at_1um", "power at 1 um, touched", "mW", _of_state("touched", "drawn_mW_at_1um"))
+    touched_V = _figure("touched_v_at_1um", "drive at 1 um, touched", "V", _of_state("touched", "drive_V_at_1um"))
+    shaped_um = _figure("shaped_um", "amplitude at the finger, shaped", "um", _of_state("shaped", "finger_m", UM))
+    shaped_db = _figure("shaped_db", "confinement, shaped", "dB", _of_state("shaped", "confinement_db"))
+    shaped_mW = _figure("shaped_mw_at_1um", "power at 1 um, shaped", "mW", _of_state("shaped", "drawn_mW_at_1um"))
+    shaped_V = _figure("shaped_v_at_1um", "drive at 1 um, shaped", "V", _of_state("shaped", "drive_V_at_1um"))
+    friction_low = _figure(
+        "touch_friction_low", "friction at the low gap over that at rest", "", _of_state("touched", "friction_low")
+    )
+    friction_high = _figure(
+        "touch_friction_high", "friction at the high gap over that at rest", "", _of_state("touched", "friction_high")
+    )
+    needed_V = _figure(
+        "touch_needed_v",
+        "drive that holds the sensor's amplitude",
+        "V",
+        _of(attrgetter("loop"), LoopRecord, "needed_V"),
+    )
+
+    # -- words
+
+    def lines(self) -> Iterator[str]:
+        """Yield the finger, the mode under it, each state, the loop's drive, and why figures are missing."""
+        from pipeline.quantity import figure as in_digits
+
+        real, imaginary = self.impedance_N_s_m
+        place = ", ".join(in_digits(each / MM, 0.0) for each in self.at_m)
+        yield (
+            f"fingertip {self.fingertip}: {in_digits(real)} {'-' if imaginary < 0.0 else '+'} "
+            f"{in_digits(abs(imaginary))}i N s/m on a radius of {self.radius_m / MM:g} mm at ({place}) mm"
+        )
+        if self.mode:
+            yield _mode_in_words(self.mode, self.quality_factor_given)
+        yield from map(_state_in_words, self.states)
+        if self.loop:
+            yield _loop_in_words(self.loop)
+        yield from self.unknown
+
+    def __repr__(self) -> str:
+        from pipeline.quantity import figure as in_digits
+
+        amplitudes = [
+            f"{s.state} {in_digits(s.finger_m / UM, _times(s.finger_error_m, 1.0 / UM))} um" for s in self.states
+        ]
+        return f"<antinode.Touch: {', '.join(amplitudes)}>"
+
+    # -- pictures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw the amplitude under the finger at each place, the free plate's nodes as lines; without a map the states'."""
+        import numpy as np
+
+        from pipeline.plots import places, style
+
+        if self.map is None:
+            sizes = [state.finger_m / UM for state in self.states]
+            ax.barh([state.state for state in self.states], sizes, color=style.BLUE)
+            ax.set(xlabel="amplitude at the finger (µm)")
+            return
+        x_m, y_m, touched = self.map.x_m, self.map.y_m, np.array(self.map.touched_m) / UM
+        title = f"Finger at each place, {_tone(self.map)}; lines: nodes of the free plate"
+        places.field(ax, x_m, y_m, touched, "amplitude (µm)", title)
+        if len(x_m) > 1 and len(y_m) > 1:
+            grid = np.array(x_m) / MM, np.array(y_m) / MM, np.array(self.map.displacement_m).T
+            ax.contour(*grid, levels=[0.0], colors="white", linewidths=0.8)
+        ax.plot(self.at_m[0] / MM, self.at_m[1] / MM, "+", color=style.VERMILION, ms=9)
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return amplitude and friction under the finger over its place, the drive of the loop; without a map the states."""
+        from pipeline.plots import places, style
+
+        if self.map is None:
+            return super().pictures()
+        count = 1 + (self.map.friction is not None) + (self.map.needed_V is not None)
+        drawn, panels = places.panels(count, self.plate_design and self.plate_design.width_m)
+        self.draw(panels[0])
+        more = {
+            "friction over that at rest": ("Friction, where it can be told", self.map.friction),
+            "drive (V)": ("Drive that holds the sensor's amplitude", self.map.needed_V),
+        }
+        known = [(label, *each) for label, each in more.items() if each[1] is not None]
+        for axes, (label, title, values) in zip(panels[1:], known, strict=True):
+            places.field(axes, self.map.x_m, self.map.y_m, values, label, title)
+        return [style.ReportFigure("tactile", "Tactile map", self._alt(self.map), drawn)]
+
+    def _alt(self, places: TouchMapRecord) -> str:
+        import numpy as np
+
+        from pipeline.quantity import figure as in_digits
+        from pipeline.quantity import with_bar
+
+        touched = np.array(places.touched_m) / UM
+        i, j = np.unravel_index(int(np.argmax(touched)), touched.shape)
+        there = f"({in_digits(places.x_m[i] / MM)}, {in_digits(places.y_m[j] / MM)}) mm"
+        half, here = places.touched_error_m, ""
+        if state := self.state("touched"):
+            bar = _times(state.finger_error_m, 1.0 / UM)
+            here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
+        return (
+            f"Amplitude under {self.fingertip} at {touched.size} places of the touch face, {_tone(places)}: "
+            f"at most {with_bar(touched[i, j], None if half is None else half[i][j] / UM, 'µm')}, at {there}{here}"
+        )
+
+
+def _tone(places: TouchMapRecord) -> str:
+    from pipeline.quantity import frequency
+
+    return frequency(places.frequency_hz, places.frequency_error)
+
+
+def _times(error: float | None, factor: float) -> float | None:
+    return None if error is None else error * factor
+
+
+def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
+    from pipeline.quantity import frequency_with_bar, signed, with_bar
+
+    before = frequency_with_bar(mode.free_hz, mode.free_error)
+    under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
+    shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
+    quality = "none" if mode.quality_factor is None else with_bar(mode.quality_factor, mode.quality_error)
+    share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%")
+    mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
+    return (
+        f"wanted mode from {before} to {under} ({shift}), quality factor from {quality_given:g} to "
+        f"{quality}, by its complex eigenvalue f^2 (1 + i/Q); it keeps {share} of its shape{mixed}"
+    )
+
+
+def _state_in_words(state: TouchStateRecord) -> str:
+    from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
+
+    level = ""
+    if state.confinement_db is not None:
+        level = f", {level_with_bar(state.confinement_db, state.confinement_error_db)} above the passive face"
+    ends = ((state.friction_low, state.friction_low_error), (state.friction_high, state.friction_high_error))
+    ratios = ["unknown" if each is None else with_bar(each, error) for each, error in ends]
+    friction = f"; friction {' to '.join(ratios)} of that at rest" if set(ratios) != {"unknown"} else ""
+    drawn = ""
+    if state.drawn_mW_at_1um is not None and state.drive_V_at_1um is not None:
+        power = with_bar(state.drawn_mW_at_1um, state.drawn_error_mW_at_1um, "mW")
+        drawn = f"; {power} and {with_bar(state.drive_V_at_1um, state.drive_error_V_at_1um, 'V')} at 1 um"
+    tone = frequency_with_bar(state.frequency_hz, state.frequency_error)
+    drive = with_bar(state.drive_V, state.drive_error_V if state.state == "held" else None, "V")
+    motion = with_bar(state.finger_m / UM, _times(state.finger_error_m, 1.0 / UM), "um")
+    return f"{state.state} at {tone} and {drive}: {motion} at the finger{level}{friction}{drawn}"
+
+
+def _loop_in_words(loop: LoopRecord) -> str:
+    from pipeline.quantity import with_bar
+
+    limit = "no limit is given" if loop.limit_V is None else f"the limit is {loop.limit_V:g} V"
+    verdict = ": the amplifier saturates" if loop.saturates else ""
+    needed = with_bar(loop.needed_V, loop.needed_error_V, "V")
+    sensor = with_bar(loop.sensor_V, loop.sensor_error_V, "V")
+    return f"closed loop: {needed} hold the sensor's amplitude of {sensor}, {limit}{verdict}"
+
+
+class Touch(
+    Question[TouchResult],
+    needs=("patches", "touch"),
+    drives=True,
+    example="touch examples/touch-plate.toml --out touched",
+):
+    """Put a finger on the driven plate: detuning in Hz, amplitude and friction under it, power ([touch] in the case).
+
+    >>> from antinode import Finger, Patches, load
+    >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
+    >>> touched = plate.with_(touch=Finger(radius_mm=5.0)).touch((33.0, 36.0), mapped=False)
+    >>> round(touched.mode.shift_hz, -2), round(touched.mode.quality_factor)
+    (-300.0, 40)
+    """
+
+    band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
+    mapped: bool = option(
+        default=True, flag="map", help="the finger at every place of the touch face, too (--no-map leaves that out)"
+    )
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without patches or a finger."""
+        case.require_plate(command="touch")
+        super().check(case)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan a finger on the driven plate: it moves every symmetry class."""
+        from pipeline.planning import simplifications
+        from pipeline.planning.plan import plan_of, response_step
+
+        step, touch = response_step(case, hz(self.band_kHz), 1), case.touch
+        assert touch is not None and case.patches is not None
+        left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
+        places = ", and at every place of a map" * self.mapped
+        looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
+        classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
+        about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}
+        return plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> TouchResult:
+        """Put the case's finger on its plate."""
+        from pipeline.models.touch import solve
+        from pipeline.records.record import DesignRecord
+
+        forced = run.solved.get("forced")
+        meshes = [] if forced else run.meshes
+        result = TouchResult(**solve(case, run, hz(self.band_kHz), self.mapped, forced, meshes))
+        for line in result.lines():
+            if line not in result.unknown:
+                run.info(line)
+        for reason in result.unknown:
+            run.warning("NOT_TOLD", reason)
+        return result.with_arrays({}, DesignRecord.of_design(case.design))

@@ -1,0 +1,366 @@
+"""Two modes of the zone held a quarter period apart: a wave that travels inside it, its power, and the board's table for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import pi
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import InputError
+from pipeline.models.travel_parts import BAR, PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.result import Result, figure
+from pipeline.records.part import column
+from pipeline.units import MM, UM
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from geometry.elements import ComplexArray
+    from pipeline.case.model import Case
+    from pipeline.planning.plan import Plan
+    from pipeline.plots.style import ReportFigure
+
+
+def _times(error: float | None, factor: float) -> float | None:
+    return None if error is None else error * factor
+
+
+class TravelResult(Result, axes=("x_m",)):
+    """A wave that travels inside the zone: two modes held a quarter period apart; fields and powers for 1 um rms there.
+
+    `plate.travel()` computes one; powers are means over a period, amplitudes peaks.
+
+    >>> import antinode
+    >>> antinode.Travel.declared["twr"].about
+    'travelling-wave ratio within window_m: 1 travels, 0 stands'
+    """
+
+    model: str = column("model of the plate and its element order, and the number of patches")
+    dof: int = column("degrees of freedom that were solved for")
+    frequency_hz: float = column("frequency of the wave, between those of its modes", "Hz", error="frequency_error")
+    modes: list[PatternMode] = column("the two modes that are held")
+    others: float = column("weight of keeping all other modes small")
+    twr: float = column("travelling-wave ratio within window_m: 1 travels, 0 stands", error="twr_error")
+    alone_twr: float = column("that of the two shapes alone", error="alone_twr_error")
+    best_twr: float = column("that with any voltages", error="best_twr_error")
+    wavenumber_per_m: float = column("wavenumber of the wave", "rad/m", error="wavenumber_error_per_m")
+    window_m: list[float] = column("where the ratio is taken, along x", "m")
+    confinement_db: float | None = column(
+        "rms of u_z on the active touch face over that on the passive one; None without one", "dB",
+        error="confinement_error_db",
+    )  # fmt: skip
+    drive_V_at_1um: float = column("largest voltage for 1 um rms in the zone", "V", error="drive_error_V_at_1um")
+    drivers: list[int] = column("numbers of the driven patches, from 0")
+    volts: list[list[float]] = column("voltages of the drivers, real and imaginary, the largest 1 V", "V")
+    x_m: list[float] = column("places along the zone's centre line", "m", along="x_m")
+    field_m: list[list[float]] = column(
+        "u_z along the zone's centre line, real and imaginary", "m", along="x_m", parts=("re_m", "im_m"),
+        error="field_error_m",
+    )  # fmt: skip
+    patches_W: list[float] = column(
+        "power that each patch puts in, negative where it takes", "W", along="patch", error="patches_error_W"
+    )
+    lost_W: float = column("power that the plate loses", "W", error="lost_error_W")
+    flow_x_m: list[float] = column("sections through which power is counted", "m", along="flow_x_m")
+    flow_W: list[float] = column("power towards +x through them", "W", along="flow_x_m", error="flow_error_W")
+    standing_flow_W: list[float] = column(
+        "that with all drivers in phase with the wanted mode", "W", along="flow_x_m", error="standing_flow_error_W"
+    )
+    inner_sections: int | None = column(
+        "how many of the sections lie between the plate's ends, where nothing flows", default=None
+    )
+    frequency_error: float | None = column(BAR.format("frequency_hz, relative"), default=None)
+    twr_error: float | None = column(BAR.format("twr"), default=None)
+    alone_twr_error: float | None = column(BAR.format("alone_twr"), default=None)
+    best_twr_error: float | None = column(BAR.format("best_twr"), default=None)
+    wavenumber_error_per_m: float | None = column(BAR.format("wavenumber_per_m"), "rad/m", default=None)
+    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+    drive_error_V_at_1um: float | None = column(BAR.format("drive_V_at_1um"), "V", default=None)
+    lost_error_W: float | None = column(BAR.format("lost_W"), "W", default=None)
+    flow_error_W: list[float | None] | None = column(BAR.format("flow_W"), "W", along="flow_x_m", default=None)
+    patches_error_W: list[float | None] | None = column(BAR.format("patches_W"), "W", along="patch", default=None)
+    standing_flow_error_W: list[float | None] | None = column(
+        BAR.format("standing_flow_W"), "W", along="flow_x_m", default=None
+    )
+    field_error_m: list[float | None] | None = column(
+        BAR.format("the size of field_m"), "m", along="x_m", name="size_error_m", default=None
+    )
+    shear: ShearRecord | None = column("what a finger at rest on the wave feels; None without a finger", default=None)
+    board: list[PlayedPattern] | PlayFault | None = column(
+        "what the emulated board made of the table; None where it was not run", default=None
+    )
+    tables: list[str] = column("files of the six-channel board's table", default_factory=list)
+
+    @property
+    def field(self) -> ComplexArray:
+        """u_z along the zone's centre line, complex (points,) in m."""
+        import numpy as np
+
+        return np.asarray(np.array(self.field_m) @ np.array([1.0, 1j]))
+
+    @property
+    def largest_flow_W(self) -> tuple[float, float | None, float]:
+        """The largest of the flows, signed, the half-width of its bar, and where along x."""
+        errors = self.flow_error_W or [None] * len(self.flow_W)
+        return max(zip(self.flow_W, errors, self.flow_x_m, strict=True), key=lambda each: abs(each[0]))
+
+    wave_hz = figure("travelling wave", "Hz", name="travel_hz", error="frequency_error")(attrgetter("frequency_hz"))
+    ratio = figure("travelling-wave ratio", name="travel_twr", error="twr_error")(attrgetter("twr"))
+    best_ratio = figure("the same with any voltages", name="travel_best_twr", error="best_twr_error")(
+        attrgetter("best_twr")
+    )
+    level_db = figure("confinement, travelling", "dB", name="travel_db", error="confinement_error_db")(
+        attrgetter("confinement_db")
+    )
+    drive_V = figure("drive for 1 um, travelling", "V", name="travel_v_per_um", error="drive_error_V_at_1um")(
+        attrgetter("drive_V_at_1um")
+    )
+
+    @figure(
+        "power along the zone for 1 um", "mW", name="travel_mw",
+        error=lambda wave: _times(wave.largest_flow_W[1], 1e3),
+    )  # fmt: skip
+    def flow_mW(self) -> float | None:
+        """The largest of the flows; None where patches straddle every section."""
+        return None if self.inner_sections == 0 else 1e3 * self.largest_flow_W[0]
+
+    @figure(
+        "crests under the finger", "mm/s", name="travel_crest_mm_s",
+        error=lambda wave: wave.shear and _times(wave.shear.fastest_error_m_s, 1e3),
+    )  # fmt: skip
+    def crest_mm_s(self) -> float | None:
+        """Largest speed of the crests under the finger, signed; None without a finger."""
+        return 1e3 * self.shear.fastest_m_s if self.shear else None
+
+    def to_rows(self) -> list[dict[str, Any]]:
+        """Return a row a place of the zone's centre line: u_z, real, imaginary, size and its bar."""
+        sizes = [{"size_m": abs(complex(*each))} for each in self.field_m]
+        return [row | size for row, size in zip(super().to_rows(), sizes, strict=True)]
+
+    # -- words
+
+    def lines(self) -> Iterator[str]:
+        """Yield the modes, the ratios, drive and power, the finger, and what the board played."""
+        from pipeline.quantity import figure as in_digits
+        from pipeline.quantity import frequency_with_bar, level_with_bar, percent, with_bar
+
+        modes = [f"(0, {m.nodal_lines}) at {frequency_with_bar(m.frequency_hz, m.frequency_error)}" for m in self.modes]
+        tone = frequency_with_bar(self.frequency_hz, self.frequency_error)
+        yield f"modes {' and '.join(modes)}, held a quarter period apart at {tone}"
+        level = ""
+        if self.confinement_db is not None:
+            level = f"; {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
+        half = pi / abs(self.wavenumber_per_m) / MM
+        wave = with_bar(half, _times(self.wavenumber_error_per_m, half / abs(self.wavenumber_per_m)), "mm")
+        first, last = (in_digits(end / MM) for end in self.window_m)
+        yield (
+            f"travelling-wave ratio {with_bar(self.twr, self.twr_error)} from {first} to {last} mm, "
+            f"{with_bar(self.alone_twr, self.alone_twr_error)} by the two shapes alone, "
+            f"{with_bar(self.best_twr, self.best_twr_error)} with any voltages; half a wave is {wave}{level}"
+        )
+        flow = "how much flows along it is unknown: patches straddle every section between the plate's ends"
+        if self.inner_sections:
+            most, error, x_m = self.largest_flow_W
+            flow = f"{with_bar(1e3 * most, _times(error, 1e3), 'mW')} flow through x = {in_digits(x_m / MM)} mm"
+        drive = with_bar(self.drive_V_at_1um, self.drive_error_V_at_1um, "V")
+        lost = with_bar(1e3 * self.lost_W, _times(self.lost_error_W, 1e3), "mW")
+        yield f"{drive} for 1 um rms in the zone; then {lost} are lost in the plate, {flow}"
+        if self.shear:
+            yield _of_shear(self.shear)
+        for each in self.board if isinstance(self.board, list) else ():
+            yield (
+                f"emulated board, {each.name}: travelling-wave ratio {in_digits(each.twr, self.twr_error)} where "
+                f"{in_digits(each.twr_target, self.twr_error)} is asked for, drives off by {percent(each.error)}"
+            )
+
+    def __repr__(self) -> str:
+        from pipeline.quantity import figure as in_digits
+
+        return f"<antinode.Travel: {self._tone}, travelling-wave ratio {in_digits(self.twr, self.twr_error)}>"
+
+    @property
+    def _tone(self) -> str:
+        from pipeline.quantity import frequency
+
+        return frequency(self.frequency_hz, self.frequency_error)
+
+    # -- pictures
+
+    def draw(self, ax: Axes) -> None:
+        """Draw u_z along the zone's centre line at six moments of a period, the envelope, and the window shaded."""
+        import numpy as np
+
+        from pipeline.plots import style
+        from pipeline.quantity import figure as in_digits
+
+        x, field = np.array(self.x_m) / MM, self.field / UM
+        for step in range(6):
+            ax.plot(x, (field * np.exp(1j * np.pi * step / 3.0)).real, color=style.SKY, lw=0.7)
+        for sign in (1.0, -1.0):
+            ax.plot(x, sign * np.abs(field), color=style.BLUE)
+        first, last = self.window_m
+        ax.axvspan(first / MM, last / MM, color=style.GREY, alpha=0.1, lw=0)
+        ax.set(ylabel="u_z (µm)", xlabel="x (mm)")
+        ax.set_title(f"{self._tone}, travelling-wave ratio {in_digits(self.twr, self.twr_error)} where shaded")
+
+    def pictures(self) -> list[ReportFigure]:
+        """Return the wave with the power that flows with it beside that of patches in phase, and the finger on it."""
+        import numpy as np
+
+        from pipeline.plots import style
+
+        drawn, (wave, flow) = style.panels(5.4, 2, 1, sharex=True)
+        self.draw(wave)
+        powers = {"held a quarter period apart": self.flow_W, "all patches in phase": self.standing_flow_W}
+        curves = {name: 1e3 * np.array(watts) for name, watts in powers.items()}
+        style.draw_lines(flow.plot, np.array(self.flow_x_m) / MM, curves, marker="o", ms=3)
+        flow.axhline(0.0, color=style.GREY, lw=0.8)
+        flow.set(ylabel="power towards +x (mW)", xlabel="x (mm)", title="Through each section that no patch straddles")
+        flow.legend(fontsize=8)
+        title = "A wave that travels inside the zone"
+        shown = [style.ReportFigure("travelling", title, self._alt(), drawn, vector=True)]
+        return [
+            *shown,
+            *([_drawn_shear(self.shear, self.plate_design and self.plate_design.width_m)] if self.shear else []),
+        ]
+
+    def _alt(self) -> str:
+        from pipeline.quantity import figure as in_digits
+
+        modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in self.modes)
+        flow = f"at most {in_digits(1e3 * self.largest_flow_W[0])} mW flow along the zone for 1 um rms"
+        if self.inner_sections == 0:
+            flow = "patches straddle every section between the plate's ends, so that the flow is unknown"
+        ratio = in_digits(self.twr, self.twr_error)
+        return f"Modes {modes} held a quarter period apart at {self._tone}: travelling-wave ratio {ratio}, {flow}"
+
+
+def _of_shear(shear: ShearRecord) -> str:
+    """Return the finger on the wave in words."""
+    from pipeline.quantity import with_bar
+
+    ends = [
+        (max((abs(each) for row in values for each in row if each is not None), default=None), error)
+        for values, error in ((shear.shear_low, shear.shear_low_error), (shear.shear_high, shear.shear_high_error))
+        if values
+    ]
+    limits = [with_bar(each, error) for each, error in ends if each is not None]
+    drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
+    crests = with_bar(1e3 * shear.fastest_m_s, _times(shear.fastest_error_m_s, 1e3), "mm/s")
+    return f"a finger ({shear.fingertip}) at rest meets crests of {crests} along x{drag}"
+
+
+def _drawn_shear(shear: ShearRecord, width_m: float | None) -> ReportFigure:
+    """Draw the speed of the crests under a finger over its place, and the net shear at least and at most."""
+    import numpy as np
+
+    from pipeline.plots import places, style
+    from pipeline.quantity import with_bar
+
+    fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}
+    for name, values in (("at least", shear.shear_low), ("at most", shear.shear_high)):
+        if values is not None:
+            fields[f"net shear over friction at rest, {name}"] = values
+    drawn, panels = places.panels(len(fields), width_m)
+    for axes, (label, values) in zip(panels, fields.items(), strict=True):
+        places.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
+    fastest = with_bar(1e3 * shear.fastest_m_s, _times(shear.fastest_error_m_s, 1e3), "mm/s")
+    alt = f"Crests under {shear.fingertip} on the travelling wave: at most {fastest} along x"
+    return style.ReportFigure("shear", "A finger on the travelling wave", alt, drawn)
+
+
+class Travel(
+    Question[TravelResult],
+    needs=("patches",),
+    drives=True,
+    example="travel examples/travelling-plate.toml --out wave",
+):
+    """Hold two modes of the zone a quarter period apart: the wave that travels, in m, its power, the six-channel board's table.
+
+    The band must hold both modes. Two or more patches must drive and one or more listen.
+
+    >>> from antinode import Patches, load
+    >>> patches = Patches(size_mm=(8.0, 3.0, 0.3), sensors=(2,))
+    >>> wave = load("examples/small.toml", accuracy=0.1, patches=patches).travel((28.0, 36.0))
+    >>> round(wave.twr, 1), sorted(mode.nodal_lines for mode in wave.modes)
+    (0.8, [3, 4])
+    """
+
+    band_kHz: Pair | None = option(
+        default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies that hold both modes"
+    )
+    others: float = option(
+        default=0.0, at_least=0.0, at_most=1.0, metavar="W",
+        help="weight of keeping all other modes small beside 1 for the two",
+    )  # fmt: skip
+
+    def check(self, case: Case) -> None:
+        """Raise InputError for a case without patches that listen and two that drive, or with fewer than two nodal lines."""
+        case.require_plate(command="travel")
+        super().check(case)
+        patches, lines = case.patches, case.design.nodal_lines
+        assert patches is not None
+        said = []
+        if lines < 2:
+            said.append(f"zone.nodal_lines = {lines}: must be 2 or more, rigid shapes do not travel")
+        if patches.circuit != "short":
+            said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', shaped patches are fed by voltages")
+        if len(patches.drivers) < 2 or not patches.sensors:
+            what = f"{len(patches.drivers)} drive and {len(patches.sensors)} listen"
+            said.append(f"patches.sensors: {what}: two or more must drive and one or more listen")
+        if said:
+            raise InputError(f"{case.source or case.name}: {text}" for text in said)
+
+    def plan(self, case: Case) -> Plan:
+        """Plan two modes held a quarter period apart."""
+        from pipeline.planning.plan import plan_of, response_step
+
+        step, lines = response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
+        looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
+        looks += ", and a finger at places along the wave" if case.touch else ""
+        return plan_of(case, replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
+        """Hold the pair that travels best."""
+        return self._computed(case, run, is_played=False)
+
+    def _computed(self, case: Case, run: Run, is_played: bool) -> TravelResult:
+        from pipeline.board import played
+        from pipeline.models import travelling
+        from pipeline.records.record import DesignRecord
+
+        values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
+        outcome = played.board_outcome(wave, run, run.folder, is_played)
+        result = TravelResult(**values, **outcome, others=self.others)
+        for line in result.lines():
+            run.info(line)
+        return result.with_arrays({}, DesignRecord.of_design(case.design))
+
+
+class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel", by="board"):
+    """Hold two modes of the zone a quarter period apart, and play the table on the emulated six-channel board.
+
+    The frequencies in Hz and the ratios that the image reaches stand in `board`. It takes a minute.
+
+    >>> from antinode import load
+    >>> from pipeline.questions.travel import PlayedTravel
+    >>> [step.name for step in PlayedTravel().plan(load("examples/travelling-plate.toml").case).steps]
+    ['a wave that travels in the zone', 'the six-channel image on the emulated board']
+    """
+
+    board: bool = option(default=False, help="play the table on the emulated six-channel board (takes a minute)")
+
+    def plan(self, case: Case) -> Plan:
+        """Plan the wave, and one run of the image."""
+        from pipeline.planning.plan import plain_step
+
+        whole = super().plan(case)
+        board = plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
+        return replace(whole, steps=(*whole.steps, board))
+
+    def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
+        """Hold the pair that travels best, and play it."""
+        return self._computed(case, run, is_played=True)
