@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     )
     from antinode.stored import open
     from antinode.sweeps import SweepTable, sweep
-    from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
+    from pipeline.case.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
     from pipeline.models.mode_parts import ModeRecord as Mode
     from pipeline.models.mode_parts import WantedRecord as Wanted
@@ -48,7 +48,7 @@ HOMES = {
     ),
     "antinode.stored": ("open",),
     "antinode.sweeps": ("SweepTable", "sweep"),
-    "antinode.tables": (
+    "pipeline.case.tables": (
         "Array",
         "BandPath",
         "Damping",

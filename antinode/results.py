@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from antinode.tables import Frozen
 from geometry.elements import FloatArray
 from pipeline.quantity import figure, frequency
+from pipeline.records.part import Frozen
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from antinode.plate import Plate, key_of, log_of
-from antinode.tables import Frozen, plain
+from antinode.plate import Plate, key_of, log_of, plain
 from pipeline.errors import CheckFailed, InputError
 from pipeline.process import terminable
 from pipeline.questions.result import Result
+from pipeline.records.part import Frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,9 +19,10 @@ from tests.helpers.exploring import small_explorer
 
 ROOT = Path(__file__).resolve().parents[2]
 QUESTIONS = sorted(registered())
-HOMES = [*(f"antinode.{name}" for name in ("plate", "tables", "results", "stored", "sweeps")),
+HOMES = [*(f"antinode.{name}" for name in ("plate", "results", "stored", "sweeps")),
          *(f"pipeline.questions.{name}" for name in QUESTIONS),
-         "pipeline.models.mode_parts", "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
+         "pipeline.case.tables", "pipeline.models.mode_parts",
+         "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
 SLOW = {  # a second and more, run by `make test-all`
