@@ -257,7 +257,7 @@ class Plate(Frozen):
         **ranges: tuple[End, End],
     ) -> SearchResult:
         options = {name: value for name, value in locals().items() if name in Search.options}
-        vary = tuple(Range(key_of(name, self._raw), *ends) for name, ends in ranges.items())
+        vary = tuple(Range.between(key_of(name, self._raw), plain(ends)) for name, ends in ranges.items())
         return ask(self._case, Search(vary=vary, **options), self._log(progress))
 
     search.__doc__ = numpydoc(Search)
