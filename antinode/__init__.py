@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
-    from antinode.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
+    from pipeline.case.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
     from pipeline.models.mode_parts import ModeRecord as Mode
     from pipeline.models.mode_parts import WantedRecord as Wanted
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 HOMES = {
     "antinode.plate": ("Caution", "Plate", "load"),
     "antinode.sweeps": ("SweepTable", "open", "sweep"),
-    "antinode.tables": (
+    "pipeline.case.tables": (
         "Array",
         "BandPath",
         "Damping",

@@ -10,26 +10,24 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from antinode.tables import (
-    Array,
-    BandPath,
-    Damping,
-    Finger,
-    Frozen,
-    Patches,
-    Pillar,
-    Scatter,
-    Solve,
-    Table,
-    Tip,
-    Zone,
-    plain,
-)
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.overrides import apply_overrides, read_toml
 from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.schema import TABLES
+from pipeline.case.tables import (
+    Array,
+    BandPath,
+    Damping,
+    Finger,
+    Material,
+    Patches,
+    Pillar,
+    Scatter,
+    Solve,
+    Tip,
+    Zone,
+)
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions import registered
@@ -49,6 +47,7 @@ from pipeline.questions.search import Goal, Search, SearchResult
 from pipeline.questions.tolerance import AlikeTolerance, Tolerance
 from pipeline.questions.touch import Touch
 from pipeline.questions.travel import PlayedTravel, Travel
+from pipeline.records.part import Frozen
 from pipeline.search.terms import End, Range
 from pipeline.units import KHZ
 
@@ -72,7 +71,7 @@ class Plate(Frozen):
         self,
         *,
         name: str = "plate",
-        material: str | dict[str, float] = "aluminium",
+        material: Material = "aluminium",
         thickness_mm: float | None = None,
         zone: Zone | dict[str, Any] | None = None,
         pillar: Pillar | dict[str, Any] | None = None,
@@ -175,7 +174,7 @@ class Plate(Frozen):
         **ranges: tuple[End, End],
     ) -> SearchResult:
         options = {name: value for name, value in locals().items() if name in Search.options}
-        vary = tuple(Range(key_of(name, self._raw), *ends) for name, ends in ranges.items())
+        vary = tuple(Range.between(key_of(name, self._raw), plain(ends)) for name, ends in ranges.items())
         return ask(self._case, Search(vary=vary, **options), self._log(progress))
 
     search.__doc__ = numpydoc(Search)
@@ -273,6 +272,15 @@ def changed(raw: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return apply_overrides(whole, pairs)
 
 
+def plain(value: Any) -> Any:
+    """A value as a parsed case file holds it: tuples and arrays are lists, numpy's scalars numbers, and no key is None."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: plain(item) for key, item in value.items() if item is not None}
+    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
 def key_of(name: str, tables: Iterable[str] = ()) -> str:
     """The dotted key that a keyword stands for; of several tables that have it the one that the case has (`tables`)."""
     table, _, last = name.partition("__")
@@ -323,6 +331,3 @@ def log_of(progress: bool | None) -> TerminalLog:
     """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
     wanted = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
     return _Log(quiet=not wanted)
-
-
-__all__ = ["Caution", "Plate", "Table", "load"]

@@ -12,13 +12,13 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from antinode.plate import Plate, key_of, log_of
-from antinode.tables import Frozen, plain
+from antinode.plate import Plate, key_of, log_of, plain
 from pipeline.errors import CheckFailed, InputError
 from pipeline.process import terminable
 from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
+from pipeline.records.part import Frozen
 from pipeline.records.record import first_fault
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ the help of a command stays quick.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields
 from functools import cache
 from itertools import product
 from math import isfinite
@@ -73,6 +73,18 @@ def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
     """Declare a field that lives in memory alone: shapes, a solved model. A result that was read from a file lacks it."""
     given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
     return field(**given, compare=False, repr=False)
+
+
+class Frozen:
+    """What never changes once it is made: no public attribute can be set or removed."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not name.startswith("_"):
+            raise FrozenInstanceError(f"cannot assign to {name!r}: a {type(self).__name__} never changes")
+        object.__setattr__(self, name, value)
+
+    def __delattr__(self, name: str) -> None:
+        raise FrozenInstanceError(f"cannot delete {name!r}: a {type(self).__name__} never changes")
 
 
 # -- parts -------------------------------------------------------------------------------------------------------------

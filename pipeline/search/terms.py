@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pipeline.errors import InputError
 
@@ -27,6 +27,13 @@ class Range(NamedTuple):
     key: str
     low: End
     high: End
+
+    @classmethod
+    def between(cls, key: str, ends: Any) -> Range:
+        """Return the range of a key between two ends. Raises InputError for what are none."""
+        if not isinstance(ends, tuple | list) or len(ends) != 2:
+            raise InputError(f"{key} = {ends!r}: must be two ends, (low, high)")
+        return cls(key, *ends)
 
     @classmethod
     def read(cls, text: str) -> Range:

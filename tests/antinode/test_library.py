@@ -178,6 +178,8 @@ def test_a_searchs_method_has_the_options_of_its_question() -> None:
     [
         ({"goal": "loudness", "height_mm": (5.0, 8.0)}, "must be confinement, extension, worst"),
         ({"height_mm": (8.0, 5.0)}, "low end must lie below"),
+        ({"height_mm": np.array([np.int64(8), 5])}, "pillar.height_mm=8:5: the low end must lie below"),
+        ({"height_mm": 5.0}, "pillar.height_mm = 5.0: must be two ends"),
         ({}, "at least one KEY"),
         ({"height_mm": (5.0, 8.0), "mac": 2.0}, "must be 0 or more, at most 1"),
     ],

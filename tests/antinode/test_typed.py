@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from pipeline.case import tables
+from pipeline.case.schema import MATERIAL_OWNERS, TABLES
 from pipeline.questions import registered
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -39,6 +41,13 @@ SWEPT = (
     "table: antinode.SweepTable = antinode.sweep(plate, measure=['modes', antinode.Bands], jobs=1, pitch_mm=[4.0, 5.0])",
     "swept_edges: list[float] = [gap.lower_hz for bands in table.of(antinode.Bands) if bands for gap in bands.gaps]",
 )
+MADE = (
+    "zone = antinode.Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)",
+    "patches = antinode.Patches(size_mm=(12.0, 3.0, 0.3), centres_mm=[(-14.0, 0.0)], sensors=[1])",
+    "array = antinode.Array(pitch_mm=4.0, rows=3)",
+    "made = antinode.Plate(thickness_mm=2.0, zone=zone, pillar=antinode.Pillar(side_mm=2.0), array=array, patches=patches)",
+    "other: antinode.Plate = made.with_(pitch_mm=5.0, damping=antinode.Damping(quality=200.0))",
+)
 WRONG = {  # a line, and how mypy and pyright name the error that it must give
     "plate.crosstalk(pionts=5)": ("call-arg", "reportCallIssue"),
     'plate.crosstalk(points="5")': ("arg-type", "reportArgumentType"),
@@ -48,12 +57,15 @@ WRONG = {  # a line, and how mypy and pyright name the error that it must give
     "plate.search(height_mm=(6.0, 6.6), evalutions=3)": ("arg-type", "reportArgumentType"),
     "plate.search(goal='loud', height_mm=(6.0, 6.6))": ("arg-type", "reportArgumentType"),
     "plate.search(height_mm=(6.0, 6.6)).evaluations[0].frequency": ("attr-defined", "reportAttributeAccessIssue"),
+    "antinode.Zone(lenght_mm=115.5)": ("typeddict-unknown-key", "reportCallIssue"),
+    "antinode.Solve(mesh='quad')": ("typeddict-item", "reportArgumentType"),
+    "antinode.Plate(zone=antinode.Damping(quality=200.0))": ("arg-type", "reportArgumentType"),
     "plate.band()": ("attr-defined", "reportAttributeAccessIssue"),
     "antinode.sweep(plate, measure=[antinode.Plate], pitch_mm=[4.0])": ("list-item", "reportArgumentType"),
     "antinode.sweep(plate, pitch_mm=4.0)": ("arg-type", "reportArgumentType"),
     "[bands and bands.dB for bands in table.of(antinode.Bands)]": ("attr-defined", "reportAttributeAccessIssue"),
 }
-LINES = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *SWEPT, *WRONG]
+LINES = ["import antinode", 'plate = antinode.load("case.toml")', *GOOD.values(), *SWEPT, *MADE, *WRONG]
 CONFIG = {"extraPaths": [str(ROOT)], "typeCheckingMode": "strict", "reportUnusedExpression": False}
 
 
@@ -85,3 +97,13 @@ def test_pyright_sees_options_and_results(tmp_path: Path) -> None:
 
 def test_every_question_is_used_here() -> None:
     assert registered().keys() <= GOOD.keys()
+
+
+def test_tables_have_the_keys_of_the_case_file() -> None:
+    """Those that may have a material of their own have it, too."""
+    named = {"bands": tables.BandPath, "tolerance": tables.Scatter, "touch": tables.Finger}
+    for name, schema in TABLES.items():
+        kind = named.get(name, getattr(tables, name.title(), None))
+        if kind:
+            own = {"material"} if name in MATERIAL_OWNERS else set()
+            assert kind.__annotations__.keys() == schema.model_fields.keys() | own, name

@@ -1,34 +1,15 @@
-"""The tables of a case as keyword arguments: names, units, defaults and checks are those of a case file."""
+"""The tables of a case as keyword arguments, typed; `schema` has their limits and defaults and checks them."""
 
 from __future__ import annotations
 
-from dataclasses import FrozenInstanceError
-from typing import Any
+from collections.abc import Iterable
+from typing import Literal, TypedDict
+
+Numbers = Iterable[float]  # lists, tuples, arrays
+Material = str | dict[str, float]  # a name, or young_GPa, density_kg_m3 and poisson
 
 
-class Frozen:
-    """What never changes once it is made: no public attribute can be set or removed."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not name.startswith("_"):
-            raise FrozenInstanceError(f"cannot assign to {name!r}: a {type(self).__name__} never changes")
-        object.__setattr__(self, name, value)
-
-    def __delattr__(self, name: str) -> None:
-        raise FrozenInstanceError(f"cannot delete {name!r}: a {type(self).__name__} never changes")
-
-
-class Table(dict[str, Any]):
-    """Keys of one table; they are checked by the case file's schema when a Plate is made of them."""
-
-    def __init__(self, **keys: Any) -> None:
-        super().__init__({key: plain(value) for key, value in keys.items() if value is not None})
-
-    def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{key}={value!r}' for key, value in self.items())})"
-
-
-class Zone(Table):
+class Zone(TypedDict, total=False):
     """The active zone: a strip length_mm along x and width_mm across; the wanted mode has nodal_lines nodes along x.
 
     >>> from antinode import Zone
@@ -36,26 +17,49 @@ class Zone(Table):
     20.0
     """
 
+    length_mm: float
+    width_mm: float
+    nodal_lines: int
+    count: int
+    shared_rows: int
+    gap_mm: float
 
-class Pillar(Table):
+
+class Pillar(TypedDict, total=False):
     """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, faces, a material of its own.
 
     >>> from antinode import Pillar
     >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
-    Pillar(shape='round', diameter_mm=2.0, height_mm=6.3)
+    {'shape': 'round', 'diameter_mm': 2.0, 'height_mm': 6.3}
     """
 
+    shape: str
+    side_mm: float
+    diameter_mm: float
+    base_mm: float
+    tip_mm: float
+    arm_mm: float
+    file: str
+    height_mm: float
+    fillet_mm: float
+    faces: Literal["back", "both"]
+    material: Material
 
-class Tip(Table):
+
+class Tip(TypedDict, total=False):
     """A heavy tip on every pillar: a square prism of side_mm and height_mm, of a material of its own where that is given.
 
     >>> from antinode import Tip
     >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
-    Tip(side_mm=2.0, height_mm=1.0, material='brass')
+    {'side_mm': 2.0, 'height_mm': 1.0, 'material': 'brass'}
     """
 
+    side_mm: float
+    height_mm: float
+    material: Material
 
-class Array(Table):
+
+class Array(TypedDict, total=False):
     """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
 
     Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every other
@@ -66,17 +70,34 @@ class Array(Table):
     3
     """
 
+    pitch_mm: float
+    pitch_x_mm: float
+    pitch_y_mm: float
+    rows: int
+    heights_mm: Numbers
+    sides_mm: Numbers
+    pitches_y_mm: Numbers
+    stagger: bool
+    extension_mm: float
 
-class Solve(Table):
+
+class Solve(TypedDict, total=False):
     """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
 
     >>> from antinode import Solve
     >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
-    [30.0, 34.0]
+    (30.0, 34.0)
     """
 
+    band_kHz: Numbers
+    near_kHz: float
+    count: int
+    accuracy: float
+    model: Literal["auto", "analytic", "superelement", "solid"]
+    mesh: Literal["auto", "hex", "tet"]
 
-class BandPath(Table):
+
+class BandPath(TypedDict, total=False):
     """The table [bands]: path through the irreducible Brillouin zone, points (intervals per segment), count of bands.
 
     >>> from antinode import BandPath
@@ -84,8 +105,13 @@ class BandPath(Table):
     'GXMG'
     """
 
+    path: str
+    points: int
+    count: int
+    grid: int
 
-class Damping(Table):
+
+class Damping(TypedDict, total=False):
     """Losses of the whole plate by its quality factor.
 
     >>> from antinode import Damping
@@ -93,17 +119,29 @@ class Damping(Table):
     300.0
     """
 
+    quality: float
 
-class Patches(Table):
+
+class Patches(TypedDict, total=False):
     """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
 
     >>> from antinode import Patches
     >>> Patches(material="pz26", size_mm=(12.0, 3.0, 0.3), at="antinodes", sensors=(7,))["sensors"]
-    [7]
+    (7,)
     """
 
+    material: str
+    size_mm: Numbers
+    face: Literal["back", "touch"]
+    at: Literal["antinodes"]
+    centres_mm: Iterable[Numbers]
+    behind_mm: float
+    sensors: Iterable[int]
+    drive_V: float
+    circuit: Literal["short", "open"]
 
-class Scatter(Table):
+
+class Scatter(TypedDict, total=False):
     """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
 
     >>> from antinode import Scatter
@@ -111,20 +149,24 @@ class Scatter(Table):
     20
     """
 
+    height_mm: float
+    side_mm: float
+    position_mm: float
+    samples: int
+    seed: int
 
-class Finger(Table):
+
+class Finger(TypedDict, total=False):
     """The table [touch]: impedance (a name or a dictionary), at_mm, radius_mm, force_N with gap_um, the amplifier's limit_V.
 
     >>> from antinode import Finger
     >>> Finger(radius_mm=5.0, at_mm=(0.0, 0.0))["at_mm"]
-    [0.0, 0.0]
+    (0.0, 0.0)
     """
 
-
-def plain(value: Any) -> Any:
-    """A value as a parsed case file holds it: tuples and arrays are lists, tables are dictionaries, numpy's scalars numbers."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    if isinstance(value, dict):
-        return {key: plain(item) for key, item in value.items()}
-    return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+    impedance: str | dict[str, float]
+    at_mm: Numbers
+    radius_mm: float
+    force_N: float
+    gap_um: Numbers
+    limit_V: float
