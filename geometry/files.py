@@ -181,3 +181,15 @@ def _write_through(temporary: Path, descriptor: int) -> None:
     sys.stdout.flush()  # what was printed comes first where both go the same way
     with temporary.open("rb") as source, open(descriptor, "wb") as sink:
         shutil.copyfileobj(source, sink)
+
+
+# -- standard output ---------------------------------------------------------------------------------------------------
+
+
+def silence_kernel() -> None:
+    """Remove every printer of the kernel's default messenger; its faults still come back as return values."""
+    from OCP.Message import Message
+
+    messenger = Message.DefaultMessenger_s()
+    while messenger.Printers().Size():
+        messenger.RemovePrinters(messenger.Printers().First().DynamicType())

@@ -1,10 +1,16 @@
-"""Elastic constants in SI, a source beside every value."""
+"""Materials in SI with a source beside every value: isotropic elastic ones and piezoceramics poled along z."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from geometry.elements import FloatArray
 from geometry.errors import GeometryError
+
+# -- elastic -----------------------------------------------------------------------------------------------------------
+# Elastic constants in SI, a source beside every value.
 
 
 @dataclass(frozen=True)
@@ -57,3 +63,117 @@ MATERIALS: dict[str, Material] = {
         Material("titanium", 114e9, 4430.0, 0.34, "Ti-6Al-4V, handbook value"),
     )
 }
+
+
+# -- piezoelectric -----------------------------------------------------------------------------------------------------
+# Piezoelectric ceramics poled along z, in SI, a source beside every set.
+
+VACUUM_F_M = 8.8541878128e-12
+
+
+@dataclass(frozen=True)
+class PiezoMaterial:
+    """A ceramic of class 6mm, poled along z; strain order xx, yy, zz, yz, xz, xy (engineering shear).
+
+    compliance_*: s^E in 1/Pa; d_* in C/N (= m/V); relative_*_free: eps^T/eps0 without unit; c66 follows from
+    s66 = 2 (s11 - s12). Stress form: e = d c^E, eps^S = eps^T - d c^E d'. Source: ieee176.
+    """
+
+    name: str
+    density_kg_m3: float
+    s11: float
+    s12: float
+    s13: float
+    s33: float
+    s44: float
+    d31: float
+    d33: float
+    d15: float
+    relative_11_free: float
+    relative_33_free: float
+    source: str
+    loss_tangent: float | None = None  # of the dielectric at low field; None where it is not known
+
+    @property
+    def compliance_pa(self) -> FloatArray:
+        """s^E, shape (6, 6), 1/Pa."""
+        s = np.zeros((6, 6))
+        s[:3, :3] = [
+            [self.s11, self.s12, self.s13],
+            [self.s12, self.s11, self.s13],
+            [self.s13, self.s13, self.s33],
+        ]
+        s[3, 3] = s[4, 4] = self.s44
+        s[5, 5] = 2.0 * (self.s11 - self.s12)
+        return s
+
+    @property
+    def stiffness_pa(self) -> FloatArray:
+        """c^E, stiffness at constant field, shape (6, 6), Pa."""
+        return np.asarray(np.linalg.inv(self.compliance_pa))
+
+    @property
+    def charge_m_v(self) -> FloatArray:
+        """d, strain per field, shape (3, 6), m/V."""
+        d = np.zeros((3, 6))
+        d[2, :3] = self.d31, self.d31, self.d33
+        d[1, 3] = d[0, 4] = self.d15
+        return d
+
+    @property
+    def stress_c_m2(self) -> FloatArray:
+        """e = d c^E, stress per field, shape (3, 6), C/m2."""
+        return self.charge_m_v @ self.stiffness_pa
+
+    @property
+    def permittivity_free_f_m(self) -> FloatArray:
+        """eps^T at constant stress, shape (3, 3), F/m."""
+        return VACUUM_F_M * np.diag([self.relative_11_free, self.relative_11_free, self.relative_33_free])
+
+    @property
+    def permittivity_clamped_f_m(self) -> FloatArray:
+        """eps^S = eps^T - d c^E d' at constant strain, shape (3, 3), F/m."""
+        return self.permittivity_free_f_m - self.charge_m_v @ self.stress_c_m2.T
+
+    @property
+    def thin_young_pa(self) -> float:
+        """Young's modulus along the patch, 1/s11, Pa."""
+        return 1.0 / self.s11
+
+
+# Loss tangents of PZT-4 (0.004), PZT-5A and PZT-5H (0.02): low field, as makers' tables of the same grades have them.
+JAFFE = "H. Jaffe, D. Berlincourt, Piezoelectric transducer materials, Proc. IEEE 53 (1965) 1372-1386"
+PIEZO_MATERIALS: dict[str, PiezoMaterial] = {
+    material.name: material
+    for material in (
+        PiezoMaterial(
+            name="pz26",
+            density_kg_m3=7700.0,
+            s11=13.0e-12,
+            s12=-4.35e-12,
+            s13=-7.05e-12,
+            s33=19.6e-12,
+            s44=33.2e-12,
+            d31=-128e-12,
+            d33=328e-12,
+            d15=327e-12,
+            relative_11_free=1190.0,
+            relative_33_free=1330.0,
+            source="Ferroperm Pz26 data sheet (full material data set); k31 0.33, k33 0.68, kp 0.57, kt 0.47 there too; "
+            "the loss tangent is that of its kind (hard, 0.002 to 0.005 in makers' tables), not read from its own sheet",
+            loss_tangent=3e-3,
+        ),
+        PiezoMaterial(
+            "pzt-4", 7500.0, 12.3e-12, -4.05e-12, -5.31e-12, 15.5e-12, 39.0e-12,
+            -123e-12, 289e-12, 496e-12, 1475.0, 1300.0, JAFFE, 4e-3,
+        ),
+        PiezoMaterial(
+            "pzt-5a", 7750.0, 16.4e-12, -5.74e-12, -7.22e-12, 18.8e-12, 47.5e-12,
+            -171e-12, 374e-12, 584e-12, 1730.0, 1700.0, JAFFE, 2e-2,
+        ),
+        PiezoMaterial(
+            "pzt-5h", 7500.0, 16.5e-12, -4.78e-12, -8.45e-12, 20.7e-12, 43.5e-12,
+            -274e-12, 593e-12, 741e-12, 3130.0, 3400.0, JAFFE, 2e-2,
+        ),
+    )
+}  # fmt: skip

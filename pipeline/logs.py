@@ -17,7 +17,7 @@ def memory_errors_named(doing: str = "") -> Iterator[None]:
         yield
     except MemoryError as error:
         from solvers.errors import OutOfMemory
-        from solvers.fem.factor.memory import memory_text
+        from solvers.machine import memory_text
 
         raise OutOfMemory(memory_text(error, doing)) from error
 

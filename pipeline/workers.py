@@ -21,7 +21,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from solvers.cores import LIMIT
+from solvers.machine import LIMIT
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",

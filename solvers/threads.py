@@ -18,7 +18,7 @@ from typing import TypeVar
 import scipy.linalg  # noqa: F401  its thread pool must be loaded before the pools are looked up
 from threadpoolctl import ThreadpoolController
 
-from solvers.cores import workers
+from solvers.machine import workers
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")

@@ -12,11 +12,11 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, HexSettings, bonded_boxes, hex_mesh
-from geometry.hex.grading import Grading, grid_lines
+from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
+from geometry.hex.scenes import Grading, HexSettings, grid_lines
 from geometry.layout import Design, Stand, region_materials
+from geometry.materials import PIEZO_MATERIALS, PiezoMaterial
 from geometry.mesh import Mesh
-from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
 from solvers.fem.assembly import System, assemble
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.surface import face_quadrature

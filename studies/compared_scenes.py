@@ -11,6 +11,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.layout import Design, region_materials
+from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import Request, solve_modes
@@ -21,12 +22,11 @@ from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
-from solvers.piezo.frequency_bar import frequency_errors
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.peak_errors import frequency_errors
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
-from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 from studies.bonded_solid import UNSURE, BondedPlate, solid_modes
 from studies.ritz_blocks import free_block_hz

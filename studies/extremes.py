@@ -12,21 +12,22 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, onenormest
 
 from geometry.errors import GeometryError
-from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes, pillar_boxes
-from geometry.hex.split import split_hexahedra
+from geometry.hex.boxes import Boxes, hex_mesh, panel_boxes, pillar_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Material
-from geometry.mesh import Mesh, check_mesh
+from geometry.mesh import Mesh, check_mesh, split_hexahedra
+from geometry.tiling import Panel
 from pipeline.errors import CommandError
 from pipeline.paths import ROOT
 from pipeline.records.run_log import RunLog
 from pipeline.report.script_page import Page, Section, Table
-from solvers.analytic.lamb import supported_plate_hz
+from solvers.analytic.plate_waves import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.solid import Pencil, constrain, free_mask
 from studies import scenes
 
 TITLE = "Stiff and extreme cases"

@@ -12,34 +12,25 @@ import numpy as np
 
 from geometry.cad import solids
 from geometry.elements import FloatArray
-from geometry.hex.boxes import (
-    HexSettings,
-    Panel,
-    cell_boxes,
-    hex_mesh,
-    panel_boxes,
-    pillar_boxes,
-    plate_boxes,
-    zone_boxes,
-)
+from geometry.hex.boxes import cell_boxes, hex_mesh, panel_boxes, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
 from geometry.tet.mesher import TetOptions, tet_mesh
+from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules
 from solvers.analytic.predesign import pillar_frequencies_hz, predesign
 from solvers.fem.assembly import System, assemble
-from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
-from solvers.fem.solid import CLASSES, SolidModel
+from solvers.fem.solid import CLASSES, SolidModel, constrain, free_mask
 from solvers.measures.confinement import measure, wanted_symmetry
 from solvers.measures.mode_mixing import mixing_db
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
 
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for

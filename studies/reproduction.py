@@ -40,7 +40,7 @@ from pipeline.units import UM
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 from studies import ladder
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.patches import Rectangle
 
 import antinode
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
+from geometry.tiling import lattice_panel
 from pipeline.plots import style
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
 
 PLATE = "examples/small.toml"
 

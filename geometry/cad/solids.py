@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import GeometryError
-from geometry.hex.boxes import Panel
-from geometry.layout import Design, Pillar, Stand
-from geometry.patches import Patches
+from geometry.layout import Design, Patches, Pillar, Stand
+from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
 SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's tolerance, not to rounding

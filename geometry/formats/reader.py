@@ -16,16 +16,17 @@ from geometry.formats.med import read_med
 from geometry.formats.msh import read_msh
 from geometry.formats.neutral import (
     CORNER_COUNT,
+    FULL,
     PLACES,
     VOLUME,
     Places,
     RawMesh,
+    completed,
     family,
     local_nodes,
     require_file,
     rows_in,
 )
-from geometry.formats.serendipity import FULL, completed
 from geometry.mesh import AnyMesh, Mesh, MixedMesh, check_mesh
 
 UNITS = {"m": 1.0, "mm": 1e-3}

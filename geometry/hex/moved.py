@@ -9,11 +9,22 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
-from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, panel_boxes
-from geometry.hex.panels import PLANS, foot_from_middle, foot_patches, lines_along_z, panel_mesh, square_of
-from geometry.hex.plan import PatchedMesh, leaning, relaid
+from geometry.hex.boxes import Boxes, hex_mesh, panel_boxes
+from geometry.hex.panels import (
+    PLANS,
+    PatchedMesh,
+    foot_from_middle,
+    foot_patches,
+    leaning,
+    lines_along_z,
+    panel_mesh,
+    relaid,
+    square_of,
+)
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.mesh import Mesh
+from geometry.tiling import Panel
 
 FLUSH_M = 1e-9
 

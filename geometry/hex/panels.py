@@ -1,24 +1,255 @@
-"""Panels of plate meshed by hexahedra about feet that these can follow, and fields prolonged between two meshes of one."""
+"""Panels of plate meshed by hexahedra about round, hexagonal and tapered feet: patches of elements in plan, pulled up."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
-from geometry.hex.grading import Grading, grid_lines
-from geometry.hex.nesting import interpolation
-from geometry.hex.plan import CORE, CORNERS, Patch, PatchedMesh, PlanLines, disc, hexagon, joined, leaning, reflected
+from geometry.hex.boxes import Boxes, hex_mesh, interpolation, panel_boxes
+from geometry.hex.scenes import Grading, HexSettings, grid_lines
 from geometry.layout import Pillar
-from geometry.pillar_shapes.square import Square
+from geometry.mesh import Mesh
+from geometry.pillar_shapes.base import Square
+from geometry.tiling import Panel
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+
+# -- patches in plan ---------------------------------------------------------------------------------------------------
+# Hexahedra about a foot that is no union of rectangles: patches of elements in plan, pulled up along z and joined.
+# A round or hexagonal foot stands in a rectangular block of the plate, filled by patches of their own; beyond the
+# block every line runs along an axis.
+
+CORNERS = 2.0 / np.sqrt(3.0)  # width of a hexagon across corners over that across flats
+CORE = 0.5  # half-width of the middle of a disc over its radius
+NOTCH = 0.42  # of the radius: where the middle's corner lies along x and y
+SAME = 1.2345e-9  # of the largest coordinate: one place
+
+Map = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class Patch:
+    """A rectangle of elements in plan: lines of its own two coordinates, and what takes these to places, m.
+
+    inside (nu, nv): whether the pillar stands on an element; block: whether the patch belongs to the block about the foot,
+    along x and along y.
+    """
+
+    u: FloatArray
+    v: FloatArray
+    place: Map
+    inside: FloatArray
+    block: tuple[bool, bool] = (True, True)
+
+
+@dataclass(frozen=True)
+class PlanLines:
+    """Lines of the patches of a quadrant, each from 0 to 1: around a foot, inside it towards its rim, from its rim to the
+    edge of the block; and those of the plate beyond the block along x and y, m, a single one where there is none.
+    """
+
+    turn: FloatArray
+    inner: FloatArray
+    fill: FloatArray
+    beside: tuple[FloatArray, FloatArray] = (np.empty(0), np.empty(0))
+
+
+@dataclass(frozen=True)
+class PatchedMesh:
+    """A mesh, the grids of boxes that its patches were before they were put in place, and the number in the mesh of each of
+    their nodes.
+    """
+
+    mesh: Mesh
+    boxes: tuple[Boxes, ...]
+    numbers: tuple[IntArray, ...]
+
+
+def straight(u: FloatArray, v: FloatArray) -> FloatArray:
+    """A patch whose coordinates are places."""
+    return np.column_stack([u, v])
+
+
+def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
+    """The quadrant x, y >= 0 about a round foot: its middle, a ring up to the rim, what fills the block, the plate beside."""
+    turn = lines.turn
+
+    def middle(u: FloatArray, v: FloatArray) -> FloatArray:
+        return radius * np.column_stack([CORE * u * (1.0 - v) + NOTCH * u * v, CORE * v * (1.0 - u) + NOTCH * v * u])
+
+    def arc(v: FloatArray) -> FloatArray:
+        return radius * np.column_stack([np.cos(np.pi / 4.0 * v), np.sin(np.pi / 4.0 * v)])
+
+    def around(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(middle(np.ones_like(v), v), arc(v), u)
+
+    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(arc(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
+
+    def above(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(arc(u)[:, ::-1], np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
+
+    yield Patch(turn, turn, middle, _filled(turn, turn, 1.0))
+    yield Patch(lines.inner, turn, around, _filled(lines.inner, turn, 1.0))
+    yield Patch(turn, lines.inner, _exchanged(around), _filled(turn, lines.inner, 1.0))
+    yield Patch(lines.fill, turn, beyond, _filled(lines.fill, turn))
+    yield Patch(turn, lines.fill, above, _filled(turn, lines.fill))
+    yield from beside(block[0] * turn, block[1] * turn, lines.beside)
+
+
+def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
+    """The quadrant x, y >= 0 about a hexagonal foot with flats at y = +-`flat`, whose quarter has four corners of its own."""
+    corner, inner = CORNERS * flat, lines.inner
+
+    def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
+        return np.column_stack([corner * u * (1.0 - v / 2.0), flat * v])
+
+    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
+        rim = quarter(np.ones_like(v), v)
+        return _between(rim, np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
+
+    def above(u: FloatArray, v: FloatArray) -> FloatArray:
+        rim = quarter(u, np.ones_like(u))
+        return _between(rim, np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
+
+    yield Patch(inner, inner, quarter, _filled(inner, inner, 1.0))
+    yield Patch(lines.fill, inner, beyond, _filled(lines.fill, inner))
+    yield Patch(inner, lines.fill, above, _filled(inner, lines.fill))
+    yield from beside(block[0] * inner, block[1] * inner, lines.beside)
+
+
+def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
+    """The plate beside a block whose edges have such lines, both arms and the corner."""
+    x, y = lines
+    for u, v, block in ((x, under_y, (False, True)), (under_x, y, (True, False)), (x, y, (False, False))):
+        if len(u) > 1 and len(v) > 1:
+            yield Patch(u, v, straight, _filled(u, v), block)
+
+
+def reflected(patch: Patch, signs: tuple[int, int], origin: FloatArray) -> Patch:
+    """The mirror image of a patch in the axes whose sign is -1, about an origin (2,); its elements keep their handedness."""
+    place, flip = patch.place, signs[0] * signs[1]
+
+    def image(u: FloatArray, v: FloatArray) -> FloatArray:
+        return np.asarray(place(flip * u, v) * np.array(signs) + origin)
+
+    if flip > 0:
+        return replace(patch, place=image)
+    return replace(patch, u=-patch.u[::-1], place=image, inside=patch.inside[::-1])
+
+
+def leaning(mesh: Mesh, centre: FloatArray, thickness: float, height: float, taper: float) -> Mesh:
+    """The mesh with the pillar about a centre (2,), and its image below the plate, narrowed or widened linearly, to `taper`
+    times its width at its height.
+    """
+    if taper == 1.0:
+        return mesh
+    above = np.maximum(np.maximum(mesh.nodes[:, 2] - thickness, -mesh.nodes[:, 2]), 0.0) / height
+    plan = centre + (mesh.nodes[:, :2] - centre) * (1.0 + (taper - 1.0) * above)[:, None]
+    return replace(mesh, nodes=np.column_stack([plan, mesh.nodes[:, 2]]), spans=None)
+
+
+def joined(patches: list[Patch], z: FloatArray, thickness: float, order: int) -> PatchedMesh:
+    """One mesh of all patches pulled up along z, nodes in the same place made one; the pillar stands above the thickness and
+    hangs below 0.
+
+    MeshError where two patches do not meet node for node.
+    """
+    grids = tuple(boxes_of_patch(patch, z, thickness) for patch in patches)
+    own = [hex_mesh(grid, order) for grid in grids]
+    places = np.concatenate([_placed(patch, mesh) for patch, mesh in zip(patches, own, strict=True)])
+    _, first, same = np.unique(
+        np.round(places / (SAME * np.abs(places).max())).astype(np.int64),
+        axis=0,
+        return_index=True,
+        return_inverse=True,
+    )
+    numbers = tuple(np.split(same.ravel(), np.cumsum([len(mesh.nodes) for mesh in own])[:-1]))
+    cells = np.concatenate([number[mesh.cells] for number, mesh in zip(numbers, own, strict=True)])
+    standing = np.concatenate(
+        [np.isin(np.arange(len(m.cells)), m.regions.get("pillar", np.empty(0, dtype=int))) for m in own]
+    )
+    regions = {"plate": np.flatnonzero(~standing), "pillar": np.flatnonzero(standing)}
+    spans = [mesh.spans for mesh in own if mesh.spans is not None]
+    lengths = np.concatenate(spans) if all(patch.place is straight for patch in patches) else None
+    mesh = Mesh(places[first], cells, "hex", order, regions, {}, lengths)
+    mesh = replace(mesh, faces=_outer(mesh))
+    _check_joints(mesh, thickness)
+    return PatchedMesh(mesh, grids, numbers)
+
+
+def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: float) -> Mesh:
+    """The mesh with its nodes where other patches, as many and cut alike, and other lines along z put them."""
+    mesh, nodes = still.mesh, np.empty_like(still.mesh.nodes)
+    for patch, own in zip(patches, still.numbers, strict=True):
+        nodes[own] = _placed(patch, hex_mesh(boxes_of_patch(patch, z, thickness), mesh.order))
+    return replace(mesh, nodes=nodes, spans=None)
+
+
+def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
+    """Places of the nodes of a patch's own grid."""
+    return np.column_stack([patch.place(*mesh.nodes[:, :2].T), mesh.nodes[:, 2]])
+
+
+def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
+    """The grid of a patch in its own two coordinates and z."""
+    middle = (z[1:] + z[:-1]) / 2.0
+    region = np.where((middle > thickness) | (middle < 0.0), np.where(patch.inside[:, :, None] > 0.0, 1, -1), 0)
+    return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
+
+
+def _check_joints(mesh: Mesh, thickness: float) -> None:
+    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
+    (local,) = mesh.element.facets
+    facets = np.sort(np.concatenate([mesh.cells[:, face] for face in local]), axis=1)
+    _, index, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
+    alone = facets[index[counts == 1]]
+    z = mesh.nodes[alone, 2] / thickness
+    above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
+    named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
+    known = np.unique(np.concatenate([named, alone[~above]]), axis=0)
+    if len(known) != len(np.unique(named, axis=0)):
+        raise MeshError("elements about a foot do not meet node for node")
+
+
+def _outer(mesh: Mesh) -> dict[str, IntArray]:
+    """The facets in the planes that bound the mesh, by name."""
+    (local,) = mesh.element.facets
+    facets = np.concatenate([mesh.cells[:, face] for face in local])
+    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    facets = facets[np.sort(index[counts == 1])]  # of one element alone: what a pillar below hangs from is no face
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    low[2] = 0.0
+    near = 1e-9 * (high - low)
+    names = (("x-", 0, low), ("x+", 0, high), ("y-", 1, low), ("y+", 1, high), ("touch", 2, low), ("top", 2, high))
+    flat = {
+        name: (np.abs(mesh.nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names
+    }
+    return {name: facets[on] for name, on in flat.items()}
+
+
+def _filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
+    return np.full((len(u) - 1, len(v) - 1), value)
+
+
+def _between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    return np.asarray(start + share[:, None] * (end - start))
+
+
+def _exchanged(place: Map) -> Map:
+    """The mirror image under x <-> y."""
+    return lambda u, v: place(v, u)[:, ::-1]
+
+
+# -- panels ------------------------------------------------------------------------------------------------------------
+# Panels of plate meshed by hexahedra about feet that these can follow, and fields prolonged between two meshes of one.
 
 ROOM = 0.6  # of half a foot's width: plate beyond the rim that the block fills where the panel has so much
 SLIVER = 0.2  # of the same: a strip beyond the block that is narrower belongs to it

@@ -9,11 +9,10 @@ from typing import Any, Self
 
 import numpy as np
 
+from geometry.elements import FloatArray
 from geometry.errors import GeometryError
-from geometry.files import read_by_command
-from geometry.pillar_shapes.base import MM, FloatArray
-from geometry.pillar_shapes.square import Square
-from geometry.quiet import silence_kernel
+from geometry.files import read_by_command, silence_kernel
+from geometry.pillar_shapes.base import MM, Square
 
 ON_PLANE_MM = 1e-4  # a foot this close to z = 0 is on it: CAD systems write about seven digits
 

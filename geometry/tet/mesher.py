@@ -18,11 +18,17 @@ from geometry.cad.surface import CadSurface, cad_surface
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.mesh import Mesh, cell_volumes, check_mesh
-from geometry.tet.faces import named_faces
-from geometry.tet.quadratic import quadratic
-from geometry.tet.sizing import Size, background
-from geometry.tet.snapping import Boundary, check_moves, find_boundary, off_plane, snap_vertices, without_flat_cells
-from geometry.tet.tetwild import tet_quality, tetrahedralize
+from geometry.tet.boundary import (
+    Boundary,
+    check_moves,
+    find_boundary,
+    named_faces,
+    off_plane,
+    quadratic,
+    snap_vertices,
+    without_flat_cells,
+)
+from geometry.tet.tetwild import Size, background, tet_quality, tetrahedralize
 
 MM = 1e3
 SAGITTA_PER_EDGE = 1 / 16  # of a chord as long as an edge on a curve of twice its radius

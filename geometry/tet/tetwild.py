@@ -1,12 +1,20 @@
-"""Tetrahedra from a closed triangulation through pytetwild, in a process that can be interrupted at any time."""
+"""Tetrahedra from a closed triangulation by pytetwild, in a process of its own that can be interrupted at any time."""
 
 from __future__ import annotations
 
+import ctypes
+import importlib
 import io
 import os
+import signal
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -43,7 +51,7 @@ def tetrahedralize(request: dict[str, Any], time_limit_s: float | None = None) -
 
 def _run(request: bytes, time_limit_s: float | None) -> subprocess.CompletedProcess[bytes]:
     return subprocess.run(
-        [sys.executable, "-m", "geometry.tet.tetwild_worker"],
+        [sys.executable, "-m", "geometry.tet.tetwild"],
         input=request,
         capture_output=True,
         timeout=time_limit_s,
@@ -75,3 +83,115 @@ def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
     edges = corners[:, [0, 1, 0, 0, 1, 2]] - corners[:, [1, 2, 2, 3, 3, 3]]
     squares = np.maximum((edges**2).sum(axis=(1, 2)), np.finfo(float).tiny)
     return np.asarray(np.sign(volumes) * 12.0 * np.cbrt(3.0 * np.abs(volumes)) ** 2 / squares)
+
+
+# -- edge lengths ------------------------------------------------------------------------------------------------------
+# Edge length as a function of place: finer near singular edges, growing linearly away from them.
+
+Size = Callable[[FloatArray], FloatArray]
+GRID_NODES = 400_000  # a finer background grid costs the mesher more than it brings
+BOX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
+
+
+@dataclass(frozen=True)
+class NearSegments:
+    """Edge length h(d) = min(fine_m + growth d, coarse_m), d the distance to the nearest of the segments (k, 2, 3), m."""
+
+    segments: FloatArray
+    fine_m: float
+    coarse_m: float
+    growth: float = 0.5
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Edge length at points (n, 3), m."""
+        nearest = np.full(len(points), np.inf)
+        for start, end in self.segments:
+            along = end - start
+            share = np.clip((points - start) @ along / (along @ along), 0.0, 1.0)
+            nearest = np.minimum(nearest, np.linalg.norm(points - start - share[:, None] * along, axis=1))
+        return np.minimum(self.fine_m + self.growth * nearest, self.coarse_m)
+
+
+def background(
+    size: Size, low: FloatArray, high: FloatArray, spacing: float
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """A grid of tetrahedra around the box low-high that carries `size` at its nodes: points, cells, values.
+
+    The spacing grows until the grid has at most GRID_NODES nodes. Raises MeshError for a size that is not positive.
+    """
+    room = high - low
+    spacing = max(spacing, float((np.maximum(room, spacing).prod() / GRID_NODES) ** (1.0 / 3.0)))
+    counts = np.maximum(np.ceil(room / spacing).astype(int), 1) + 2
+    lines = [
+        np.linspace(a - s / (n - 2), b + s / (n - 2), n + 1) for a, b, s, n in zip(low, high, room, counts, strict=True)
+    ]
+    z, y, x = np.meshgrid(*lines[::-1], indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    values = np.asarray(size(points), dtype=float)
+    if values.shape != (len(points),) or not (values > 0.0).all():
+        raise MeshError("the sizing field must give one positive edge length for each point")
+    nx, ny, nz = counts
+    i, j, k = np.meshgrid(np.arange(nx), np.arange(ny), np.arange(nz), indexing="ij")
+    corner = (i + (nx + 1) * (j + (ny + 1) * k)).ravel()
+    step = np.array([a + (nx + 1) * (b + (ny + 1) * c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
+    cells = (corner[:, None] + step)[:, BOX_TETS].reshape(-1, 4)
+    return points, cells, values
+
+
+# -- the process -------------------------------------------------------------------------------------------------------
+# Runs pytetwild in a process of its own: arrays in on standard input, arrays out on standard output (npz).
+# Its C++ cannot be interrupted, may print or crash, and writes files; here none of that reaches the caller.
+
+PR_SET_PDEATHSIG = 1
+
+
+def main() -> None:
+    """Read the request, mesh, write vertices and cells."""
+    _die_with_parent()
+    _leave_no_file()
+    answer = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    with np.load(io.BytesIO(sys.stdin.buffer.read())) as request:
+        given = {name: request[name] for name in request.files}
+    pytetwild = _mesher()
+    sizes = {name: given[name] for name in ("bg_vertices", "bg_tets", "bg_values") if name in given}
+    vertices, cells = pytetwild.tetrahedralize(
+        given["vertices"],
+        given["triangles"].astype(np.int32),
+        edge_length_abs=float(given["edge"]),
+        epsilon=float(given["epsilon"]),
+        num_threads=int(given["threads"]),
+        disable_filtering=bool(given["keep_outside"]),
+        vtk_ordering=True,
+        **sizes,
+    )
+    np.savez(answer, vertices=vertices, cells=np.asarray(cells, dtype=np.int64))
+    answer.close()
+
+
+def _mesher() -> Any:
+    """pytetwild without pyvista, which takes most of its import and is there only to add a method to pyvista's meshes."""
+    sys.modules["pyvista"] = ModuleType("pyvista")
+    try:
+        return importlib.import_module("pytetwild")
+    except (AttributeError, ImportError):  # a version that does need it
+        del sys.modules["pyvista"]
+        return importlib.import_module("pytetwild")
+
+
+def _leave_no_file() -> None:
+    """The mesher writes its surface into the working directory: give it one that is gone at once."""
+    folder = tempfile.mkdtemp(prefix="antinode-tetwild-")
+    os.chdir(folder)
+    with suppress(OSError):  # systems that keep a directory in use
+        Path(folder).rmdir()
+
+
+def _die_with_parent() -> None:
+    """On Linux a killed parent takes this process along; elsewhere it ends at its broken pipe."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    main()

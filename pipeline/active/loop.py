@@ -17,10 +17,9 @@ from pipeline.logs import Log
 from pipeline.measured.files import LARGEST
 from pipeline.quantity import frequency
 from pipeline.records.outputs import write_file
-from solvers.control.baseband import ModePlant
-from solvers.control.dq_loop import Rates
-from solvers.control.dq_study import DqData
 from solvers.control.identification import Identified, Sweep
+from solvers.control.loop import ModePlant, Rates
+from solvers.thesis.loop_design import DqData
 
 if TYPE_CHECKING:
     from solvers.control.identification import Sensor

@@ -13,10 +13,10 @@ from pipeline.quantity import frequency, level, percentage
 from pipeline.units import KHZ, MM, UM
 
 if TYPE_CHECKING:
-    from solvers.active_beam.study import ActiveBeamStudy, Case
-    from solvers.resonators.mason_study import MasonStudy
-    from solvers.resonators.pillar_row import PillarFilter
-    from solvers.resonators.point_load import PointForce
+    from solvers.thesis.active_study import ActiveBeamStudy, Case
+    from solvers.thesis.circuit import MasonStudy
+    from solvers.thesis.pillar_row import PillarFilter
+    from solvers.thesis.scattering import PointForce
 
 JOINTS = {0: "free end", 1: "at the filter", 2: "between the filters"}
 POINTS = {

@@ -13,7 +13,7 @@ from pipeline.quantity import frequency
 from pipeline.units import DEGREE, MS
 
 if TYPE_CHECKING:
-    from solvers.control.dq_study import DqStudy
+    from solvers.thesis.loop_design import DqStudy
 
 
 def report_figures(study: DqStudy) -> list[ReportFigure]:
@@ -78,7 +78,7 @@ def circle(study: DqStudy) -> ReportFigure:
 
 def bode(study: DqStudy) -> ReportFigure:
     """Open and closed loop of the envelope, as designed in continuous time and as sampled."""
-    from solvers.control.dq_study import envelope_frequencies
+    from solvers.thesis.loop_design import envelope_frequencies
 
     figure, (size, phase) = style.panels(4.6, 2, 1, sharex=True)
     omega = envelope_frequencies(study.data)

@@ -9,11 +9,11 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.units import CM, KHZ, MM
-from solvers.shaping.acoustic_contrast import REGIONS, region_target
+from solvers.shaping.contrast import REGIONS, region_target
 from solvers.shaping.inversion import drive_voltages
 
 if TYPE_CHECKING:
-    from solvers.shaping_study.study import ShapingStudy
+    from solvers.thesis.shaping_study import ShapingStudy
 
 
 def report_figures(study: ShapingStudy) -> list[ReportFigure]:

@@ -10,14 +10,14 @@ import numpy as np
 from pipeline.active.thesis import Figures
 from pipeline.quantity import figure, interval
 from pipeline.units import KHZ, MM, MS, UM, US
-from solvers.control.dq_study import FIRMWARE_RESPONSE_S
+from solvers.thesis.loop_design import FIRMWARE_RESPONSE_S
 
 if TYPE_CHECKING:
-    from solvers.active_beam.study import ActiveBeamStudy, Case
-    from solvers.control.dq_study import DqStudy
-    from solvers.resonators.mason_study import MasonStudy
-    from solvers.resonators.pillar_row import PillarFilter
-    from solvers.resonators.point_load import PointForce
+    from solvers.thesis.active_study import ActiveBeamStudy, Case
+    from solvers.thesis.circuit import MasonStudy
+    from solvers.thesis.loop_design import DqStudy
+    from solvers.thesis.pillar_row import PillarFilter
+    from solvers.thesis.scattering import PointForce
 
 UNDRIVEN = 0.05  # of the loudest joint velocity: a mode below it does not answer
 STOPS_DB = 1.0  # a row: from here on the computed cell's flexural wave counts as stopped

@@ -10,16 +10,15 @@ import numpy as np
 from pipeline.active.thesis import Figures, statements
 from pipeline.quantity import figure
 from pipeline.units import CM, KHZ
-from solvers.shaping.acoustic_contrast import REGIONS, region_target
+from solvers.shaping.contrast import REGIONS, region_target
 from solvers.shaping.inversion import drive_voltages
-from solvers.shaping.modal_table import sensor_matrix
-from solvers.shaping.transfer_matrix import conditioning
+from solvers.shaping.modal_table import conditioning, sensor_matrix
 from solvers.shaping.travelling_wave import forward_energy_share, net_flux_share
-from solvers.shaping_study.steps import TARGETS
+from solvers.thesis.shaping_steps import TARGETS
 
 if TYPE_CHECKING:
-    from solvers.shaping_study.model import ShapedBeam, Signal
-    from solvers.shaping_study.study import ShapingStudy
+    from solvers.thesis.shaped_beam import ShapedBeam, Signal
+    from solvers.thesis.shaping_study import ShapingStudy
 
 TWR, STEP_M, WAVELENGTHS_M = 0.58, 3e-3, (0.074, 0.059)  # the text's travelling-wave ratio, measuring step, wavelengths
 

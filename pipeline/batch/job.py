@@ -17,7 +17,7 @@ from pipeline.batch import peak_memory
 from pipeline.records import fingerprint, record, store
 from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog, close_abandoned
-from solvers.fem.factor.memory import memory_text
+from solvers.machine import memory_text
 
 Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
 

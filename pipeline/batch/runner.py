@@ -17,7 +17,7 @@ from pipeline.records import fingerprint, store
 from pipeline.records.run_log import close_abandoned
 from pipeline.records.study import CASES
 from pipeline.workers import default_jobs
-from solvers.fem.factor.memory import available_bytes
+from solvers.machine import available_bytes
 
 __all__ = ["CaseEnd", "Job", "Options", "StudyOutcome", "plan", "run_study"]
 MEMORY_SHARE = 0.8  # of what is free at the start

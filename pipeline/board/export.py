@@ -142,7 +142,7 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
     another listens, else its resonances as wired, gains unidentified.
     """
     from pipeline.board.gains import can_be_computed
-    from solvers.piezo.circuit import driven_hz, resonances_hz
+    from solvers.piezo.responses import driven_hz, resonances_hz
 
     if can_be_computed(case):
         return write_gains(case, folder, log, stem, forced)

@@ -25,11 +25,11 @@ from pipeline.board.table_file import FREQUENCY_HIGH, ModeTable, Pattern, Shape
 from pipeline.errors import InputError
 from pipeline.records.fingerprint import canonical_json, code_hash
 from solvers.errors import SolverError
-from solvers.shaping.acoustic_contrast import REGIONS, best_contrast, region_points, region_target
-from solvers.shaping.transfer_matrix import operating_frequencies, scan
+from solvers.shaping.contrast import REGIONS, best_contrast, region_points, region_target
+from solvers.shaping.modal_table import operating_frequencies, scan
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
-from solvers.shaping_study.model import ShapedBeam, Signal
-from solvers.shaping_study.steps import travel_window
+from solvers.thesis.shaped_beam import ShapedBeam, Signal
+from solvers.thesis.shaping_steps import travel_window
 
 SAMPLE_RATE_HZ = 40_000.0
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
@@ -107,8 +107,8 @@ def main(arguments: list[str] | None = None) -> int:
     from pipeline.board.export import write
     from pipeline.board.table_file import describe
     from pipeline.case.quantities import parse_frequency
-    from solvers.shaping_study.model import patched, pointed
-    from solvers.shaping_study.study import ShapingData
+    from solvers.thesis.shaped_beam import patched, pointed
+    from solvers.thesis.shaping_study import ShapingData
 
     parser = argparse.ArgumentParser(prog="python -m pipeline.board.shaping", description=__doc__)
     parser.add_argument("file", type=Path, help="FILE.bin; FILE.h beside it holds the same bytes")

@@ -8,7 +8,7 @@ from typing import Any
 
 from geometry.layout import PLAIN
 from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.registry import SHAPES
+from geometry.pillar_shapes.shapes import SHAPES
 from pipeline.case import limits
 from pipeline.case.schema import SIZE_KEYS
 from pipeline.units import MM

@@ -9,9 +9,8 @@ from math import isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import Any
 
-from geometry.layout import Design, Pillar, Tip
+from geometry.layout import Design, Patches, Pillar, Tip
 from geometry.materials import Material
-from geometry.patches import Patches
 from geometry.pillar_shapes.base import PillarShape
 from pipeline.case.diagnostics import nearest_file
 from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml

@@ -13,7 +13,7 @@ from typing import Any
 
 from geometry.files import read_by_command
 from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.registry import SHAPES
+from geometry.pillar_shapes.shapes import SHAPES
 from pipeline import paths
 from pipeline.case.diagnostics import nearest_file, quoted
 from pipeline.case.rows import INSTEAD, PITCHES

@@ -7,9 +7,9 @@ from math import inf
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.layout import Design
-from geometry.patches import FloatArray, Patches, antinode_places
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.elements import FloatArray
+from geometry.layout import Design, Patches, antinode_places
+from geometry.materials import PIEZO_MATERIALS
 from pipeline.case.diagnostics import Diagnostics, nearest
 from pipeline.case.reader import CaseValues
 from pipeline.units import MM

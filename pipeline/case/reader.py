@@ -11,7 +11,7 @@ from typing import Any
 from geometry.errors import GeometryError
 from geometry.materials import MATERIALS, Material
 from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.registry import SHAPES
+from geometry.pillar_shapes.shapes import SHAPES
 from pipeline.case.checks import CHECKS, Diagnostic, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest
 from pipeline.case.limits import MAX_CONTRAST

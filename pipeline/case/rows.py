@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from geometry.layout import Design
-from geometry.pillar_shapes.registry import SHAPES
+from geometry.pillar_shapes.shapes import SHAPES
 from pipeline.units import MM
 
 Values = dict[str, Any]

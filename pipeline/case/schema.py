@@ -8,7 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import models_json_schema
 
 from geometry.fingertips import FINGERTIPS
-from geometry.pillar_shapes.registry import SHAPES, in_words
+from geometry.pillar_shapes.shapes import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
 

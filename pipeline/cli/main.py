@@ -130,7 +130,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _require_threads() -> None:
     """InputError for a limit of threads that is none."""
     from pipeline.errors import InputError
-    from solvers.cores import LIMIT
+    from solvers.machine import LIMIT
 
     given = os.environ.get(LIMIT, "0")
     if not given.isdecimal():
@@ -146,7 +146,7 @@ def _report_error(error: Exception) -> int:
     if isinstance(error, CommandError):
         lines, code = error.lines, error.exit_code
     elif isinstance(error, MemoryError):
-        from solvers.fem.factor.memory import memory_text
+        from solvers.machine import memory_text
 
         lines, code = [memory_text(error)], NOT_TRUSTED
     elif isinstance(error, MeshError | SolverError):

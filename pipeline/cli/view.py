@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.closed import closed_surface
+from geometry.decimation import closed_surface
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
@@ -190,11 +190,11 @@ def of_case(arguments: Namespace) -> Scene:
 def _solid(case: Any, log: TerminalLog) -> Scene:
     import pyvista as pv
 
-    from geometry.cad import files, solids
+    from geometry.cad import printing, solids
 
     with log.step("build the solid"), tempfile.TemporaryDirectory(prefix="antinode-view-") as folder:
         path = Path(folder) / "plate.stl"
-        files.write_stl(solids.plate_solid(case.design), path, case.name)
+        printing.write_stl(solids.plate_solid(case.design), path, case.name)
         surface = pv.read(path)
     return Scene(case.name, np.asarray(surface.points, dtype=float), np.asarray(surface.regular_faces))
 

@@ -87,18 +87,18 @@ def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> lis
 
 
 def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
-    from geometry.cad import files, solids
+    from geometry.cad import printing, solids
     from pipeline.questions.geometry import about, checked
 
     with log.step("build the solid"):
         body = solids.plate_solid(case.design)
     with log.step(f"write {form}"), outputs.delivered(path) as temporary:
         if form == "step":
-            files.write_step(body, temporary, case.name)
+            printing.write_step(body, temporary, case.name)
         elif form == "3mf":
-            files.write_3mf(body, temporary, about(case))
+            printing.write_3mf(body, temporary, about(case))
         else:
-            files.write_stl(body, temporary, case.name)
+            printing.write_stl(body, temporary, case.name)
             checked(case, body, temporary, log, (path.name,))
     return path
 
@@ -107,7 +107,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     """The solid quarter of the plate and its wanted mode."""
     from dataclasses import replace
 
-    from geometry.formats.vtu import write_vtu
+    from geometry.formats.vtk import write_vtu
     from geometry.mesh import Mesh
     from pipeline.models.modes import Request, solve_modes
     from pipeline.models.wanted_text import warn_of_wanted

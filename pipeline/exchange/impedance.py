@@ -18,7 +18,7 @@ def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the impedance of the driven patches in parallel, sensors open, and write it as the ending says."""
     from pipeline.models.patched_plate import forced_plate
     from pipeline.records import outputs
-    from solvers.piezo.circuit import admittance
+    from solvers.piezo.responses import admittance
 
     case.require("patches", command="export impedance")
     forced = forced_plate(case, log, None, [])

@@ -14,7 +14,7 @@ from pipeline.logs import Log
 
 def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the modes that `antinode modes` lists and write their shapes of unit modal mass; time is frequency, Hz."""
-    from geometry.formats.vtkhdf import write_steps
+    from geometry.formats.vtk import write_steps
 
     points, facets, tones, shapes = shapes_of(case, log)
     with log.step(f"write {len(tones)} shapes"):
@@ -26,7 +26,7 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
     """Points (p, 3) in m and triangles (m, 3) of the whole plate's closed surface, frequencies (k,) in Hz and displacements
     (k, p, 3) of its modes. Raises InputError where the band holds none.
     """
-    from geometry.closed import closed_surface
+    from geometry.decimation import closed_surface
     from pipeline.models.modes import solve_modes
     from pipeline.planning.request import Request
 

@@ -12,11 +12,11 @@ import numpy as np
 from geometry.cad.solids import Body, pillar_solid, plate_solid, zone_solid
 from geometry.elements import IntArray
 from geometry.formats.neutral import outer_facets
-from geometry.hex.boxes import Boxes, HexSettings, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
-from geometry.hex.split import split_hexahedra
+from geometry.hex.boxes import Boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 from geometry.materials import Material
-from geometry.mesh import Mesh, check_mesh
+from geometry.mesh import Mesh, check_mesh, split_hexahedra
 from geometry.tet import scenes
 from pipeline import quantity
 from pipeline.case.model import Case
@@ -27,7 +27,7 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_model
 from solvers.fem.eigen import factor_near, modes_near
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.fem.recovery import StressRecovery
+from solvers.fem.mesh_error import StressRecovery
 from solvers.fem.solid import SolidModel
 from solvers.superelement.plate_error import MARGIN
 

@@ -22,7 +22,7 @@ def write(case: Case, path: Path, log: Log) -> Path:
     from pipeline.questions.question import Run, ask
     from pipeline.questions.response import Response
     from pipeline.records import outputs
-    from solvers.piezo.point import point_responses
+    from solvers.piezo.responses import point_responses
 
     run = Run(log)
     peak = ask(case, Response(), run).peak

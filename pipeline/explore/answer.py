@@ -36,9 +36,9 @@ from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
-from solvers.waves.evanescent import Row
+from solvers.waves.branches import label_of
+from solvers.waves.complex_bands import Row
 from solvers.waves.gaps import complete_gaps
-from solvers.waves.polarisation import label_of
 
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave

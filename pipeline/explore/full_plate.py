@@ -11,7 +11,7 @@ from typing import Any
 
 from pipeline.explore.answer import Document, Scene, compute
 from pipeline.workers import LocalWorkers, WorkerLost
-from solvers.cores import workers
+from solvers.machine import workers
 
 SHOWN = 12  # lines of the log, the last ones
 Solve = Callable[[Scene, dict[str, float], Any], Document]

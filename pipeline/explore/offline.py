@@ -25,8 +25,8 @@ from pipeline.quantity import figure
 from pipeline.units import MM
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
-from solvers.fem import gauss_grid
-from solvers.measures import wanted_mode, wanted_search
+from solvers.fem import quadrature
+from solvers.measures import wanted_mode
 from solvers.parametric import bands, bare, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
@@ -34,7 +34,7 @@ from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
 from solvers.superelement.cell import rigid_polynomials
 from solvers.superelement.interface import Interface
-from solvers.waves.polarisation import line_gram
+from solvers.waves.branches import line_gram
 
 Plain = dict[str, Any]
 PAGE = Path(__file__).with_name("page")
@@ -140,7 +140,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "reach": chain.REACH,
         "finite": _finite(design),
         "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE}
-        | {name: getattr(wanted_search, name.upper()) for name in SEARCH},
+        | {name: getattr(wanted_mode, name.upper()) for name in SEARCH},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
@@ -231,7 +231,7 @@ def _bare(lame: float, shear: float) -> Plain:
     def plain(matrix: FloatArray) -> Plain:
         return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
 
-    gauss, weights = legendre.leggauss(gauss_grid.COUNT)
+    gauss, weights = legendre.leggauss(quadrature.COUNT)
     flat, _ = bare.line_values(gauss, False)
     _, bottom = bare.line_values(np.array([-1.0]), False)
     return {

@@ -24,12 +24,11 @@ from pipeline.models.response import SolvedResponse
 from pipeline.planning.request import driven_band_hz
 from pipeline.quantity import frequency, percentage
 from pipeline.units import MM
-from solvers.control.identification import Sensor, Sweep
-from solvers.control.resonance import Resonance, resonance
+from solvers.control.identification import Resonance, Sensor, Sweep, resonance
 from solvers.errors import SolverError
-from solvers.measures.levels import CONFINED_DB
-from solvers.measures.vibrometer_map import Weights, assurance, confinement_of, sampled, weigh
-from solvers.piezo.point import loudest_point, point_response
+from solvers.measures.confinement import CONFINED_DB
+from solvers.measures.correlation import Weights, assurance, confinement_of, sampled, weigh
+from solvers.piezo.responses import loudest_point, point_response
 
 COVERED = 0.9  # of a face's area: with less, the map does not speak for the face
 

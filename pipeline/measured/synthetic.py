@@ -18,7 +18,7 @@ from pipeline.models.response import SolvedResponse
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
 from pipeline.units import MM
-from solvers.piezo.point import loudest_point, point_response
+from solvers.piezo.responses import loudest_point, point_response
 
 SWEEP, FIELD = "sweep.csv", "field.csv"
 TONES, REACH = 241, 8.0  # frequencies, over so many half-power widths on each side of the peak

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import BoolArray
+from geometry.lattice import path_through
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.broadband import transmitted_shares, wavevectors
@@ -19,13 +20,11 @@ from pipeline.planning import error_bar
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
+from solvers.plates.column import level_bars
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
-from solvers.waves.brillouin import path_through
-from solvers.waves.evanescent import KeptRow, Row, RowStiffness, RowWaves
-from solvers.waves.level_errors import level_bars
-from solvers.waves.polarisation import label_of
-from solvers.waves.scattering import stacked
+from solvers.waves.branches import label_of
+from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, stacked
 
 STEEPEST_DB = (
     100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.lattice import Path
 from pipeline.planning.error_bar import WidestBar
 from pipeline.quantity import figure
-from solvers.waves.brillouin import Path
 from solvers.waves.gaps import DirectionalGap, Gap
 
 SAMPLED = 0.5  # of the larger step to a neighbouring sample: a kink half-way between two samples rises by no more

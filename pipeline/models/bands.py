@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from geometry.decimate import coarse, with_sides
+from geometry.decimation import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
+from geometry.lattice import Path, path_through, zone_grid
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import band_errors
@@ -25,29 +26,28 @@ from pipeline.planning.refinement import MARGIN, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import largest
-from solvers.superelement.build import Reductions
+from solvers.fem.mesh_error import largest
+from solvers.plates.assembled import Reductions
+from solvers.plates.supercell import Supercell, staggered_tiling
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
-from solvers.waves.branches import Branches, Solved, follow
-from solvers.waves.brillouin import Path, path_through, zone_grid
+from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (
     BrillouinZoneGap,
     DirectionalGap,
     Gap,
+    PolarisationGap,
     complete_gaps,
     directional_gaps,
+    labels_along,
     path_gaps,
     path_lines,
+    polarisation_gaps,
     sampled_zone_gaps,
 )
 from solvers.waves.gaps import zone_gaps as refined_zone_gaps
-from solvers.waves.polarisation import Label
-from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
-from solvers.waves.supercell import Supercell, staggered_tiling
-from solvers.waves.symmetry import Mirrors
 
 AnyCell = TypeVar("AnyCell", WholeCell, Supercell)
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]

@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from geometry.hex.boxes import Panel
 from geometry.layout import Design
+from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -21,15 +21,13 @@ from pipeline.planning import calibration, mesh_rules
 from pipeline.planning.refinement import MARGIN
 from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import hexahedra
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
+from solvers.plates.column import Column, Driven, level_bars
 from solvers.threads import one_thread
-from solvers.waves.column import Column, Driven
-from solvers.waves.evanescent import Row, RowStiffness, RowWaves
-from solvers.waves.level_errors import level_bars
-from solvers.waves.polarisation import label_of
-from solvers.waves.scattering import chain, scatter
+from solvers.waves.branches import label_of
+from solvers.waves.complex_bands import Row, RowStiffness, RowWaves, chain, scatter
 
 POINTS = 201
 Stretch = tuple[float, float]

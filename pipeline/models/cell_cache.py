@@ -17,7 +17,7 @@ from pipeline.records.cache import Cache
 from solvers.fem.assembly import Scale
 from solvers.superelement.cell import Cell, Expansion, Further, MeshError
 from solvers.superelement.interface import Interface
-from solvers.variation.parametric_cell import CellFamily, nodes_of
+from solvers.variation.cells import CellFamily, nodes_of
 
 MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
 PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError, "further": Further}

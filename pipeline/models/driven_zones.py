@@ -14,10 +14,10 @@ from pipeline.models.zone_parts import DrivenZone
 from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.driven.crosstalk import curve_half_widths, peak_half_widths, zone_volts, zones_of
 from solvers.driven.curve_bars import doubts
 from solvers.driven.error_bars import frequency_error, frequency_errors
-from solvers.measures.levels import ratio_db
+from solvers.driven.several_patches import curve_half_widths, peak_half_widths, zone_volts, zones_of
+from solvers.measures.confinement import ratio_db
 from solvers.measures.wanted_mode import SIMILAR
 from solvers.threads import one_thread
 

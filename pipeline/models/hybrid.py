@@ -15,14 +15,12 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import calibration
 from pipeline.records.record import MeshRecord
 from pipeline.units import UM
-from solvers.driven.contrast import best_volts
 from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widths, in_parts
 from solvers.driven.error_bars import frequency_error, frequency_errors
-from solvers.driven.forms import Forms, face_grams, forms
-from solvers.measures.levels import ratio_db
-from solvers.piezo.circuit import driven_hz
+from solvers.driven.forms import Forms, best_volts, face_grams, forms
+from solvers.measures.confinement import ratio_db
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.peaks import near_hz
+from solvers.piezo.responses import driven_hz, near_hz
 from solvers.threads import one_thread
 
 DETUNING = 0.02

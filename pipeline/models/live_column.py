@@ -10,25 +10,25 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import CLEAR, has_room
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
+from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.planning.mesh_rules import search_window_hz
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.wanted_mode import LEAD, SIMILAR, Verdict
-from solvers.measures.wanted_search import Found, search, weights
+from solvers.measures.wanted_mode import LEAD, SIMILAR, Found, Verdict, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
 from solvers.parametric.chain import Chain, Condensed
 from solvers.parametric.finite import FinitePlate, wavenumbers
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
+from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.waves.column import Column
 
 FACE, INNER = (
     Interface(3, 2),

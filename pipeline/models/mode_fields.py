@@ -12,8 +12,8 @@ from pipeline.case.model import Case
 from pipeline.models.modes import PartModes
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
-from solvers.measures.mode_tracking import zone_coefficients
-from solvers.measures.wanted_search import weights
+from solvers.measures.correlation import zone_coefficients
+from solvers.measures.wanted_mode import weights
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
@@ -83,11 +83,11 @@ def closed_surface(part_modes: PartModes, case: Case, index: int) -> Any:
     """Return a pyvista PolyData in m of the whole body in one mode; `displacement` (points, 3) has unit modal mass."""
     import pyvista
 
-    from geometry import closed
+    from geometry import decimation
 
     row = part_modes.rows[index]
     skin = _skin(part_modes, index).unfolded(row.symmetry)
-    kept, triangles = closed.closed_surface(
+    kept, triangles = decimation.closed_surface(
         skin.points, skin.facets, case.design.thickness_m if part_modes.part == "plate" else None
     )
     size = np.full((len(triangles), 1), 3)

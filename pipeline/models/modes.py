@@ -47,15 +47,14 @@ from pipeline.planning.request import (
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import largest
-from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
+from solvers.fem.mesh_error import largest
 from solvers.fem.missing_mode import largest_outside
-from solvers.measures.confinement import Confinement, measure, strength_force, wanted_symmetry
-from solvers.measures.levels import share_error
+from solvers.fem.solid import Pencil
+from solvers.measures.confinement import Confinement, measure, share_error, strength_force, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
-from solvers.superelement.build import PlateModel
+from solvers.plates.assembled import PlateModel
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.lattice import path_through
 from geometry.materials import Material
 from pipeline.case.model import Case
 from pipeline.errors import InputError
@@ -31,7 +32,6 @@ from solvers.parametric.foot import FixedMesh, Foot, foot_of
 from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
 from solvers.superelement.interface import Interface
-from solvers.waves.brillouin import path_through
 
 PATHS = {True: "GXMG", False: "GXMYG"}  # around the irreducible Brillouin zone, by whether x and y may be exchanged
 INTERVALS, BANDS = 25, 10

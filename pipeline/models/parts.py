@@ -10,10 +10,11 @@ from typing import Protocol
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Boxes, HexSettings, Panel, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
-from geometry.hex.nesting import interpolation
+from geometry.hex.boxes import Boxes, hex_mesh, interpolation, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
+from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -21,13 +22,20 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.fem.coarser import CoarserMeshes, LowerOrders, Nested, Shares, clamped_shares, rim_shares
 from solvers.fem.eigen import SymmetricPencil
-from solvers.fem.recovery import StressRecovery
+from solvers.fem.mesh_error import (
+    CoarserMeshes,
+    LowerOrders,
+    Nested,
+    Shares,
+    StressRecovery,
+    clamped_shares,
+    rim_shares,
+)
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 
 MeshErrorSource = CoarserMeshes | LowerOrders | StressRecovery
 LOCKING = 0.45  # Poisson's ratio

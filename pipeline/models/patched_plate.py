@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from geometry.tiling import Tiling, tile
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -18,8 +19,7 @@ from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import BondedPatch, bonded_patch
 from solvers.piezo.patched_plate import PatchedPlate, coupled_classes
-from solvers.superelement.build import PlateModel
-from solvers.superelement.tiling import Tiling, tile
+from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
 FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch adds at most 4 % to what follows statically

@@ -9,15 +9,24 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from pipeline.planning import calibration
-from solvers.control.resonance import half_power_points
+from solvers.control.identification import half_power_points
 from solvers.driven.curve_bars import doubts, rms_bars, with_peak
-from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, louder, variations
+from solvers.driven.error_bars import (
+    Louder,
+    Variation,
+    WidthRates,
+    frequency_errors,
+    half_widths,
+    is_known,
+    louder,
+    variations,
+    width_rates,
+)
 from solvers.driven.forms import face_grams
-from solvers.driven.peak_width import WidthRates, width_rates
-from solvers.measures.levels import ratio_db
+from solvers.measures.confinement import ratio_db
 from solvers.piezo.forced import Curve, ForcedPlate
-from solvers.piezo.height import height_error
-from solvers.piezo.peaks import Peak, curve_about, near_hz, peak_of
+from solvers.piezo.peak_errors import height_error
+from solvers.piezo.responses import Peak, curve_about, near_hz, peak_of
 
 DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
 AROUND_PEAK = 65  # points over them, and more at the peak

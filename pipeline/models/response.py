@@ -15,10 +15,9 @@ from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency
 from pipeline.records.record import MeshRecord
-from solvers.piezo.circuit import driven_hz, resonances_hz
 from solvers.piezo.forced import Curve, ForcedPlate
-from solvers.piezo.frequency_bar import frequency_errors
-from solvers.piezo.peaks import Peak, curve_about, highest_hz, own_or, peak_of
+from solvers.piezo.peak_errors import frequency_errors
+from solvers.piezo.responses import Peak, curve_about, driven_hz, highest_hz, own_or, peak_of, resonances_hz
 from solvers.threads import one_thread
 
 GRID = 160

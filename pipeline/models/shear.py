@@ -17,14 +17,21 @@ from pipeline.models.touch_bars import contacts_at, missing_at_ends
 from pipeline.models.travel_parts import ShearRecord
 from pipeline.quantity import figure
 from pipeline.units import GIB, MM
+from solvers.driven.curve_bars import Contacts
 from solvers.driven.error_bars import Louder, Variation, half_widths
-from solvers.driven.motions import Contacts
-from solvers.fem.factor.memory import room_bytes
+from solvers.machine import room_bytes
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.point import face_motion
+from solvers.piezo.responses import face_motion
 from solvers.threads import one_thread
-from solvers.touch.shear import MAX_WAVE_SHARE, CrestMotion, crest_motion, drive_share, motion_along
-from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
+from solvers.touch.friction import (
+    MAX_WAVE_SHARE,
+    CrestMotion,
+    OutOfValidity,
+    SqueezeFilm,
+    crest_motion,
+    drive_share,
+    motion_along,
+)
 from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
 

@@ -18,14 +18,12 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
 from pipeline.planning.simplifications import khz
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patched_plate import CLASSES
-from solvers.piezo.peaks import curve_about, near_hz, peak_of
-from solvers.piezo.pressure_load import PressedPlate
-from solvers.superelement.build import PlateModel
+from solvers.piezo.patched_plate import CLASSES, PressedPlate
+from solvers.piezo.responses import curve_about, near_hz, peak_of
+from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
-from solvers.variation.plate_space import ChangedPlate
-from solvers.variation.reductions import VariedReductions
-from solvers.variation.samples import Deviations, VariedPlate
+from solvers.variation.cells import VariedReductions
+from solvers.variation.samples import ChangedPlate, Deviations, VariedPlate
 
 DRAWN = 241  # of the curves kept for the picture
 AROUND = 0.08  # of the nominal peak, on both sides: what the picture shows

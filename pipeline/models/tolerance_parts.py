@@ -57,7 +57,7 @@ class SampleRecord(Part):
 
 def statistics(nominal: SampleRecord, samples: Sequence[SampleRecord]) -> dict[str, Any]:
     """Return what samples come to, by the names of the result: those without the wanted mode are counted and left out."""
-    from solvers.measures.levels import CONFINED_DB
+    from solvers.measures.confinement import CONFINED_DB
 
     peaks, levels = known(samples, "peak_hz"), known(samples, "confinement_db")
     shifts = [peak - nominal.peak_hz for peak in peaks] if nominal.peak_hz else []

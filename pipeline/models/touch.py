@@ -21,10 +21,9 @@ from pipeline.quantity import figure, frequency, interval
 from pipeline.records.record import MeshRecord
 from pipeline.units import GIB, KHZ
 from solvers.errors import SolverError
-from solvers.fem.factor.memory import room_bytes
-from solvers.piezo.circuit import driven_hz
+from solvers.machine import room_bytes
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.peaks import near_hz
+from solvers.piezo.responses import driven_hz, near_hz
 from solvers.threads import one_thread
 from solvers.touch.loaded_mode import loaded_mode
 from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes

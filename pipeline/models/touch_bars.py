@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of
-from solvers.driven.curve_bars import AT_ONCE, Doubts, doubts
+from solvers.driven.curve_bars import AT_ONCE, Contacts, Doubts, Motions, doubts, peak_half_widths
 from solvers.driven.error_bars import (
     Louder,
     Variation,
@@ -22,14 +22,12 @@ from solvers.driven.error_bars import (
     louder,
     variations,
 )
-from solvers.driven.motions import Contacts, Motions, peak_half_widths
-from solvers.piezo.height import height_error
 from solvers.piezo.patched_plate import PatchedPlate
-from solvers.touch import disk
+from solvers.piezo.peak_errors import height_error
+from solvers.touch import touched_plate
 from solvers.touch.loaded_mode import LoadedMode, loaded_mode
-from solvers.touch.missing_flexibility import missing_flexibility
 from solvers.touch.touch_map import Places
-from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error
+from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, missing_flexibility
 
 STATE = {
     "drive_V": "drive_error_V",
@@ -140,7 +138,7 @@ def _of_contact(session: Session, nominal: Figures, again: Callable[..., FloatAr
         for lower in range(finger.degree - LOWER, finger.degree)
     ]
     reach = finger.radius_m * finger.wavenumber_per_m(session.case.design, session.touched.band_hz[1])
-    settled = disk.left_beyond(reach, finger.degree) <= disk.ENOUGH
+    settled = touched_plate.left_beyond(reach, finger.degree) <= touched_plate.ENOUGH
     beyond = (1.0 if settled else finger.degree / 2.0) * np.max(np.abs(lesser - values), axis=0)
     error = 2.0 * integration_error(session.touched, session.peak_hz)
     by_rule = np.abs(again(replace(bare, touched=session.touched.stiffer(1.0 + error))) - values)

@@ -10,11 +10,10 @@ from pipeline.case.model import Case
 from pipeline.case.touch import Touch
 from pipeline.models.touch_parts import LoopRecord, TouchStateRecord
 from pipeline.units import UM
-from solvers.driven.contrast import contrast_volts
-from solvers.measures.levels import ratio_db
-from solvers.touch.energy import Power, power
-from solvers.touch.squeeze_film import OutOfValidity, SqueezeFilm
-from solvers.touch.touched_plate import TouchedPlate
+from solvers.driven.forms import contrast_volts
+from solvers.measures.confinement import ratio_db
+from solvers.touch.friction import OutOfValidity, SqueezeFilm
+from solvers.touch.touched_plate import Power, TouchedPlate, power
 
 
 @dataclass(frozen=True)

@@ -20,16 +20,19 @@ from pipeline.planning import calibration
 from pipeline.records.record import MeshRecord
 from pipeline.units import KHZ, UM
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
-from solvers.driven.plate_table import motion_at, plate_table
-from solvers.driven.power_flow import power_flow
+from solvers.driven.several_patches import motion_at, plate_table, power_flow
 from solvers.errors import SolverError
-from solvers.measures.confinement import wanted_shape
-from solvers.measures.levels import ratio_db
+from solvers.measures.confinement import ratio_db, wanted_shape
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.height import height_error
+from solvers.piezo.peak_errors import height_error
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
-from solvers.shaping.mode_pairs import ModePair, travelling_pair
-from solvers.shaping.travelling_wave import best_travelling_drive, inner_window, travelling_wave_ratio
+from solvers.shaping.travelling_wave import (
+    ModePair,
+    best_travelling_drive,
+    inner_window,
+    travelling_pair,
+    travelling_wave_ratio,
+)
 from solvers.threads import one_thread
 
 ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line

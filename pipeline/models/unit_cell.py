@@ -12,6 +12,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.panels import square_of
 from geometry.layout import Design
+from geometry.tiling import lattice_panel
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -24,7 +25,7 @@ from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
@@ -40,7 +41,6 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
-from solvers.superelement.tiling import lattice_panel
 
 ROUNDS = 8
 MARGIN = 0.3  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by

@@ -24,9 +24,8 @@ from pipeline.models.parts import mesh_record, warn_of_locking
 from pipeline.models.touch_frame import touch_frame
 from pipeline.models.wanted_search import look_among
 from pipeline.units import MM
-from solvers.fem.constraints import AXES
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
-from solvers.fem.solid import SolidModel
+from solvers.fem.solid import AXES, SolidModel
 from solvers.measures.confinement import Confinement, measure
 
 FAR = 10.0  # beyond the lengths of the case: another body than the case's, or another unit

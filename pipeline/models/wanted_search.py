@@ -1,4 +1,4 @@
-"""The wanted mode of a part, searched by one rule (`solvers.measures.wanted_search`) whatever was asked for.
+"""The wanted mode of a part, searched by one rule (`solvers.measures.wanted_mode`) whatever was asked for.
 
 What was asked for decides what is listed and saves solves. Where it lies elsewhere altogether, nothing is searched, and that
 is said.
@@ -13,8 +13,18 @@ from typing import TYPE_CHECKING, Any
 from pipeline.models.mode_parts import RivalRecord, WantedMode, WantedRecord
 from pipeline.planning.request import Expected
 from solvers.fem.eigen import Count
-from solvers.measures.wanted_mode import NONE, Status, Verdict, verdict
-from solvers.measures.wanted_search import Largest, leaves_room, measures, missing_strength, search, weights
+from solvers.measures.wanted_mode import (
+    NONE,
+    Largest,
+    Status,
+    Verdict,
+    leaves_room,
+    measures,
+    missing_strength,
+    search,
+    verdict,
+    weights,
+)
 
 if TYPE_CHECKING:
     from pipeline.models.mode_rows import ModeRow

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
-from geometry.hex.nesting import interpolation
+from geometry.hex.boxes import cell_boxes, hex_mesh, interpolation
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 from geometry.mesh import Mesh
 from pipeline.models.parts import foot_shares
 from solvers.fem.assembly import assemble
-from solvers.fem.coarser import Nested, Shares, prolonged_eigenvalues
 from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.fem.mesh_error import Nested, Shares, prolonged_eigenvalues
 from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate_error import ModeErrors
 from solvers.waves.bloch import BlochCell

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
+from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.hex.panels import square_of
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 
 if TYPE_CHECKING:
@@ -88,8 +89,8 @@ class CoarseCell:
     def fixed_modes(self, below_hz: float) -> int:
         """Modes below a frequency, Hz, of the cell with its four sides held."""
         if below_hz not in self._fixed:
-            from solvers.fem.constraints import constrain, free_mask
             from solvers.fem.eigen import count_below
+            from solvers.fem.solid import constrain, free_mask
 
             sides = free_mask(self._system.mesh, ("x-", "x+", "y-", "y+"), {})
             self._fixed[below_hz] = count_below(constrain(self._system, sides), below_hz)

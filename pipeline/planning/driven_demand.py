@@ -9,17 +9,27 @@ from math import prod
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, bonded_boxes
-from geometry.hex.grading import grid_lines
-from geometry.patches import mirrored_axes
+from geometry.hex.boxes import bonded_boxes
+from geometry.hex.scenes import HexSettings, grid_lines
+from geometry.layout import mirrored_axes
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
 from pipeline.planning.foresight import AssembledClass
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.planning.request import Request
 from pipeline.planning.resources import Demand
-from solvers.fem.dissection import Fill, eliminated, grid_fill, nodal
-from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, factorisation, modal_solve
+from solvers.fem.cost import (
+    Cost,
+    Fill,
+    MeshCounts,
+    Stage,
+    assembly,
+    eliminated,
+    factorisation,
+    grid_fill,
+    modal_solve,
+    nodal,
+)
 
 PENCIL = 24.0  # bytes of an entry of K and of M
 BOND = 3  # matrices of a patch's bonded face: stiffness, mass, flexibility
@@ -191,7 +201,7 @@ class _Patches:
         return len({max(each, count - 1 - each) for each in numbers}) if self.own.quarter else len(numbers)
 
     def _panels(self, box: FloatArray, reach_m: float) -> list[tuple[int, int]]:
-        from solvers.piezo.panels import between
+        from solvers.piezo.bond import between
 
         tiling = self.own.tiling
         return [between(*pair, reach_m) for pair in zip((tiling.x, tiling.y), box.reshape(2, 2), strict=True)]

@@ -9,22 +9,41 @@ from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from math import ceil, floor
 
-from geometry.hex.box_counts import BoxCounts, box_counts
-from geometry.hex.boxes import HexSettings, Panel, Scene, cell_scene, panel_scene, pillar_scene, plate_scene, zone_scene
 from geometry.hex.panels import panel_mesh, square_of
+from geometry.hex.scenes import (
+    BoxCounts,
+    HexSettings,
+    Scene,
+    box_counts,
+    cell_scene,
+    panel_scene,
+    pillar_scene,
+    plate_scene,
+    zone_scene,
+)
 from geometry.layout import Design
+from geometry.tiling import Panel, Tiling, grid, tile
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, model_choice_of
 from pipeline.planning.request import Request, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
-from solvers.analytic.mode_density import highest_hz, pillar_modes, plate_modes
-from solvers.cores import workers
-from solvers.fem.dissection import Fill, grid_fill, nodal, panelled
-from solvers.fem.solve_cost import Cost, MeshCounts, Stage, assembly, modal_solve, solid_modes
+from solvers.analytic.plate_waves import highest_hz, pillar_modes, plate_modes
+from solvers.fem.cost import (
+    Cost,
+    Fill,
+    MeshCounts,
+    Stage,
+    assembly,
+    grid_fill,
+    modal_solve,
+    nodal,
+    panelled,
+    solid_modes,
+)
+from solvers.machine import workers
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.tiling import Tiling, grid, tile
 
 MAX_LINES = 2_000_000  # of a plate's grid: more are not even drawn to be counted
 MANY_FUNCTIONS = 1000  # of one cell or panel: some 300 are common

@@ -10,14 +10,13 @@ from functools import lru_cache
 from itertools import pairwise
 from math import ceil, inf, pi, prod, sqrt
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from pipeline.planning import calibration
 from pipeline.planning.calibration import MeshLevel
 from solvers.analytic.beams import roots
-from solvers.analytic.plates import Strip, levy_hz, thin_plate_hz
+from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
-from solvers.analytic.ritz_plates import MAX_LINES, mindlin_mode
 from solvers.superelement.interface import Interface, ReductionSettings
 
 WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found

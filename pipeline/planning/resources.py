@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.errors import InputError
-from solvers.fem.factor.memory import available_bytes
-from solvers.fem.solve_cost import Cost
+from solvers.fem.cost import Cost
+from solvers.machine import available_bytes
 
 GIB = 2.0**30
 BASE_BYTES = 0.25 * GIB  # the program with its libraries

@@ -11,9 +11,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from geometry.hex.panels import has_room
-from geometry.layout import Design
-from geometry.patches import SAME_M, Patches, mirrored_axes
-from solvers.superelement.tiling import lattice_panel, tightest_panels
+from geometry.layout import SAME_M, Design, Patches, mirrored_axes
+from geometry.tiling import lattice_panel, tightest_panels
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case

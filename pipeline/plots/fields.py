@@ -29,7 +29,7 @@ from pipeline.quantity import frequency, level, percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
 from pipeline.units import MM, UM
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

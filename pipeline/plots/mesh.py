@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from geometry.decimate import with_sides
+from geometry.decimation import with_sides
 from pipeline.plots import rendering, style
 from pipeline.plots.plate import KINDS, FloatArray, IntArray, skin_faces
 from pipeline.plots.rendering import Surface

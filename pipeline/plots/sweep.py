@@ -15,7 +15,7 @@ from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
 from pipeline.records.tracking import Tracked
 from pipeline.units import KHZ
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 MAX_TICKS = 12
 MAX_PANELS = 3  # beside one another

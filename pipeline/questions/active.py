@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
-    from solvers.resonators.mason_study import MasonStudy
+    from solvers.thesis.circuit import MasonStudy
 
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
 GAIN_N_M = (1e-3, 1e12)  # from a millionth of any strip's own stiffness to beyond that of solid blocks of metal
@@ -160,7 +160,7 @@ class ActiveMason(
 
         from pipeline.active import thesis_models
         from pipeline.active.thesis import beside
-        from solvers.resonators.mason_study import MasonData, mason_study
+        from solvers.thesis.circuit import MasonData, mason_study
 
         data = MasonData()
         data = replace(
@@ -300,8 +300,8 @@ class ActivePillar(
         from pipeline.active import thesis_models
         from pipeline.active.thesis import beside
         from solvers.analytic.predesign import pillar_frequencies_hz
-        from solvers.resonators.pillar_row import pillar_filter
-        from solvers.resonators.point_load import point_force
+        from solvers.thesis.pillar_row import pillar_filter
+        from solvers.thesis.scattering import point_force
 
         assert case.design.pillar is not None
         clamped = float(pillar_frequencies_hz(case.design.pillar, "timoshenko")[0])
@@ -445,7 +445,7 @@ class ActiveBeam(
         """Close the loops at each frequency and gain."""
         from pipeline.active import thesis_models
         from pipeline.active.thesis import beside
-        from solvers.active_beam.study import ActiveBeamData, active_beam_study
+        from solvers.thesis.active_study import ActiveBeamData, active_beam_study
 
         data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
         data = replace(
@@ -559,8 +559,7 @@ class ActiveShaping(
         """Compute the study of all beams."""
         from pipeline.active.thesis import beside
         from pipeline.active.thesis_shaping import shaping
-        from solvers.shaping_study.document import document
-        from solvers.shaping_study.study import ShapingData, shaping_study
+        from solvers.thesis.shaping_study import ShapingData, document, shaping_study
 
         if case is not None:
             run.info("the case is not used: shaping has its own beams, stated in its document")

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
-    from solvers.control.dq_study import DqData
+    from solvers.thesis.loop_design import DqData
 
 
 class DqResult(Modelled, table="comparison", axes=("quantity",)):
@@ -131,8 +131,8 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
         """Study the loop of the mode that sweep, table, case or option names."""
         from pipeline.active import loop, thesis_models
         from pipeline.active.thesis import beside
-        from solvers.control.dq_study import dq_study
         from solvers.control.identification import identify
+        from solvers.thesis.loop_design import dq_study
 
         table = loop.read_table(self.table) if self.table else None
         with asked("dq"):
@@ -151,8 +151,8 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
 
     def _data(self, case: Case | None, table: ModeTable | None, run: Run) -> DqData:
         from pipeline.active import loop
-        from solvers.control.baseband import ModePlant
-        from solvers.control.dq_study import DqData
+        from solvers.control.loop import ModePlant
+        from solvers.thesis.loop_design import DqData
 
         data = DqData()
         if table is not None:

@@ -117,7 +117,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def _at_the_zone(self) -> Iterator[str]:
         """Yield what the rows do at the zone's frequency by plate theory; nothing outside the band or without a zone."""
         from pipeline.quantity import frequency, level_with_bar, with_bar
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         answer = None if self.zone_hz is None else prediction(self, self.zone_hz)
         if answer is None or answer.db_per_row is None:
@@ -354,7 +354,7 @@ def prediction(
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level, dB."""
     from math import ceil
 
-    from solvers.measures.levels import CONFINED_DB
+    from solvers.measures.confinement import CONFINED_DB
 
     per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))

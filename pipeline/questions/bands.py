@@ -208,7 +208,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     @property
     def distance_per_m(self) -> FloatArray:
         """Distance along the path (points,) in rad/m."""
-        from solvers.waves.brillouin import Path
+        from geometry.lattice import Path
 
         return Path(self.wavevectors_per_m, self.labels).arc
 

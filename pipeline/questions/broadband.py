@@ -122,7 +122,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         from pipeline.quantity import figure as in_digits
         from pipeline.quantity import frequency_with_bar, interval, with_bar
         from pipeline.records.reading import reading_table
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
@@ -149,7 +149,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
         """Draw both levels, the wanted mode of the column marked."""
         from pipeline.plots import style
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
@@ -168,7 +168,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         """Return the rows over frequency."""
         from pipeline.plots import style
         from pipeline.quantity import interval
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
         alt = (

@@ -57,15 +57,15 @@ class Geometry(Question[GeometryResult], in_studies_only=True):
 
     def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
         """Write STL, STEP and 3MF into the case's folder and read the STL back."""
-        from geometry.cad import files, solids
+        from geometry.cad import printing, solids
 
         assert run.folder
         with run.step("build the solid"):
             body = solids.plate_solid(case.design)
         with run.step("write STL, STEP, 3MF"):
-            files.write_stl(body, run.folder / "plate_mm.stl", case.name)
-            files.write_step(body, run.folder / "plate.step", case.name)
-            files.write_3mf(body, run.folder / "plate.3mf", about(case))
+            printing.write_stl(body, run.folder / "plate_mm.stl", case.name)
+            printing.write_step(body, run.folder / "plate.step", case.name)
+            printing.write_3mf(body, run.folder / "plate.3mf", about(case))
         with run.step("check the print file"):
             return checked(
                 case, body, run.folder / "plate_mm.stl", run.log, ("plate_mm.stl", "plate.step", "plate.3mf")
@@ -74,7 +74,7 @@ class Geometry(Question[GeometryResult], in_studies_only=True):
 
 def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) -> GeometryResult:
     """Return what was found in a print file of a solid, and log it with its faults."""
-    from geometry.cad.printability import check_print
+    from geometry.cad.printing import check_print
 
     found = check_print(stl, body, case.design)
     feature, size_m = found.smallest_feature

@@ -174,7 +174,7 @@ class HybridResult(Result, axes=("frequency_hz",)):
     def draw(self, ax: Axes) -> None:
         """Draw confinement by rows, by patches, by both and by neither over frequency."""
         from pipeline.plots import style
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         levels = {method.method: method.confinement_db for method in self.methods}
         self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")

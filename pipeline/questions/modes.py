@@ -204,7 +204,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         import numpy as np
 
         from pipeline.plots import style
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():

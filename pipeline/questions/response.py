@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
     from solvers.piezo.forced import ForcedPlate
-    from solvers.piezo.peaks import Peak
+    from solvers.piezo.responses import Peak
 
 POINTS, SHOWN = 401, 15
 BAND = 0.1  # of a value: how far down a bar is drawn that is longer
@@ -169,8 +169,8 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         import numpy as np
 
         from pipeline.models.peak_bars import curve_errors
-        from solvers.piezo.circuit import circuit_shift
-        from solvers.piezo.height import frequency_error
+        from solvers.piezo.peak_errors import frequency_error
+        from solvers.piezo.responses import circuit_shift
 
         forced, curve, patches, shift = solved.forced, solved.curve, case.patches, circuit_shift(solved.forced)
         assert patches
@@ -353,7 +353,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
     """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
     from pipeline.models.peak_bars import level_error_db, quality_error
-    from solvers.piezo.height import frequency_error, height_error
+    from solvers.piezo.peak_errors import frequency_error, height_error
 
     return PeakRecord.of(
         peak,

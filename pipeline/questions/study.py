@@ -18,7 +18,7 @@ from pipeline.records import store, tables
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.records.tables import Column
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 if TYPE_CHECKING:
     from pipeline.plots.style import ReportFigure

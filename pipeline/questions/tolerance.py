@@ -127,7 +127,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     def summary(self) -> Iterator[str]:
         """Yield the statistics: frequencies and levels with the digits that their spread allows."""
         from pipeline.quantity import figure, frequency, interval, level, signed
-        from solvers.variation.parametric_cell import CHECKED
+        from solvers.variation.cells import CHECKED
         from solvers.variation.samples import CUT
 
         peak, shift, levels, count = self.peak_hz, self.peak_shift_hz, self.confinement_db, self.counted
@@ -159,7 +159,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         import numpy as np
 
         from pipeline.plots import style
-        from solvers.measures.levels import CONFINED_DB
+        from solvers.measures.confinement import CONFINED_DB
 
         both = [(one.peak_hz, one.confinement_db) for one in (self.nominal, *self.samples) if one.peak_hz is not None]
         tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T

@@ -19,9 +19,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.registry import stored_shape
+from geometry.pillar_shapes.shapes import stored_shape
 from pipeline.records import part, store
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 R = TypeVar("R", bound=part.Part)
 STATUSES = ("OK", "WARNING")  # of cases that gave an answer

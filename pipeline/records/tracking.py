@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.sweep_lines import lines_along, main_key
-from solvers.measures.mode_tracking import Shapes, follow
+from solvers.measures.correlation import Shapes, follow
 
 Line = list[tuple[StoredCase, Any, Any]]
 

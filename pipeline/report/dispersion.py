@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from geometry.decimate import coarse
+from geometry.decimation import coarse
 from pipeline import quantity
 from pipeline.plots.plate import skin_faces
 from pipeline.questions.bands import MARKS, PILLAR, BandPoint, BandsResult

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.decimate import coarse, with_sides
+from geometry.decimation import coarse, with_sides
 from pipeline.plots.plate import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency, level
 from pipeline.records.study import StoredCase

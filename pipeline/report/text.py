@@ -21,7 +21,7 @@ from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import Column, without_effect
 from pipeline.report.thesis import compare
 from pipeline.units import KHZ, MM
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 MAX_MODES = 40
 MAX_PLANS = 12

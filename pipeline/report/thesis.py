@@ -14,7 +14,7 @@ from pipeline.questions.bands import BandsResult
 from pipeline.questions.predesign import PredesignResult
 from pipeline.records.record import DesignRecord, Record
 from pipeline.units import KHZ, MM
-from solvers.measures.levels import CONFINED_DB
+from solvers.measures.confinement import CONFINED_DB
 
 FILE = REFERENCE / "thesis.csv"
 TITLE = "Design of controlled localized mechanical waves: application to haptics"  # a doctoral thesis

@@ -23,7 +23,7 @@ from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP
 from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
-    from solvers.measures.driven_zones import DrivenZones
+    from solvers.measures.confinement import DrivenZones
 
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
@@ -109,7 +109,7 @@ def _taller(case: Case, change_m: float) -> Case:
 def by_strip(case: Case, softness: float) -> FidelityResult:
     """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
     from solvers.errors import SolverError
-    from solvers.resonators.strip import strip_modes, strip_zones
+    from solvers.plates.strip import strip_modes, strip_zones
 
     design = case.design
     try:
@@ -180,8 +180,8 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
     from pipeline.models.live_column import LiveCell, live_modes
     from solvers.analytic.predesign import free_kx_per_m
     from solvers.measures.confinement import measure_profile
-    from solvers.superelement.build import Reductions
-    from solvers.waves.column import Column
+    from solvers.plates.assembled import Reductions
+    from solvers.plates.column import Column
 
     design = case.design
     low, high = mesh_rules.wanted_window_hz(design)

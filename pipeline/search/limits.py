@@ -25,7 +25,7 @@ class Limits(Part):
 
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone violates: in words, and by how much (relative)."""
-        from geometry.cad.printability import SUPPORT_DEG, features
+        from geometry.cad.printing import SUPPORT_DEG, features
         from pipeline.quantity import figure
 
         violations = []

@@ -1,22 +1,70 @@
-"""Euler-Bernoulli beams: wavenumbers, frequencies and shapes for every pair of end conditions.
-
-The four basis functions are centred and scaled to one at the ends, so nothing overflows at any mode number.
-"""
+"""Euler-Bernoulli beams: exact wavenumbers, frequencies and shapes, finite elements of layered ones, and a root-finder."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from math import pi, sqrt
+from math import isfinite, pi, sqrt
 from typing import Literal
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from geometry.elements import FloatArray
-from solvers.analytic.root_finding import root_between
 from solvers.errors import SolverError
+
+# -- roots between brackets --------------------------------------------------------------------------------------------
+# A root between two ends of opposite sign, without the quarter of a second that importing a whole optimiser takes.
+
+MAX_COUNT = 200
+
+
+def root_between(
+    function: Callable[[float], float], low: float, high: float, xtol: float, rtol: float = 4e-16
+) -> float:
+    """x between two ends where f changes its sign, within xtol + rtol |x|: inverse quadratic steps, else halving.
+
+    Raises SolverError when the ends have the same sign or a value is not finite. Source: chandrupatla1997.
+    """
+    a, b = float(high), float(low)
+    fa, fb = function(a), function(b)
+    if not (isfinite(fa) and isfinite(fb)) or (fa != 0.0 and fb != 0.0 and (fa < 0.0) == (fb < 0.0)):
+        raise SolverError(f"no sign change between {low:g} and {high:g}: {fb:g} and {fa:g}")
+    c, fc, share = a, fa, 0.5
+    for _ in range(MAX_COUNT):
+        best, value = (a, fa) if abs(fa) < abs(fb) else (b, fb)
+        least = (xtol + rtol * abs(best)) / 2.0 / abs(a - b)
+        if value == 0.0 or least > 0.5:
+            return best
+        x = a + min(max(share, least), 1.0 - least) * (b - a)
+        fx = function(x)
+        if not isfinite(fx):
+            raise SolverError(f"no finite value at {x:g}, between {low:g} and {high:g}")
+        if (fx < 0.0) == (fa < 0.0):
+            c, fc = a, fa
+        else:
+            c, fc, b, fb = b, fb, a, fa
+        a, fa = x, fx
+        share = _inverse_quadratic(a, b, c, fa, fb, fc)
+    raise SolverError(f"no root within {xtol:g} between {low:g} and {high:g} after {MAX_COUNT} steps")
+
+
+def _inverse_quadratic(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
+    """Share of the way from a to b where the parabola x(f) through three points has f = 0; half where that is not safe."""
+    if fc in (fa, fb):
+        return 0.5
+    xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+    if phi**2 >= xi or (1.0 - phi) ** 2 >= 1.0 - xi:
+        return 0.5
+    return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+
+
+# -- exact modes -------------------------------------------------------------------------------------------------------
+# Euler-Bernoulli beams: wavenumbers, frequencies and shapes for every pair of end conditions.
+# The four basis functions are centred and scaled to one at the ends, so nothing overflows at any mode number.
 
 End = Literal["clamped", "pinned", "sliding", "free"]
 # the derivatives of w that vanish: w = 0 deflection, 1 slope, 2 moment, 3 shear force
@@ -159,3 +207,73 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
 def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_kg_m: float) -> FloatArray:
     """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, shape of kappa, from L in m, EI in N m2, rho A in kg/m."""
     return kappa**2 / (2.0 * pi * length_m**2) * sqrt(bending_n_m2 / mass_kg_m)
+
+
+# -- finite elements ---------------------------------------------------------------------------------------------------
+# Finite elements of a layered beam: cubic deflection, quadratic extension, and the coupling of a one-sided layer.
+# Strain u' - z w'': the energy is 1/2 integral of EA u'^2 - 2 ES u' w'' + EI w''^2, mass rho A for the deflection
+# alone (Euler-Bernoulli; extension follows without inertia).
+
+
+@dataclass(frozen=True)
+class Sections:
+    """One value per element: EA (N), ES (N m), EI (N m2) about the beam's middle plane, rho A (kg/m)."""
+
+    stretching: FloatArray
+    coupling: FloatArray
+    bending: FloatArray
+    mass: FloatArray
+
+
+@dataclass(frozen=True)
+class BeamMatrices:
+    """K over (u, w) and M over w. nodes_m (n + 1,); u has 2 n + 1 degrees of freedom, w has (w, w') at each node.
+
+    stretching (u, u), coupling (u, w), bending (w, w), mass (w, w).
+    """
+
+    nodes_m: FloatArray
+    stretching: FloatArray
+    coupling: FloatArray
+    bending: FloatArray
+    mass: FloatArray
+
+
+def hermite(s: FloatArray, length_m: FloatArray | float, derivative: int = 0) -> FloatArray:
+    """Cubic shape functions of (w1, w1', w2, w2') and their derivatives over x at s = x/length in [0, 1], (..., 4)."""
+    cubic = np.polynomial.Polynomial
+    shapes = [cubic([1, 0, -3, 2]), cubic([0, 1, -2, 1]), cubic([0, 0, 3, -2]), cubic([0, 0, -1, 1])]
+    columns = [(shape.deriv(derivative) if derivative else shape)(s) for shape in shapes]
+    length = np.asarray(length_m)
+    for column in (1, 3):
+        columns[column] = columns[column] * length
+    return np.asarray(np.stack(columns, axis=-1) / np.asarray(length**derivative)[..., None])
+
+
+def assemble_beam(nodes_m: FloatArray, sections: Sections) -> BeamMatrices:
+    """Element matrices by a Gauss rule that is exact for them, summed over the nodes."""
+    count = len(nodes_m) - 1
+    points, weights = legendre.leggauss(4)
+    s = (points + 1.0) / 2.0
+    stretching, coupling = np.zeros((2 * count + 1,) * 2), np.zeros((2 * count + 1, 2 * count + 2))
+    bending, mass = np.zeros((2 * count + 2,) * 2), np.zeros((2 * count + 2,) * 2)
+    for e, length in enumerate(np.diff(nodes_m)):
+        weight = weights * length / 2.0
+        slope = np.stack([4.0 * s - 3.0, 4.0 - 8.0 * s, 4.0 * s - 1.0], axis=-1) / length
+        value, curve = hermite(s, float(length)), hermite(s, float(length), 2)
+        axial, lateral = slice(2 * e, 2 * e + 3), slice(2 * e, 2 * e + 4)
+        stretching[axial, axial] += sections.stretching[e] * slope.T @ (weight[:, None] * slope)
+        coupling[axial, lateral] -= sections.coupling[e] * slope.T @ (weight[:, None] * curve)
+        bending[lateral, lateral] += sections.bending[e] * curve.T @ (weight[:, None] * curve)
+        mass[lateral, lateral] += sections.mass[e] * value.T @ (weight[:, None] * value)
+    return BeamMatrices(nodes_m, stretching, coupling, bending, mass)
+
+
+def deflection_rows(nodes_m: FloatArray, points_m: FloatArray) -> FloatArray:
+    """Rows that give w at points from the nodal (w, w'), shape (points, 2 n + 2)."""
+    element = np.clip(np.searchsorted(nodes_m, points_m, side="right") - 1, 0, len(nodes_m) - 2)
+    length = np.diff(nodes_m)[element]
+    values = hermite((points_m - nodes_m[element]) / length, length)
+    rows = np.zeros((len(points_m), 2 * len(nodes_m)))
+    rows[np.arange(len(points_m))[:, None], 2 * element[:, None] + np.arange(4)] = values
+    return rows

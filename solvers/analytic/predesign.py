@@ -11,12 +11,17 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar, Tip, half_wavelength_m
-from solvers.analytic.beams import frequency_hz, roots
-from solvers.analytic.plates import Strip, beam_function_hz, levy_hz, levy_wavenumber_per_m
-from solvers.analytic.ritz_plates import MAX_LINES, kirchhoff_mode, mindlin_mode
-from solvers.analytic.root_finding import root_between
-from solvers.analytic.section import Beam, EndBody, beam_of
-from solvers.analytic.timoshenko import exact_omegas
+from solvers.analytic.beams import frequency_hz, root_between, roots
+from solvers.analytic.plates import (
+    MAX_LINES,
+    Strip,
+    beam_function_hz,
+    kirchhoff_mode,
+    levy_hz,
+    levy_wavenumber_per_m,
+    mindlin_mode,
+)
+from solvers.analytic.timoshenko import Beam, EndBody, beam_of, exact_omegas
 from solvers.errors import SolverError, check_above_zero
 
 Theory = Literal["euler", "timoshenko"]
@@ -128,7 +133,7 @@ def pillar_frequencies_hz(
     """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
     beam = pillar_beam(pillar, height_m, about_x)
     if beam.width_ratio is not None or beam.end is not None:
-        from solvers.analytic.ritz_beams import ritz_frequencies_hz
+        from solvers.analytic.timoshenko import ritz_frequencies_hz
 
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
     if theory == "timoshenko":

@@ -1,22 +1,173 @@
-"""Uniform Timoshenko beams: exact frequencies for every pair of end conditions.
-
-Below the thickness-shear cut-off the roots lie about pi apart in the bending wavenumber and are bracketed by a scan; above
-it two families interleave, and a Rayleigh-Ritz solution tells where to look.
-"""
+"""Timoshenko beams: sections, exact frequencies of uniform ones, and Rayleigh-Ritz for tapered ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import pi, sqrt
+from math import inf, pi, sqrt
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
-from solvers.analytic.beams import End, check_ends
-from solvers.analytic.root_finding import root_between
-from solvers.analytic.section import Beam, check_beam
-from solvers.errors import SolverError
+from solvers.analytic.beams import End, check_ends, rigid_count, root_between
+from solvers.errors import SolverError, check_above_zero
+
+# -- sections ----------------------------------------------------------------------------------------------------------
+# A beam's section as Timoshenko's theory takes it: its stiffnesses and inertias.
+
+
+@dataclass(frozen=True)
+class EndBody:
+    """A rigid body on a beam's end: mass, rotary inertia about its own centre, how far that lies beyond the end. SI."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+    arm_m: float
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0; `end` is carried
+    at s = 1.
+
+    length_m L; bending_n_m2 EI, shear_n kappa G A, mass_kg_m rho A, rotary_kg_m rho I, all at s = 0.
+    """
+
+    length_m: float
+    bending_n_m2: float
+    shear_n: float
+    mass_kg_m: float
+    rotary_kg_m: float
+    width_ratio: Callable[[FloatArray], FloatArray] | None = None
+    end: EndBody | None = None
+
+    @property
+    def flexibility(self) -> float:
+        """E I/(kappa G A L^2), dimensionless: 0 is Euler-Bernoulli's beam."""
+        return self.bending_n_m2 / (self.shear_n * self.length_m**2)
+
+    @property
+    def rotation(self) -> float:
+        """I/(A L^2), dimensionless: rotary inertia."""
+        return self.rotary_kg_m / (self.mass_kg_m * self.length_m**2)
+
+    @property
+    def end_shares(self) -> tuple[float, float, float]:
+        """The end body's mass over rho A L, its inertia over rho A L^3 and its arm over L; zeros without one."""
+        if self.end is None:
+            return 0.0, 0.0, 0.0
+        mass = self.mass_kg_m * self.length_m
+        return self.end.mass_kg / mass, self.end.inertia_kg_m2 / mass / self.length_m**2, self.end.arm_m / self.length_m
+
+    @property
+    def unit_rad_s(self) -> float:
+        """sqrt(EI/(rho A L^4)), rad/s: omega over this is the dimensionless frequency."""
+        return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
+
+
+def beam_of(
+    length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: tuple[float, float, float]
+) -> Beam:
+    """A uniform beam from its section's area, second moment and shear factor, and (E, density, nu) in SI.
+
+    Raises SolverError for a size or constant that is not above 0.
+    """
+    young, density, poisson = material
+    for what, value in (("length", length_m), ("section", min(area_m2, about_m4)), ("E", young), ("density", density)):
+        check_above_zero(f"beam {what}", value)
+    shear = shear_factor * young / (2.0 * (1.0 + poisson)) * area_m2
+    return Beam(length_m, young * about_m4, shear, density * area_m2, density * about_m4)
+
+
+def check_beam(beam: Beam, count: int) -> None:
+    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
+    sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
+    if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
+        raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
+
+
+# -- Rayleigh-Ritz -----------------------------------------------------------------------------------------------------
+# Rayleigh-Ritz for Timoshenko beams, tapered ones included: Legendre series for deflection and shear angle.
+# With the shear angle over the flexibility as second unknown the matrices stay well scaled for any slenderness.
+
+ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially
+
+
+def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:
+    """The first `count` elastic frequencies from above, Hz; for uniform beams exact_omegas is exact.
+
+    Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2, to which a body on the
+    right end adds M (w + d psi)^2 + J psi^2 there; rigid_shear leaves the beam's shear and rotary inertia out
+    (Euler-Bernoulli). SolverError as exact_omegas.
+    """
+    check_ends(left, right)
+    check_beam(beam, count)
+    if rigid_shear:
+        beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
+    return ritz_omegas(beam, left, right, count) * beam.unit_rad_s / (2.0 * pi)
+
+
+def ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
+    """Dimensionless elastic frequencies omega sqrt(rho A L^4/EI), shape (count,)."""
+    degree = 2 * count + ENOUGH
+    stiffness, mass = _matrices(beam, degree)
+    from scipy.linalg import eigh, null_space  # slow to import, and uniform beams need none
+
+    basis = null_space(_constraints(beam, left, right, degree))
+    values = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis, eigvals_only=True)
+    rigid = rigid_count(left, right)
+    return np.sqrt(np.abs(values[rigid : rigid + count]))
+
+
+def _rows(points: FloatArray, beam: Beam, degree: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """w, psi, psi' and g at the points as rows over (w, g) coefficients; psi = w' - flexibility g."""
+    value: FloatArray = np.asarray(legendre.legvander(points, degree), dtype=np.float64)
+    series = np.eye(degree + 1)
+    slope: FloatArray = np.asarray(2.0 * legendre.legval(points, legendre.legder(series)).T, dtype=np.float64)
+    curve: FloatArray = np.asarray(4.0 * legendre.legval(points, legendre.legder(series, 2)).T, dtype=np.float64)
+    zero, flex = np.zeros_like(value), beam.flexibility
+    if flex == 0.0:
+        return value, slope, curve, zero
+    return (
+        np.hstack([value, zero]),
+        np.hstack([slope, -flex * value]),
+        np.hstack([curve, -flex * slope]),
+        np.hstack([zero, value]),
+    )
+
+
+def _matrices(beam: Beam, degree: int) -> tuple[FloatArray, FloatArray]:
+    points, weights = legendre.leggauss(degree + 12)
+    ratio = np.ones_like(points) if beam.width_ratio is None else beam.width_ratio((points + 1.0) / 2.0)
+    deflection, rotation, bending, shear = _rows(points, beam, degree)
+    stiffness = _gram(bending, weights * ratio**4) + _gram(shear, weights * ratio**2 * beam.flexibility)
+    mass = _gram(deflection, weights * ratio**2) + _gram(rotation, weights * ratio**4 * beam.rotation)
+    heavy, turned, arm = beam.end_shares
+    deflection, rotation, _, _ = _rows(np.array([1.0]), beam, degree)
+    at_end = _gram(deflection + arm * rotation, np.array([heavy])) + _gram(rotation, np.array([turned]))
+    return stiffness / 2.0, mass / 2.0 + at_end
+
+
+def _gram(rows: FloatArray, weights: FloatArray) -> FloatArray:
+    return np.asarray(rows.T @ (weights[:, None] * rows))
+
+
+def _constraints(beam: Beam, left: str, right: str, degree: int) -> FloatArray:
+    """Rows that hold w (clamped, pinned) and psi (clamped, sliding) at the ends; the energy gives the rest."""
+    rows = [np.zeros((degree + 1) * (1 if beam.flexibility == 0.0 else 2))]
+    for end, at in ((left, -1.0), (right, 1.0)):
+        deflection, rotation, _, _ = (row[0] for row in _rows(np.array([at]), beam, degree))
+        rows += [deflection] if end in ("clamped", "pinned") else []
+        rows += [rotation] if end in ("clamped", "sliding") else []
+    return np.stack(rows)
+
+
+# -- exact frequencies -------------------------------------------------------------------------------------------------
+# Uniform Timoshenko beams: exact frequencies for every pair of end conditions.
+# Below the thickness-shear cut-off the roots lie about pi apart in the bending wavenumber and are bracketed by a
+# scan; above it two families interleave, and a Rayleigh-Ritz solution tells where to look.
 
 LOWEST = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)
 STEP = pi / 16.0
@@ -76,7 +227,6 @@ def _sign_changes(omegas: list[float], beam: Beam, left: str, right: str) -> lis
 
 def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
     """The first `count` roots when some lie above the cut-off: Ritz estimates, refined where a root is alone."""
-    from solvers.analytic.ritz_beams import ritz_omegas
 
     estimates = ritz_omegas(beam, left, right, count)
     refined = list(below)

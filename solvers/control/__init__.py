@@ -1,1 +1,1 @@
-"""The amplitude loop of one mode in the rotating frame."""
+"""One mode's amplitude loop in the rotating frame, and its identification."""

@@ -1,1 +1,1 @@
-"""What patches make of a driven plate together: contrast of zone and passive face, travelling waves, power flow."""
+"""What patches make of a driven plate together, and the error bars of it."""

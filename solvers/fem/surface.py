@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 
 from geometry.elements import TRIANGLES, BoolArray, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
 from geometry.mesh import AnyMesh, Mesh
-from solvers.fem import cut_facets
+from solvers.fem import quadrature
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
@@ -84,8 +84,8 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
     """The same over facets (f, k) of one shape on nodes (n, 3) in m."""
     if not len(lines_m):
         return _uncut(nodes, faces, order)
-    straight = cut_facets.is_straight(nodes[faces], _facet_nodes(faces.shape[1], order))
-    cut = cut_facets.may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
+    straight = quadrature.is_straight(nodes[faces], _facet_nodes(faces.shape[1], order))
+    cut = quadrature.may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
     rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
     return joined([_uncut(nodes, faces[~cut], order), *rules])
 
@@ -121,9 +121,9 @@ def _cut_rules(
     """A rule of its own for every facet that lines may cut."""
     is_triangle, rules = faces.shape[1] in TRIANGLES, []
     shape = partial(triangle_shape if is_triangle else square_shape, order)
-    whole = cut_facets.TRIANGLE if is_triangle else cut_facets.SQUARE
+    whole = quadrature.TRIANGLE if is_triangle else quadrature.SQUARE
     for facet, flat in zip(faces, straight.tolist(), strict=True):
-        at, weights = cut_facets.CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
+        at, weights = quadrature.CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
         rules.append(_mapped(nodes, facet[None], *shape(at), weights))
     return rules
 

@@ -1,1 +1,1 @@
-"""What is measured on a motion: confinement, mode mixing, mode tracking, a vibrometer's map."""
+"""What is measured on a motion: confinement, the wanted mode, mode mixing, fields compared."""

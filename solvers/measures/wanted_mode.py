@@ -1,22 +1,25 @@
-"""Which of a plate's modes is the wanted one, by one rule for every model: single, split among several, or none.
-
-A mode's weight is its strength times its zone share times its MAC (`solvers.measures.confinement`): how much of the zone's
-motion in the wanted shape it carries, how much of its own motion stays there, and how much of that has the shape. It must look
-like the wanted shape to stand for it at all. Which modes are computed, `solvers.measures.wanted_search` decides.
-
-The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of each: all
-plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
-"""
+"""The wanted mode of a plate: the rule that chooses it among modes, and the search that computes enough of them."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
+
+# -- rule --------------------------------------------------------------------------------------------------------------
+# Which of a plate's modes is the wanted one, by one rule for every model: single, split among several, or none.
+# A mode's weight is its strength times its zone share times its MAC (`solvers.measures.confinement`): how much of the
+# zone's motion in the wanted shape it carries, how much of its own motion stays there, and how much of that has the
+# shape. It must look like the wanted shape to stand for it at all. Which modes are computed,
+# the search below decides.
+#
+# The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of
+# each: all plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 
 SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the wanted shape
 CLEAR = 0.8  # MAC from which one mode may carry the shape alone
@@ -99,3 +102,172 @@ def reaching(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float
     """The window, widened until it reaches past a mode on both sides."""
     low, high = (1.0 - PAST) * frequency_hz, (1.0 + PAST) * frequency_hz
     return min(window_hz[0], low), max(window_hz[1], high)
+
+
+# -- search ------------------------------------------------------------------------------------------------------------
+# Search for the wanted mode of a plate: one path through the frequencies, whatever was asked for and whoever asks.
+# Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches
+# past the mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight
+# exceeds its strength: 1 less the strengths found bounds the weight of any mode that was not computed. Where that
+# leaves room for a rival of a mode that would be single, a few solves bound what any one mode may have of it
+# (`solvers.fem.missing_mode`). Where they leave room too, modes down to rest are computed, then higher ones, up to a
+# limit beyond which nothing is single.
+
+STEP = 1.25  # of the upper end: how far the search goes up at once
+STEPS = 3  # upwards at most
+ROUNDS = 12  # widenings at most
+
+
+class Measured(Protocol):
+    """A mode with its measures (`solvers.measures.confinement`); None or NaN where one is unknown."""
+
+    @property
+    def frequency_hz(self) -> float:
+        """In Hz."""
+        ...
+
+    @property
+    def strength(self) -> float | None:
+        """Effective-mass fraction in the wanted shape."""
+        ...
+
+    @property
+    def zone_share(self) -> float | None:
+        """Fraction of its motion on the active face."""
+        ...
+
+    @property
+    def mac(self) -> float | None:
+        """Likeness to the wanted shape."""
+        ...
+
+
+T = TypeVar("T", bound=Measured)
+Solve = Callable[[float, float], Sequence[T]]
+Interval = tuple[float, float]
+Largest = Callable[[Sequence[T], Interval], float]
+
+
+@dataclass(frozen=True)
+class Found(Generic[T]):
+    """Outcome of a search.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        Indices into `modes`.
+    modes : tuple
+        Every mode of the class within `reach_hz`, ascending.
+    window_hz : (float, float)
+        Interval, Hz, whose modes the wanted one's share is counted among.
+    reach_hz : (float, float)
+        Interval, Hz, in which every mode of the class is known.
+    missing : float
+        Upper bound of the weight of any mode outside `reach_hz`.
+    """
+
+    verdict: Verdict
+    modes: tuple[T, ...]
+    window_hz: Interval
+    reach_hz: Interval
+    missing: float
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a mode that was not computed could rival the wanted one."""
+        best = self.verdict.index
+        return best is not None and leaves_room(self.missing, float(weights(self.modes)[best]))
+
+
+def search(
+    window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T], largest: Largest[T] | None = None
+) -> Found[T]:
+    """Search the wanted mode from a window outwards.
+
+    Parameters
+    ----------
+    window_hz : (float, float)
+        Where the search begins, Hz; no candidate lies below it.
+    known_hz : (float, float)
+        Interval, Hz, whose modes `known` holds: they are not computed again.
+    known : sequence
+        Modes of the class.
+    solve : callable
+        Returns every mode of the class between two frequencies in Hz.
+    largest : callable, optional
+        Returns an upper bound of the strength of any one mode outside an interval, from all modes within it.
+
+    Returns
+    -------
+    Found
+        The same for every `known`.
+    """
+    ends = reach = window_hz
+    steps = 0
+    for _ in range(ROUNDS):
+        known, known_hz = _completed(known, known_hz, reach, solve)
+        found = _judged(_within(known, reach), window_hz[0], ends, reach)
+        if found.verdict.index is None:
+            break
+        wider = reaching(ends, found.modes[found.verdict.index].frequency_hz)
+        if wider != ends:
+            ends, reach = wider, (min(reach[0], wider[0]), max(reach[1], wider[1]))
+            continue
+        if not (found.is_open and _judged(found.modes, window_hz[0], ends, reach, 0.0).verdict.status == "single"):
+            break
+        if largest is not None:
+            bound = min(found.missing, largest(found.modes, reach))
+            found = _judged(found.modes, window_hz[0], ends, reach, bound)
+        if not found.is_open:
+            break
+        if reach[0] > 0.0:
+            reach = 0.0, reach[1]
+        elif steps < STEPS:
+            steps, reach = steps + 1, (0.0, STEP * reach[1])
+        else:
+            break
+    return found
+
+
+def leaves_room(missing: float, best: float) -> bool:
+    """Whether a weight of at most `missing` may come nearer to the best one than a single mode allows."""
+    return LEAD * missing > best
+
+
+def missing_strength(modes: Sequence[Measured]) -> float:
+    """1 less the strengths of the modes, at least 0: what all others of the class have together."""
+    return max(0.0, 1.0 - float(np.nansum(measures(modes)[0])))
+
+
+def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Strength, zone share and MAC, (k,) each; NaN where not known."""
+    values = np.array([(mode.strength, mode.zone_share, mode.mac) for mode in modes], dtype=float).reshape(-1, 3)
+    return values[:, 0], values[:, 1], values[:, 2]
+
+
+def weights(modes: Sequence[Measured]) -> FloatArray:
+    """How much of the wanted shape each mode carries, (k,)."""
+    return weight(*measures(modes))
+
+
+def _judged(
+    modes: Sequence[T], low_hz: float, ends: Interval, reach: Interval, missing: float | None = None
+) -> Found[T]:
+    """The verdict over the modes within reach: candidates from low_hz upwards, shares among those between the ends."""
+    tones = np.array([mode.frequency_hz for mode in modes])
+    bound = missing_strength(modes) if missing is None else missing
+    near = (tones >= ends[0]) & (tones <= ends[1])
+    judged = verdict(*measures(modes), tones >= low_hz, near, bound) if len(modes) else NONE
+    return Found(judged, tuple(modes), ends, reach, bound)
+
+
+def _within(modes: Sequence[T], ends: Interval) -> tuple[T, ...]:
+    inside = (mode for mode in modes if ends[0] <= mode.frequency_hz <= ends[1])
+    return tuple(sorted(inside, key=lambda mode: mode.frequency_hz))
+
+
+def _completed(modes: Sequence[T], known: Interval, ends: Interval, solve: Solve[T]) -> tuple[tuple[T, ...], Interval]:
+    """Every mode over the known interval and the ends together."""
+    below = solve(ends[0], known[0]) if ends[0] < known[0] else ()
+    above = solve(known[1], ends[1]) if ends[1] > known[1] else ()
+    return (*below, *modes, *above), (min(ends[0], known[0]), max(ends[1], known[1]))

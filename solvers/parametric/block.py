@@ -18,11 +18,11 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.fem.block_lanczos import block_lanczos
-from solvers.fem.constraints import free_mask, rigid_body_modes
 from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.solid import free_mask, rigid_body_modes
 from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
-from solvers.superelement.diagonal import diagonal_folding, diagonal_image
 from solvers.superelement.interface import Interface
+from solvers.superelement.symmetry import diagonal_folding, diagonal_image
 
 BESIDE = 0.1  # scaled eigenvalue: about a tenth band
 ROUGH = 1e-3  # residual of a clamped mode: a basis does not ask for more

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
-from solvers.waves.column import Column
-from solvers.waves.evanescent import Row
+from solvers.waves.complex_bands import Row
 
 REACH = 3.0  # of the top of the window
 Pair = tuple[FloatArray, FloatArray]

@@ -26,9 +26,9 @@ from geometry.layout import Design
 from solvers.fem.assembly import Scale
 from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
 from solvers.parametric.bare import bare_cell, bare_strip
+from solvers.plates.column import Column
 from solvers.superelement.cell import Cell, Expansion, SurfaceRule
 from solvers.threads import one_thread
-from solvers.waves.column import Column
 
 BEYOND = 1.2  # half the longest period over the plate's length
 MORE = 3.0  # half waves along the zone beyond the wanted mode's

@@ -13,8 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.grading import Grading, grid_lines
-from geometry.hex.plan import (
+from geometry.hex.panels import (
     CORNERS,
     Patch,
     PlanLines,
@@ -26,6 +25,7 @@ from geometry.hex.plan import (
     leaning,
     straight,
 )
+from geometry.hex.scenes import Grading, grid_lines
 from geometry.layout import Pillar
 from geometry.mesh import Mesh
 

@@ -9,7 +9,7 @@ from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
 from geometry.mesh import Mesh
-from solvers.fem.gauss_grid import COUNT, gauss_points
+from solvers.fem.quadrature import COUNT, gauss_points
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, Sizes
 from solvers.parametric.foot import Foot

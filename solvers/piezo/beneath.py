@@ -19,23 +19,22 @@ import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, HexSettings, bonded_boxes, hex_mesh
-from geometry.layout import Design, Stand
+from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, Stand, mirrored_axes
 from geometry.materials import Material
 from geometry.mesh import Mesh
-from geometry.patches import mirrored_axes
+from geometry.tiling import Tiling, signature
 from solvers.errors import TooLarge
 from solvers.fem.assembly import System
-from solvers.fem.coarser import Shares, rim_shares
-from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
+from solvers.fem.mesh_error import Shares, rim_shares
+from solvers.fem.solid import constrain, free_mask
 from solvers.piezo import patch as piezo_patch
-from solvers.piezo.bond import SAME_M, Contact, grid_weights, mirror_signs
-from solvers.piezo.panels import JoinedPanels, Panels, between
+from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs
 from solvers.piezo.patch import BondedPatch
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.plate import AssembledPlate
-from solvers.superelement.tiling import Tiling, signature
 
 WAVE = 3.75  # elements along a half-wavelength of the wanted shape, at least
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet

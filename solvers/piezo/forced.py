@@ -24,8 +24,7 @@ from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, wanted_symmetry
-from solvers.measures.wanted_mode import NONE, Verdict, verdict
-from solvers.measures.wanted_search import Found, Interval, search
+from solvers.measures.wanted_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
@@ -203,7 +202,7 @@ class ForcedPlate:
 
     @cached_property
     def target(self) -> Found[PlateMode]:
-        """Search of the patched plate's wanted mode (`solvers.measures.wanted_search`), beyond the band where it has to;
+        """Search of the patched plate's wanted mode (`solvers.measures.wanted_mode`), beyond the band where it has to;
         among the modes about the band where no window to begin with is given.
         """
         basis = self._wanted_basis

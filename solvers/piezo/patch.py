@@ -21,13 +21,13 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
-from geometry.hex.grading import grid_lines
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.scenes import HexSettings, grid_lines
+from geometry.materials import PiezoMaterial
 from geometry.mesh import Mesh
-from geometry.piezo_materials import PiezoMaterial
 from solvers.fem.factor.factoriser import Factor, Factoriser
-from solvers.fem.factor.memory import check_room
 from solvers.fem.surface import face_quadrature
+from solvers.machine import check_room
 from solvers.piezo.bond import mirror_signs
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges

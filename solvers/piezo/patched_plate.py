@@ -17,13 +17,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import FloatArray
-from geometry.patches import mirrored_axes
+from geometry.layout import Design, mirrored_axes
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.coarser import Shares
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.measures.confinement import TouchField
+from solvers.fem.mesh_error import Shares
+from solvers.measures.confinement import TouchField, wanted_shape, wanted_symmetry
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, bonded_patch
@@ -445,3 +445,42 @@ def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
         key = tuple(mark if even[axis] else "" for axis, mark in enumerate(symmetry))
         groups.setdefault(key, []).append(symmetry)
     return list(groups.values())
+
+
+# -- pressure instead of patches ---------------------------------------------------------------------------------------
+# A plate without patches, pressed in the wanted shape: what drives the samples of a case that has no piezo.
+# The pressure is sin(pi (y + W/2)/W) X_N(x) on the active touch face, scaled so that the integral of its size is 1 N.
+
+
+class PressedPlate:
+    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
+
+    def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
+        self.name = name
+        self.patches: tuple[object, ...] = ("pressure",)
+        self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
+        self.stiffness_unit = self.scale.young_pa * self.scale.length_m
+        self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
+        wanted = wanted_symmetry(design.nodal_lines)
+        self.everything = [self._group(plate, design, symmetry == wanted) for symmetry, plate in plates.items()]
+        self.groups = [group for group in self.everything if group.symmetries == (wanted,)]
+        self.undriven = [symmetry for symmetry in plates if symmetry != wanted]
+
+    def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
+        load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
+        return Group((plate,), plate.pencil, load[:, None])
+
+
+def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
+    """Work of the pressure on each degree of freedom, (dof,), N."""
+    load, size = np.zeros(plate.dof), 0.0
+    for placed_cell in plate.placed_cells:
+        rule = plate.touch_rule(placed_cell)
+        points = rule.points[:, :2] + np.array(placed_cell.middle)
+        active = np.abs(points[:, 1]) < design.width_m / 2.0
+        force = placed_cell.copies * np.where(active, rule.weights * wanted_shape(design, points), 0.0)
+        size += float(np.abs(force).sum())
+        live = placed_cell.coefficient != 0.0
+        work = placed_cell.coefficient * rule.work(force)
+        np.add.at(load, placed_cell.dofs[live], work[live])
+    return load / size

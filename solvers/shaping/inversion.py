@@ -1,18 +1,22 @@
-"""Voltages that make the signals asked for: V = T^-1 W, regularised, and within what the amplifiers give.
-
-minimise |T V - W|^2 + (alpha sigma_1)^2 |V|^2 with |V_a| <= limit; a convex problem, its optimality conditions checked.
-"""
+"""Voltages for a target motion within the amplifiers' limits, the filter before the patches, and the effect of errors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
-from solvers.errors import SolverError
-from solvers.shaping.transfer_matrix import orthogonality
+from solvers.errors import SolverError, check_above_zero
+from solvers.shaping.modal_table import orthogonality
+
+# -- voltages ----------------------------------------------------------------------------------------------------------
+# Voltages that make the signals asked for: V = T^-1 W, regularised, and within what the amplifiers give.
+# minimise |T V - W|^2 + (alpha sigma_1)^2 |V|^2 with |V_a| <= limit; a convex problem, its optimality conditions
+# checked.
 
 SINGULAR = 1e-12  # sigma_N/sigma_1 below which T^-1 holds rounding only
 OPTIMAL = 1e-6  # relative: how far a limited solution may stand from its optimality conditions
@@ -117,3 +121,139 @@ def optimality_gap(gram: ComplexArray, pull: ComplexArray, voltages: ComplexArra
     gap = float((slope.conj() @ voltages).real + np.abs(slope).sum())
     size = float(np.abs(pull).sum())
     return gap / size
+
+
+# -- output filter -----------------------------------------------------------------------------------------------------
+# The low-pass filter between a half-bridge and its patch, and what undoes its phase.
+# F(s) = 1/(L C s^2 + R C s + 1), C the patch's capacitance; the corner 1/(2 pi sqrt(LC)) is in Hz. A patch on a
+# moving beam is no plain capacitor: with the capacitance matrix C(omega) of all patches, (I + (i omega R - omega^2 L)
+# C) V = V_command.
+
+
+@dataclass(frozen=True)
+class LowPass:
+    """inductance_h L, resistance_ohm R, capacitance_f C of the clamped patch; all above 0."""
+
+    inductance_h: float
+    resistance_ohm: float
+    capacitance_f: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            check_above_zero(f"filter: {name}", value)
+
+    @property
+    def corner_hz(self) -> float:
+        """1/(2 pi sqrt(LC)), Hz."""
+        return 1.0 / (2.0 * pi * sqrt(self.inductance_h * self.capacitance_f))
+
+    @property
+    def quality_factor(self) -> float:
+        """sqrt(L/C)/R; 1/sqrt(2) is maximally flat."""
+        return sqrt(self.inductance_h / self.capacitance_f) / self.resistance_ohm
+
+    def response(self, frequency_hz: float) -> complex:
+        """F(i omega); SolverError for a frequency that is not above 0."""
+        return 1.0 / (1.0 + self.capacitance_f * self._impedance(frequency_hz))
+
+    def loaded_response(self, frequency_hz: float, capacitance: ComplexArray) -> ComplexArray:
+        """V over V_command (a, a) with every patch on its own filter and C(omega) (a, a) in place of C.
+
+        SolverError for a frequency that is not above 0.
+        """
+        return np.asarray(np.linalg.inv(np.eye(len(capacitance)) + self._impedance(frequency_hz) * capacitance))
+
+    def compensation(self, frequency_hz: float) -> complex:
+        """1/F(i omega): the factor on each command that undoes gain and phase of the unloaded filter."""
+        return 1.0 / self.response(frequency_hz)
+
+    def _impedance(self, frequency_hz: float) -> complex:
+        """s R + s^2 L: voltage lost per charge."""
+        check_above_zero("frequency in Hz", frequency_hz)
+        s = 2j * pi * frequency_hz
+        return self.resistance_ohm * s + self.inductance_h * s**2
+
+
+def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality_factor: float = sqrt(0.5)) -> LowPass:
+    """L and R for a corner half-way (geometrically) between the highest operating and the PWM frequency.
+
+    SolverError unless 0 < highest_hz < pwm_hz and the quality factor is above 0.
+    """
+    if not 0.0 < highest_hz < pwm_hz:
+        raise SolverError(
+            f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
+        )
+    check_above_zero("filter: quality factor, capacitance", quality_factor, capacitance_f)
+    corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
+    inductance = 1.0 / (corner**2 * capacitance_f)
+    return LowPass(inductance, sqrt(inductance / capacitance_f) / quality_factor, capacitance_f)
+
+
+# -- errors ------------------------------------------------------------------------------------------------------------
+# What errors of measurement do to a shaped pattern: Monte Carlo over noise, gain, phase and crosstalk.
+# The controller knows S T + N, S = diag((1 + g) e^{i p}) X what its sensors really do, N the noise of the
+# identification; it applies V = (S T + N)^-1 W and the structure answers T V. Each error small and alone, s sensors:
+# noise of sigma an entry gives E|T V - W|^2 = s sigma^2 |V|^2, gain and phase give (sigma_g^2 + sigma_p^2)|W|^2.
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Standard deviations, and how often they are drawn from which seed: the same one gives the same numbers.
+
+    noise: of each entry of T as a share of its largest one (complex, rms); gain: relative; phase_rad; crosstalk: of the share
+    (complex, rms) a sensor hears of each neighbour. All 0 or more; trials 1 or more.
+    """
+
+    noise: float = 0.0
+    gain: float = 0.0
+    phase_rad: float = 0.0
+    crosstalk: float = 0.0
+    trials: int = 400
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("noise", "gain", "phase_rad", "crosstalk"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise SolverError(f"errors: {name} = {value:g}: must be 0 or more")
+        if self.trials < 1:
+            raise SolverError(f"trials = {self.trials}: must be 1 or more")
+
+
+@dataclass(frozen=True)
+class Spread:
+    """voltages (n, a) of n trials, and error (n,) = |T V - W|/|W|."""
+
+    voltages: ComplexArray
+    error: FloatArray
+
+
+def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> Spread:
+    """Voltages and pattern errors of seeded trials; SolverError as drive_voltages."""
+    random = np.random.default_rng(errors.seed)
+    known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(errors.trials)]
+    voltages = np.stack([drive_voltages(one, target).voltages for one in known])
+    missed = np.linalg.norm(voltages @ np.asarray(matrix).T - target, axis=1)
+    return Spread(voltages, missed / float(np.linalg.norm(target)))
+
+
+def quantiles(values: FloatArray) -> dict[str, Any]:
+    """The 5, 50 and 95 % quantiles of trials."""
+    low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+    return {"q05": float(low), "median": float(middle), "q95": float(high)}
+
+
+def _misjudged(matrix: ComplexArray, errors: Errors, random: np.random.Generator) -> ComplexArray:
+    size = len(matrix)
+    gains = (1.0 + errors.gain * random.standard_normal(size)) * np.exp(
+        1j * errors.phase_rad * random.standard_normal(size)
+    )
+    neighbours = np.eye(size, k=1) + np.eye(size, k=-1)
+    heard = np.eye(size) + errors.crosstalk * neighbours * unit_phasors(random, (size, size))
+    noise = errors.noise * float(np.abs(matrix).max()) * unit_phasors(random, matrix.shape)
+    return np.asarray(gains[:, None] * (heard @ matrix) + noise)
+
+
+def unit_phasors(random: np.random.Generator, shape: tuple[int, ...]) -> ComplexArray:
+    """Normally distributed phasors of rms 1."""
+    return np.asarray((random.standard_normal(shape) + 1j * random.standard_normal(shape)) / np.sqrt(2.0))

@@ -1,12 +1,8 @@
-"""A structure as a table of modes: frequencies, losses, and how much each mode feels and shows.
-
-Modes are mass-normalised and e^{+i omega t} is understood:
-q_m = sum_a actuators[m, a] V_a/(omega_m^2 - omega^2 + i omega omega_m/Q_m),  signal_s = sum_m sensors[m, s] q_m,
-w(x_p) = sum_m field[m, p] q_m, plus what the modes left out answer statically (the residuals).
-"""
+"""A structure as a table of modes between actuators and sensors, the matrix T(omega) of both, and sensors calibrated."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 
@@ -14,6 +10,12 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero
+
+# -- modal table -------------------------------------------------------------------------------------------------------
+# A structure as a table of modes: frequencies, losses, and how much each mode feels and shows.
+# Modes are mass-normalised and e^{+i omega t} is understood: q_m = sum_a actuators[m, a] V_a/(omega_m^2 - omega^2 + i
+# omega omega_m/Q_m), signal_s = sum_m sensors[m, s] q_m, w(x_p) = sum_m field[m, p] q_m, plus what the modes left out
+# answer statically (the residuals).
 
 EXACT = 1e-12  # relative distance of squared frequencies below which an undamped mode is hit
 
@@ -120,3 +122,156 @@ def _check(table: ModalTable) -> None:
         raise SolverError("modal table: frequencies must be finite and not below 0")
     if not (table.quality_factor > 0.0).all():
         raise SolverError("modal table: quality factors must be above 0 (inf for no loss)")
+
+
+# -- transfer matrix ---------------------------------------------------------------------------------------------------
+# The actuator-sensor matrix T(omega): how well it can be inverted, and at which frequencies.
+# coupling = ||I - ORT||_2/(N - 1), ORT_ij = |t_i . conj t_j|/(|t_i||t_j|) over the rows of T: 0 for orthogonal rows,
+# 1 when all are parallel. Two equal rows of six give only 0.2 while T is singular, so the condition number always
+# stands beside it.
+
+UNDRIVEN = 1e-9  # of the largest row: a sensor below it hears nothing
+
+
+@dataclass(frozen=True)
+class Conditioning:
+    """Of one T: condition number sigma_1/sigma_N (inf when singular), coupling and independence = 1 - coupling."""
+
+    condition: float
+    coupling: float
+
+    @property
+    def independence(self) -> float:
+        """1 - coupling: 1 for orthogonal rows, 0 when all are parallel."""
+        return 1.0 - self.coupling
+
+
+def orthogonality(matrix: ComplexArray) -> FloatArray:
+    """ORT, shape (s, s), from T (s, a); no scaling of a row changes it. SolverError for a row of zeros."""
+    matrix = np.asarray(matrix, dtype=complex)
+    size = np.linalg.norm(matrix, axis=1)
+    largest = float(size.max(initial=0.0))
+    undriven = np.flatnonzero(size <= UNDRIVEN * largest) if largest > 0.0 else np.arange(len(size))
+    if undriven.size:
+        raise SolverError(
+            f"sensor {undriven[0] + 1} answers no actuator (its row of T is {size[undriven[0]]:.3g} against {largest:.3g}): "
+            "it sits on a node of every mode that is excited; move it or change the frequency"
+        )
+    rows = matrix / size[:, None]
+    return np.minimum(np.abs(rows @ rows.conj().T), 1.0)
+
+
+def coupling_index(matrix: ComplexArray) -> float:
+    """||I - ORT||_2/(N - 1), 0 (orthogonal rows) to 1 (all parallel); SolverError below two rows or for an undriven row."""
+    if len(matrix) < 2:
+        raise SolverError("the coupling index compares sensors: it needs two or more")
+    modal_overlap = orthogonality(matrix)
+    return float(np.linalg.norm(np.eye(len(modal_overlap)) - modal_overlap, 2) / (len(modal_overlap) - 1))
+
+
+def conditioning(matrix: ComplexArray) -> Conditioning:
+    """Condition number and coupling index of T; errors as coupling_index."""
+    singular = np.linalg.svd(matrix, compute_uv=False)
+    coupling = coupling_index(matrix)
+    return Conditioning(float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf, coupling)
+
+
+@dataclass(frozen=True)
+class Scan:
+    """T over n frequencies: condition (n,), coupling (n,)."""
+
+    frequencies_hz: FloatArray
+    condition: FloatArray
+    coupling: FloatArray
+
+
+def scan(matrix_at: Callable[[float], ComplexArray], frequencies_hz: FloatArray) -> Scan:
+    """Conditioning of T, given as a function of the frequency in Hz, at each frequency; errors as its and coupling_index."""
+    couplings = [conditioning(matrix_at(float(f))) for f in frequencies_hz]
+    return Scan(
+        np.asarray(frequencies_hz, dtype=float),
+        np.array([one.condition for one in couplings]),
+        np.array([one.coupling for one in couplings]),
+    )
+
+
+def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
+    """The best frequencies to invert T at, Hz: least condition numbers among the local minima of a scan, best first.
+
+    SolverError when the scan has none between its ends.
+    """
+    inner = of.condition[1:-1]
+    lows = 1 + np.flatnonzero((inner < of.condition[:-2]) & (inner <= of.condition[2:]))
+    if not lows.size:
+        raise SolverError("no frequency between the ends of the scan conditions T best; scan a wider band")
+    best = lows[np.argsort(of.condition[lows], kind="stable")][:count]
+    return np.asarray(of.frequencies_hz[best])
+
+
+# -- calibration -------------------------------------------------------------------------------------------------------
+# Sensors calibrated on a standing wave: each sensor's voltage against the displacement under it, over several
+# amplitudes.
+# w = c V with a complex c per sensor: |c| in m/V, and the phase that the measuring chain adds. c belongs to the wave
+# it was measured on: a patch answers strain, whose ratio to displacement changes with wavelength and beside a driven
+# patch.
+
+NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
+
+
+@dataclass(frozen=True)
+class Measured:
+    """n amplitudes of one standing wave at s sensors: displacement (n, s) in m, voltage (n, s) in V, complex."""
+
+    displacement: ComplexArray
+    voltage: ComplexArray
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Per sensor (s,): factor c in m/V; standard_error of c, m/V; nonlinearity, |residual|/|w| (rms).
+
+    common_phase is what all sensors share (the chain's delay), rad; own_phase (s,) is what is left, rad.
+    """
+
+    factor: ComplexArray
+    standard_error: FloatArray
+    nonlinearity: FloatArray
+    common_phase: float
+    own_phase: FloatArray
+
+
+def calibrate(measured: Measured) -> Calibration:
+    """c = sum conj(V) w/sum |V|^2 over the amplitudes. common_phase + own_phase = arg c; needs no sign of the wave.
+
+    SolverError below two amplitudes, for shapes that differ, and for a sensor that stands on a node of the wave.
+    """
+    w, v = measured.displacement, measured.voltage
+    if w.ndim != 2 or w.shape != v.shape or not w.size:
+        raise SolverError(
+            f"calibration: displacement {w.shape} and voltage {v.shape} must be (amplitudes, sensors) alike"
+        )
+    if len(w) < 2:
+        raise SolverError("calibration: one amplitude cannot show that a sensor is linear; measure two or more")
+    _refuse_nodes(w, "moves")
+    _refuse_nodes(v, "answers")
+    power = np.sum(np.abs(v) ** 2, axis=0)
+    factor = np.sum(v.conj() * w, axis=0) / power
+    residual = np.sqrt(np.sum(np.abs(w - factor * v) ** 2, axis=0))
+    common = np.sum(factor / np.abs(factor))
+    return Calibration(
+        factor=factor,
+        standard_error=residual / np.sqrt(power * (len(w) - 1)),
+        nonlinearity=residual / np.sqrt(np.sum(np.abs(w) ** 2, axis=0)),
+        common_phase=float(np.angle(common)),
+        own_phase=np.angle(factor * np.exp(-1j * np.angle(common))),
+    )
+
+
+def _refuse_nodes(values: ComplexArray, verb: str) -> None:
+    size = np.sqrt(np.mean(np.abs(values) ** 2, axis=0))
+    low = np.flatnonzero(size <= NODE * size.max())
+    if low.size:
+        raise SolverError(
+            f"calibration: sensor {low[0] + 1} sits on a node of this wave (it {verb} {size[low[0]]:.3g} against "
+            f"{size.max():.3g} elsewhere); use another mode or move it"
+        )

@@ -1,1 +1,1 @@
-"""One plate cell reduced (Craig-Bampton), assembled into lattices and plates."""
+"""One plate cell reduced (Craig-Bampton) and assembled, and the errors of both."""

@@ -1,41 +1,114 @@
-"""Craig-Bampton reduction of one finely meshed panel of plate to boundary polynomials and fixed-interface modes.
-
-V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)]; K_r = V'KV, M_r = V'MV
-(craig1968, castanier2001). Frequencies converge from above in the degrees and in the number of modes.
-"""
+"""A reduced cell: its matrices over boundary polynomials and fixed-interface modes, its fields, and the modes left out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import product
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import block_diag
+from scipy.linalg import eigh
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from geometry.mesh import AnyMesh
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.fem import gauss_grid
-from solvers.fem.assembly import Scale, System
-from solvers.fem.coarser import SHADE, Shares
-from solvers.fem.constraints import constrain, free_mask, rigid_body_modes
-from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
-from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
-from solvers.fem.surface import facet_quadrature, skin_faces
-from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
-from solvers.superelement.interface import SIDES, VERTICES, Interface
-from solvers.superelement.residual import ResidualModes
-from solvers.threads import one_thread
+from solvers.fem import quadrature
+from solvers.fem.assembly import Scale
+from solvers.fem.mesh_error import SHADE, Shares
+from solvers.fem.solid import rigid_body_modes
+from solvers.fem.surface import facet_quadrature
+from solvers.superelement.interface import VERTICES, Interface
+
+# -- modes left out ----------------------------------------------------------------------------------------------------
+# What the fixed-interface modes left out of a cell do to it, told by their residual flexibility D (macneal1971).
+# They take h D from the boundary's dynamic stiffness at an eigenvalue l, and l^2 <= h <= l^2 L / (L - l), L the
+# lowest eigenvalue left out. A wave of the eigenvalue l and the flexibility d = u^H D u without them has m = l - h(m)
+# d with them.
+
+STEPS = 6  # of Newton: the error is squared each time
+CHORD = 1e-6  # relative distance of eigenvalues below which a tangent replaces the chord
+KNOWN = 0.5  # of the lowest eigenvalue left out: up to here h is known within a factor of two
+
+
+@dataclass(frozen=True)
+class ResidualModes:
+    """The modes left out, none below the scaled eigenvalue `edge`."""
+
+    edge: float
+
+    def growth(self, eigenvalue: FloatArray | float) -> FloatArray:
+        """L / (L - l) at eigenvalues l (k,); infinite from L on."""
+        values = np.asarray(eigenvalue, dtype=float)
+        below = values < self.edge
+        return np.where(below, self.edge / np.where(below, self.edge - values, 1.0), np.inf)
+
+    def softening(self, eigenvalue: FloatArray | float) -> FloatArray:
+        """h = l^2 (1 + L / (L - l)) / 2 at eigenvalues l (k,), the middle of its bounds; from KNOWN L on, as much as there."""
+        values = np.minimum(eigenvalue, KNOWN * self.edge)
+        return np.asarray(values**2 * (1.0 + self.growth(values)) / 2.0)
+
+    def slope(self, eigenvalue: FloatArray | float) -> FloatArray:
+        """dh/dl at eigenvalues l (k,)."""
+        values = np.asarray(eigenvalue, dtype=float)
+        below = values <= KNOWN * self.edge
+        growth = self.growth(np.where(below, values, 0.0))
+        return np.where(below, values * (1.0 + growth) + (values * growth) ** 2 / (2.0 * self.edge), 0.0)
+
+    def coupled(self, eigenvalue: FloatArray, flexibility: ComplexArray) -> tuple[FloatArray, ComplexArray]:
+        """Eigenvalues m (n,) of diag(l) - h(m) E, E (n, n) the flexibility, and vectors (n, n) of length 1.
+
+        A chord through h at the eigenvalues of the two waves that an entry couples makes the problem linear in m; from KNOWN L
+        on h goes on along its tangent there. The pencil's mass is positive, because the modes left out cannot move more of the
+        cell's mass than there is: L E <= 1, and chords of h below KNOWN L take at most half of it.
+        """
+        known = self._uncoupled(eigenvalue, flexibility.diagonal().real)
+        softened, apart = self.softening(known), known[:, None] - known
+        alike = np.abs(apart) <= CHORD * np.maximum(*np.abs(np.broadcast_arrays(known[:, None], known)))
+        slope = np.where(
+            alike,
+            (self.slope(known)[:, None] + self.slope(known)) / 2.0,
+            (softened[:, None] - softened) / np.where(alike, 1.0, apart),
+        )
+        start = (softened[:, None] + softened - slope * (known[:, None] + known)) / 2.0
+        values, turn = eigh(np.diag(eigenvalue) - start * flexibility, np.eye(len(known)) + slope * flexibility)
+        return values, np.asarray(turn / np.linalg.norm(turn, axis=0))
+
+    def _uncoupled(self, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
+        """Roots m (n,) of m + h(m) d = l, at most KNOWN L.
+
+        Newton's steps on a rising convex function approach its root from above and never pass it.
+        """
+        edge = KNOWN * self.edge
+        root = np.minimum(eigenvalue, edge)
+        for _ in range(STEPS):
+            step = (root + self.softening(root) * own - eigenvalue) / (1.0 + self.slope(root) * own)
+            root = np.minimum(root - step, edge)
+        return np.asarray(root)
+
+    def bounds(self, eigenvalue: FloatArray, own: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Between which eigenvalues waves of l (k,) and flexibilities d (k,) come to lie, (k,) each."""
+        edge, lost = self.edge, np.maximum(own, 0.0)
+        root = np.sqrt((edge - eigenvalue) ** 2 + 4.0 * edge**2 * lost * eigenvalue)
+        lower = 2.0 * eigenvalue * edge / (edge + eigenvalue + root)
+        return np.asarray(lower), np.asarray(2.0 * eigenvalue / (1.0 + np.sqrt(1.0 + 4.0 * lost * eigenvalue)))
+
+    def bar(self, softened: FloatArray, eigenvalue: FloatArray, own: FloatArray) -> FloatArray:
+        """Half-widths of frequencies' bars, relative, (k,): what the bounds leave open and the second order of what was taken.
+
+        Waves told at m (k,) whose bounds overlap may change places: the n-th lies between the n-th lower and n-th upper bound.
+        """
+        lower, upper = (np.sort(bound) for bound in self.bounds(eigenvalue, own))
+        size = np.where(softened > 0.0, 2.0 * softened, 1.0)
+        rise = np.maximum(eigenvalue - softened, 0.0) / size
+        half = np.maximum(upper - softened, softened - lower) / size + rise * rise.max(initial=0.0)
+        return np.where(softened > 0.0, np.maximum(half, 0.0), 0.0)
+
+
+# -- cell --------------------------------------------------------------------------------------------------------------
 
 RIGID = 1e-8
 MASS_TOLERANCE = (
     1e-6  # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
 )
-SAME = 1e-6  # of the thickness: one place
 
 
 @dataclass(frozen=True)
@@ -57,7 +130,7 @@ class Expansion:
         """Quadrature over the surface, parted at the lines y = const."""
         normal = self.matrix[:, -1]
         if self.weights is not None:
-            points, weights, interpolation = gauss_grid.parted(self.points, self.weights, lines_m)
+            points, weights, interpolation = quadrature.parted(self.points, self.weights, lines_m)
             return SurfaceRule(points, weights, normal, interpolation)
         assert self.facets is not None and self.order is not None
         rule = facet_quadrature(self.points, self.facets, self.order, lines_m)
@@ -216,420 +289,6 @@ def with_further(cell: Cell) -> Cell:
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
     return replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, mesh_error=None, further=None)
-
-
-Coarser = Callable[[Cell, "CellBuilder", "list[SymmetryClass]"], Cell]  # takes the mesh's error away, by a coarser mesh
-
-
-def reduce_cell(
-    system: System,
-    interface: Interface,
-    top_hz: float,
-    halved: tuple[int, ...] = (),
-    free: tuple[str, ...] = (),
-    coarser: Coarser | None = None,
-) -> Cell:
-    """Reduce a panel whose mesh has its middle at the origin; `halved` lists the axes meshed on their positive side only.
-
-    Sides listed in `free` join nothing: they move as the mesh lets them, and their bubbles carry nothing.
-    Fixed-interface modes up to `top_hz` are kept. `coarser` takes the mesh's error away. Raises SolverError when a rigid-body
-    mode meets a force or the mass is off.
-    """
-    _enough_nodes(system, interface)
-    with one_thread():  # blocks of eight columns: a second thread mostly waits, and another case can use its core
-        build = CellBuilder(system, interface, halved, free)
-        parts = build.classes(top_hz)
-        cell = build.join(parts)
-    check_rigid(cell, float(system.mass.sum()) * build.copies)
-    return coarser(cell, build, parts) if coarser else cell
-
-
-def _enough_nodes(system: System, interface: Interface) -> None:
-    """SolverError when the mesh has fewer nodes through the plate than the boundary functions need."""
-    mesh = system.mesh
-    side = mesh.nodes[mesh.nodes_of("x+")]
-    through = len(np.unique(np.round(side[:, 2], 9)))
-    if mesh.kind == "hex" and through <= interface.through:
-        raise SolverError(
-            f"degree {interface.through} through the thickness needs {interface.through + 1} nodes, the mesh has {through}: "
-            "take a higher order or more elements through the plate"
-        )
-
-
-@dataclass(frozen=True)
-class SymmetryClass:
-    """One symmetry class: its basis of boundary degrees of freedom, nodal shapes (3n, m) and fixed-interface frequencies.
-
-    No fixed-interface mode of the class below dropped_hz was left out; flexibility (boundary, boundary) is what those left out
-    answer together to the boundary's motion, (M Psi)' K_II^-1 (M Psi) less the same of the modes kept.
-    """
-
-    signs: dict[int, int]
-    basis: FloatArray
-    shapes: FloatArray
-    fixed_hz: FloatArray
-    dropped_hz: float
-    flexibility: FloatArray
-    turned: SymmetryClass | None = None  # the class that this one is, turned over: its matrices are the same
-
-
-class Sector(Protocol):
-    """Fields of one symmetry: K and M of their degrees of freedom, and what takes degrees of freedom to fields and back."""
-
-    @property
-    def pencil(self) -> SymmetricPencil:
-        """K and M of the degrees of freedom."""
-        ...
-
-    def spread(self, vectors: FloatArray) -> FloatArray:
-        """Fields at every node, (3n, k), of degrees of freedom (m, k)."""
-        ...
-
-    def gathered(self, field: FloatArray) -> FloatArray:
-        """Loads on the degrees of freedom, (m, k), of loads at every node (3n, k) that have this symmetry."""
-        ...
-
-
-class ClassSector:
-    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3)."""
-
-    def __init__(self, system: System, inside: BoolArray) -> None:
-        self.keep = np.flatnonzero(inside.ravel())
-        self.pencil = constrain(system, inside)
-
-    def spread(self, vectors: FloatArray) -> FloatArray:
-        """Fields at every node, (3n, k)."""
-        return self.pencil.expand(vectors).reshape(self.pencil.free.size, -1)
-
-    def gathered(self, field: FloatArray) -> FloatArray:
-        """What of a load (3n, k) acts on the degrees of freedom."""
-        return np.asarray(field[self.keep])
-
-
-@dataclass(frozen=True)
-class ClampedBoundaryClass:
-    """One symmetry class, or half of it, with its boundary clamped: boundary basis, constraint shapes (3n, m), K_II^-1."""
-
-    basis: FloatArray
-    shapes: FloatArray
-    sector: Sector
-    factorise: Factoriser
-    factor: Factor
-
-
-class CellBuilder:
-    """Reduces the symmetry classes of one piece and joins them."""
-
-    def __init__(self, system: System, interface: Interface, halved: tuple[int, ...], free: tuple[str, ...]) -> None:
-        mesh = system.mesh
-        self.system, self.interface, self.halved = system, interface, halved
-        self.copies = 2 ** len(halved)
-        self.half = np.abs(mesh.nodes[mesh.nodes_of("touch"), :2]).max(axis=0)  # a pillar's tip may overhang the plate
-        self.planes = {axis: ("x-", "y-")[axis] for axis in halved}
-        self.outer = [face for face in SIDES if face not in self.planes.values() and face not in free]
-        self.boundary = np.unique(np.concatenate([mesh.nodes_of(face) for face in self.outer]))
-        self.thickness = float(mesh.nodes[self.boundary, 2].max())
-        self.inside = free_mask(mesh, self.outer)
-        self._known: dict[int, tuple[SymmetryClass, tuple[FloatArray, FloatArray, FloatArray]]] = {}
-        self.field = self._boundary_field(mesh)
-
-    def _boundary_field(self, mesh: AnyMesh) -> FloatArray:
-        """Scalar boundary functions at the boundary nodes, shape (b, count / 3)."""
-        nodes = mesh.nodes[self.boundary]
-        return self.interface.evaluate(
-            np.column_stack([nodes[:, :2] / self.half, 2.0 * nodes[:, 2] / self.thickness - 1.0])
-        )
-
-    @cached_property
-    def diagonal(self) -> IntArray | None:
-        """Nodes under the mirror x <-> y of a quarter, (n,); None where mesh, materials or clamped sides differ
-        along x and y.
-        """
-        turned = {face.translate(str.maketrans("xy", "yx")) for face in self.outer}
-        square = self.halved == (0, 1) and turned == set(self.outer)
-        return diagonal_mirror(self.system) if square else None
-
-    def swapped(self, part: SymmetryClass) -> SymmetryClass:
-        """The same class with x and y exchanged: u'_x(x, y) = u_y(y, x)."""
-        assert self.diagonal is not None
-        shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
-        signs = {0: part.signs[1], 1: part.signs[0]}
-        return SymmetryClass(
-            signs,
-            part.basis[self.interface.diagonal()],
-            shapes.reshape(part.shapes.shape),
-            part.fixed_hz,
-            part.dropped_hz,
-            part.flexibility,
-            part,
-        )
-
-    def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
-        """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
-
-        bounded: with what bounds the modes left out, which a mesh that only tells another one's error does not need.
-        """
-        classes = list(product((1, -1), repeat=len(self.halved)))
-        turned = {(-1, 1)} if self.diagonal is not None else set()
-        tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
-        reduced = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
-        parts = {
-            signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
-            for signs, _ in tasks
-        }
-        return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
-
-    def _by_axis(self, signs: tuple[int, ...]) -> dict[int, int]:
-        return dict(zip(self.halved, signs, strict=True))
-
-    def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
-        """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
-        return (1, -1) if self.diagonal is not None and signs[0] == signs[1] else (0,)
-
-    def _inside(self, signs: dict[int, int]) -> BoolArray:
-        """Free degrees of freedom (n, 3) of one symmetry class."""
-        mirrors = {face: "S" if signs[axis] > 0 else "A" for axis, face in self.planes.items()}
-        return self.inside & free_mask(self.system.mesh, (), mirrors)
-
-    def _at_boundary(self, basis: FloatArray) -> FloatArray:
-        """The boundary's motion P, zero inside, (3n, m)."""
-        full = np.zeros((len(self.system.mesh.nodes), 3, basis.shape[1]))
-        for axis in range(3):
-            full[self.boundary, axis] = self.field @ basis[axis::3]
-        return full.reshape(-1, basis.shape[1])
-
-    def _pull(self, shapes: FloatArray) -> FloatArray:
-        """K_IB P at every node, (3n, m): few rows move, and no product over the whole panel is needed."""
-        moved = np.flatnonzero(shapes.any(axis=1))
-        return np.asarray(self.system.stiffness[moved].T @ shapes[moved])
-
-    def clamp(self, signs: dict[int, int], half: int = 0) -> ClampedBoundaryClass:
-        """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
-        sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
-        boundary = self._at_boundary(basis)
-        factorise, factor = _static(sector.pencil)
-        shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
-        return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
-
-    def _moved_rigidly(self, basis: FloatArray, shapes: FloatArray) -> FloatArray:
-        """Constraint shapes (3n, m) that follow a rigid-body motion of the boundary exactly.
-
-        A solve leaves an error of the stiffest entry over the softest connection: 3e-6 of the motion of a lead tip on rubber.
-        """
-        size_m = (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness)
-        rigid = rigid_polynomials(self.interface, size_m)
-        own = basis.T @ rigid
-        own[np.abs(own) < SAME * np.abs(rigid).max()] = 0.0  # motions of other classes
-        within = np.linalg.lstsq(rigid, basis @ own, rcond=None)[0]  # a class's part of a rigid-body motion is one, too
-        exact = rigid_field(self.system.mesh.nodes, size_m) @ within
-        return np.asarray(shapes + (exact - shapes @ own) @ np.linalg.pinv(own, rcond=SAME))
-
-    def _sector(self, signs: dict[int, int], half: int) -> Sector:
-        inside = self._inside(signs)
-        if not half:
-            return ClassSector(self.system, inside)
-        assert self.diagonal is not None
-        return DiagonalSector(self.system, self.diagonal, inside, half)
-
-    def reduce(self, signs: dict[int, int], half: int, top_hz: float, bounded: bool = True) -> SymmetryClass:
-        """Constraint shapes and fixed-interface modes of one symmetry class, or of half of it."""
-        clamped = self.clamp(signs, half)
-        pencil, factor = clamped.sector.pencil, clamped.factor
-        modes = modes_in_band(pencil, 0.0, top_hz, Shared(clamped.factorise, factor))
-        dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
-        if bounded:
-            dropped = _dropped_hz(pencil, modes, top_hz, factor)
-            flexible = _left_out(pencil, modes.vectors, clamped.sector.gathered(self._pushed(clamped.shapes)), factor)
-        shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
-        return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)
-
-    def _pushed(self, shapes: FloatArray) -> FloatArray:
-        """M Psi at every node, (3n, m)."""
-        nodes = len(self.system.mesh.nodes)
-        return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
-
-    def join(self, parts: list[SymmetryClass]) -> Cell:
-        """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
-        system, interface = self.system, self.interface
-        fixed = np.concatenate([part.fixed_hz for part in parts])
-        places = self.places(parts, interface.count + len(fixed))
-        side_by_side(self.projected, [part for part in parts if not part.turned])
-        stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
-        for part, place in zip(parts, places, strict=True):
-            for whole, own in zip((stiffness, mass, pillar), self.projected(part), strict=True):
-                whole += self.copies * place @ own @ place.T
-        symmetry = [[part.signs.get(axis, 0) for axis in (0, 1)] for part in parts for _ in part.fixed_hz]
-        return Cell(
-            (stiffness + stiffness.T) / 2.0,
-            (mass + mass.T) / 2.0,
-            pillar,
-            interface,
-            system.scale,
-            (2.0 * float(self.half[0]), 2.0 * float(self.half[1]), self.thickness),
-            fixed,
-            np.array(symmetry, dtype=np.int64).reshape(-1, 2),
-            min(part.dropped_hz for part in parts),
-            self._dropped(parts, places),
-            self._touch(parts, places),
-            self._skin(parts, places),
-            system.mesh.dof * self.copies,
-            bare=self._bare(parts, places),
-        )
-
-    def _dropped(self, parts: list[SymmetryClass], places: list[FloatArray]) -> FloatArray:
-        """Cell.dropped, (boundary, boundary): what the modes left out of all symmetry classes answer together."""
-        own = self.interface.count
-        out = np.zeros((own, own))
-        for part, place in zip(parts, places, strict=True):
-            basis = place[:own, : part.basis.shape[1]]
-            out += self.copies * basis @ part.flexibility @ basis.T
-        return (out + out.T) / 2.0
-
-    def projected(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """V'KV, V'MV and V'MV of the pillar alone, (m, m) each; computed once a class, and for one turned over with it."""
-        own = part.turned or part
-        if id(own) not in self._known:
-            self._known[id(own)] = own, self._projection(own)
-        return self._known[id(own)][1]
-
-    def _projection(self, part: SymmetryClass) -> tuple[FloatArray, FloatArray, FloatArray]:
-        system, shapes = self.system, part.shapes
-        pillar = system.region_mass("pillar", "tip")
-        stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
-        return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
-
-    def places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
-        """From each class's degrees of freedom to the cell's, (count, m)."""
-        start, places = self.interface.count, []
-        for part in parts:
-            place = np.zeros((count, part.shapes.shape[1]))
-            width = part.basis.shape[1]
-            place[: self.interface.count, :width] = part.basis
-            rows = np.arange(len(part.fixed_hz))
-            place[start + rows, width + rows] = 1.0
-            places.append(place)
-            start += len(rows)
-        return places
-
-    def _mirrored(
-        self, points: FloatArray, rows: list[FloatArray], parts: list[SymmetryClass], places: list[FloatArray]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
-        moved = [row @ place.T for row, place in zip(rows, places, strict=True)]
-        matrix = np.zeros((self.copies, *moved[0].shape))
-        flips = np.ones((self.copies, 3))
-        flips[:, list(self.halved)] = list(product((1, -1), repeat=len(self.halved)))
-        for total, flip in zip(matrix, flips, strict=True):
-            for field, part in zip(moved, parts, strict=True):
-                total += np.prod([part.signs[axis] for axis in self.halved if flip[axis] < 0]) * field
-            if matrix.shape[2] == 3:
-                total *= flip[:, None]
-        return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
-
-    def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
-        mesh = self.system.mesh
-        (facets,) = mesh.facets_of("touch")
-        used, local = np.unique(facets, return_inverse=True)
-        rows = [part.shapes[2::3][used][:, None, :] for part in parts]
-        points, matrix = self._mirrored(mesh.nodes[used], rows, parts, places)
-        return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)), order=mesh.order)
-
-    def _copied(self, facets: IntArray, nodes: int) -> IntArray:
-        """Facets (m, corners) on every mirror image of so many nodes."""
-        return np.concatenate([facets + copy * nodes for copy in range(self.copies)])
-
-    def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
-        mesh = self.system.mesh
-        inner = [
-            *self.outer,
-            *self.planes.values(),
-        ]  # sides to which another panel, or the panel's own image, is joined
-        hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in inner]
-        facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
-        used, local = np.unique(facets, return_inverse=True)
-        points, matrix = self._at_nodes(used, parts, places)
-        return Expansion(points, matrix, facets=self._copied(local.reshape(facets.shape), len(used)))
-
-    def _bare(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion | None:
-        mesh, nodes = self.system.mesh, self._bare_nodes()
-        if mesh.kind != "hex" or not self._is_grid(mesh.nodes[nodes]):
-            return None
-        points, matrix = self._at_nodes(nodes, parts, places)
-        first = self._once(points)
-        return Expansion(points[first], matrix[first], order=mesh.order)
-
-    def _bare_nodes(self) -> IntArray:
-        """Nodes of the mesh on the plate's faces that carry nothing."""
-        height = self.system.mesh.nodes[:, 2]
-        levels = [0.0] if height.max() > (1.0 + SAME) * self.thickness else [0.0, self.thickness]
-        return np.flatnonzero(np.abs(height[:, None] - levels).min(axis=1) < SAME * self.thickness)
-
-    def _is_grid(self, points: FloatArray) -> bool:
-        """Whether points of the plate's faces are tensor grids, as about every foot that is a union of rectangles."""
-        x, y, z = (len(np.unique(np.round(points[:, axis] / (SAME * self.thickness)))) for axis in range(3))
-        return x * y * z == len(points)
-
-    def _once(self, points: FloatArray) -> IntArray:
-        """Points in one order, each once though a mirror holds it twice."""
-        return np.asarray(np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)[1])
-
-    def _at_nodes(
-        self, nodes: IntArray, parts: list[SymmetryClass], places: list[FloatArray]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Points and matrices of nodes of the mesh and their mirror images."""
-        rows = [part.shapes.reshape(len(self.system.mesh.nodes), 3, -1)[nodes] for part in parts]
-        return self._mirrored(self.system.mesh.nodes[nodes], rows, parts, places)
-
-
-def _together(halves: list[SymmetryClass]) -> SymmetryClass:
-    """One symmetry class from its halves, the fixed-interface modes in ascending order."""
-    if len(halves) == 1:
-        return halves[0]
-    fixed_hz = np.concatenate([half.fixed_hz for half in halves])
-    order = np.argsort(fixed_hz, kind="stable")
-    widths = [half.basis.shape[1] for half in halves]
-    clamped = [half.shapes[:, :width] for half, width in zip(halves, widths, strict=True)]
-    fixed = np.hstack([half.shapes[:, width:] for half, width in zip(halves, widths, strict=True)])
-    return SymmetryClass(
-        halves[0].signs,
-        np.hstack([half.basis for half in halves]),
-        np.hstack([*clamped, fixed[:, order]]),
-        fixed_hz[order],
-        min(half.dropped_hz for half in halves),
-        block_diag(*[half.flexibility for half in halves]),
-    )
-
-
-def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
-    """K_II^-1, and the factoriser whose one symbolic analysis serves the shifted matrices too."""
-    factorise = Factoriser()
-    # stored zeros dropped, as in every shifted matrix
-    return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-
-
-def _left_out(pencil: SymmetricPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
-    """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
-
-    Loads and answers are projected, R = (1 - M Phi Phi') M Psi: the lowest mode of a slender rod is 1e8 times as flexible as
-    all modes left out together, and a difference of the two would be rounding.
-    """
-    heavy = pencil.apply_mass(kept)
-    rest = pushed - heavy @ (kept.T @ pushed)
-    answer = factor.solve(rest)
-    answer -= kept @ (heavy.T @ answer)
-    return np.asarray(rest.T @ answer)
-
-
-def _dropped_hz(pencil: SymmetricPencil, modes: Modes, top_hz: float, static: Factor) -> float:
-    """Below it no mode was left out, Hz: the top of the count, or the lowest mode where that lies above it."""
-    return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
-
-
-def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
-    """V' (m (x) I3) V."""
-    nodes = len(shapes) // 3
-    heavy = mass @ shapes.reshape(nodes, -1)
-    return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
 
 
 def check_rigid(cell: Cell, whole: float) -> None:

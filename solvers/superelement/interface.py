@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 
 VERTICES = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 SIDES = ("x-", "x+", "y-", "y+")

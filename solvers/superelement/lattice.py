@@ -18,9 +18,9 @@ from scipy.linalg import LinAlgError, eigh
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.superelement.c2_symmetry import C2Symmetry, c2_symmetry
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
+from solvers.superelement.symmetry import C2Symmetry, c2_symmetry
 from solvers.threads import one_thread
 
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes

@@ -16,9 +16,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
-from solvers.superelement.cell import Cell
+from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.residual import ResidualModes
 
 HIDDEN, BEYOND = (
     0.3,

@@ -18,10 +18,10 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
-from solvers.fem.coarser import Nested, Shares
 from solvers.fem.factor.factoriser import side_by_side
-from solvers.fem.recovery import StressRecovery
-from solvers.superelement.cell import Cell, CellBuilder, MeshError, SymmetryClass, check_rigid
+from solvers.fem.mesh_error import Nested, Shares, StressRecovery
+from solvers.superelement.cell import Cell, MeshError, check_rigid
+from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
 
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners

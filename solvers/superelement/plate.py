@@ -16,13 +16,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from geometry.tiling import DIGITS, Signature, Tiling, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion, SurfaceRule
 from solvers.superelement.interface import SIDES, VERTICES, Interface
-from solvers.superelement.tiling import DIGITS, Signature, Tiling, signature
 
 WHOLE = ""  # no mirror: every panel is assembled
 DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor

@@ -22,9 +22,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
-from solvers.fem.coarser import smooth_half_width
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.mesh_error import smooth_half_width
 from solvers.superelement.cell import Cell, with_further
 from solvers.superelement.plate import AssembledPlate
 

@@ -16,9 +16,9 @@ from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.piezo.forced import GroupModes
 from solvers.piezo.patched_plate import Group
-from solvers.piezo.point import face_motion
+from solvers.piezo.responses import face_motion
 from solvers.superelement.plate import WHOLE
-from solvers.touch import disk
+from solvers.touch import touched_plate
 from solvers.touch.touched_plate import TouchedPlate, rms, with_loads
 
 COPIES = 6  # of a group's loads that are held at once: loads, residual vectors, slopes, and the three stacked
@@ -90,7 +90,7 @@ def lattice(design: Design, touched: TouchedPlate, high_hz: float | None = None)
     """
     radius = touched.finger.radius_m
     wavenumber = touched.finger.wavenumber_per_m(design, high_hz or touched.band_hz[1])
-    steps, weights, share = disk.lattice_rule(disk.steps_of(radius * wavenumber))
+    steps, weights, share = touched_plate.lattice_rule(touched_plate.steps_of(radius * wavenumber))
     spacing, reach = share * radius, int(steps.max())
     ends = (design.length_m / 2.0 - radius, design.bare_touch_m - radius)
     counts = [int(max(end, 0.0) / spacing) + reach for end in ends]
@@ -143,7 +143,7 @@ class Places:
         """Share of the mean of a product of two motions over a contact that the lattice's points may miss."""
         finger = self.touched.finger
         reach = finger.radius_m * finger.wavenumber_per_m(self.touched.design, self.frequency_hz)
-        return disk.left_beyond(2.0 * reach, 2 * self.points.reach - 1)
+        return touched_plate.left_beyond(2.0 * reach, 2 * self.points.reach - 1)
 
     def loads(self, numbers: IntArray) -> tuple[IntArray, FloatArray]:
         """Numbers (t, l) among patches and points of the loads at places, x first, and the roots of the weights (l,)."""

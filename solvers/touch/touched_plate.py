@@ -1,31 +1,139 @@
-"""A driven plate under a fingertip: moments of its pressure on a disk of the touch face, in addition to the patches.
-
-The skin reacts locally, with the pressure -Z/A du_z/dt on a disk of area A. In polynomials Z_j that are orthonormal in the mean
-over the disk (`solvers.touch.disk`) the motion's moments are u_j = mean(u_z Z_j) and the pressure's f_j = -D u_j with
-D = j omega Z; with the receptance G of the free plate between patches p and moments f, (1 + G_ff D) u_f = G_fp V (Woodbury):
-the plate's modes and residual vectors serve every impedance and every place.
-"""
+"""A driven plate under a fingertip: its motion with the contact's pressure, the power, and what its reduced panels lack."""
 
 from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
-from math import pi
+from functools import cache, cached_property
+from itertools import product
+from math import factorial, gamma, pi
 from typing import Self
 
 import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve, eigh
+from scipy.special import eval_jacobi, roots_legendre
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.errors import MeshError
 from geometry.fingertips import Fingertip
+from geometry.hex.boxes import bonded_boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from solvers.errors import SolverError
+from geometry.mesh import Mesh
+from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.solid import constrain, free_mask
+from solvers.piezo.beneath import Beneath
+from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
 from solvers.piezo.patched_plate import Group
-from solvers.piezo.point import face_motion
-from solvers.touch import disk
+from solvers.piezo.responses import face_motion
+from solvers.plates.assembled import Reductions
+from solvers.superelement.plate import AssembledPlate
+
+# -- integrals over the disk -------------------------------------------------------------------------------------------
+# Integrals over a finger's disk: means against Zernike polynomials, and rules of points on a square lattice.
+# Zernike polynomials Z_j are orthonormal in the mean over the disk: with c_j the mean of u Z_j, the mean of |u|^2 is
+# sum |c_j|^2 as soon as their degree follows u. A wave number k on a radius R leaves (k R/2)^(n+1)/(n+1)! beyond
+# degree n, the leading term of the Bessel function J_(n+1)(k R) in the expansion of a plane wave (noll1976).
+
+ENOUGH = 1e-3  # of the motion, what the degree may miss: a frequency or a loss then misses its square
+DEGREES = (4, 16)  # at least and at most
+STEPS = (2, 6)  # of a map's lattice over a radius, at least and at most
+RULE_ENOUGH = 1e-2  # of a map's mean over a contact
+EDGE = 0.1  # of a lattice's spacing: from its outermost points to the disk's rim
+LEAST = 0.1  # of an even share: the smallest weight of a rule
+
+
+def degree_of(wavenumber_radius: float, enough: float = ENOUGH) -> int:
+    """Degree of the polynomials that follow waves k on a radius R within `enough`, for k R; bounded by DEGREES."""
+    low, high = DEGREES
+    return next((n for n in range(low, high) if left_beyond(wavenumber_radius, n) <= enough), high)
+
+
+def left_beyond(wavenumber_radius: float, degree: int) -> float:
+    """Share of a plane wave that polynomials up to a degree miss over the disk."""
+    return (wavenumber_radius / 2.0) ** (degree + 1) / factorial(degree + 1)
+
+
+def zernike(degree: int, points: FloatArray) -> FloatArray:
+    """Zernike polynomials up to a degree at points (p, 2) of the unit disk, by ascending degree, (m, p)."""
+    radius, angle = np.hypot(*points.T), np.arctan2(points[:, 1], points[:, 0])
+    rows = []
+    for n in range(degree + 1):
+        for m in range(-n, n + 1, 2):
+            radial = radius ** abs(m) * eval_jacobi((n - abs(m)) // 2, 0, abs(m), 2.0 * radius**2 - 1.0)
+            turn = np.cos(m * angle) if m >= 0 else np.sin(-m * angle)
+            rows.append(np.sqrt((n + 1.0) * (2.0 if m else 1.0)) * radial * turn)
+    return np.array(rows)
+
+
+def count_of(degree: int) -> int:
+    """Number of the polynomials up to a degree."""
+    return (degree + 1) * (degree + 2) // 2
+
+
+@cache
+def disk_means(degree: int, finer: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Points (p, 2) of the unit disk and the weights (m, p) that give the means of u Z_j from u at them.
+
+    A Gauss rule along the squared radius times even angles, exact to three times the degree and more. A mesh's field has kinks:
+    `finer` further points along each show what they leave.
+    """
+    along, around = max(24, 2 * degree) + finer, max(72, 4 * degree + 1) + finer
+    nodes, shares = roots_legendre(along)
+    radius, angle = np.sqrt((nodes + 1.0) / 2.0), 2.0 * pi * (np.arange(around) + 0.5) / around
+    points = np.stack([np.outer(radius, turn(angle)) for turn in (np.cos, np.sin)], axis=-1).reshape(-1, 2)
+    weights = np.repeat(shares / 2.0 / around, around)
+    return points, zernike(degree, points) * weights
+
+
+@cache
+def lattice_rule(steps: int) -> tuple[IntArray, FloatArray, float]:
+    """Lattice steps (p, 2) over a disk, weights (p,) of the mean at them, the spacing over the radius.
+
+    All points of the disk, with the weights nearest to even ones that are exact to the highest degree which leaves each above
+    LEAST of an even share.
+    """
+    each = range(-steps, steps + 1)
+    places = np.array([(i, j) for i, j in product(each, each) if i * i + j * j <= steps * steps])
+    spacing = 1.0 / (steps + EDGE)
+    for degree in range(2 * steps - 1, 0, -2):
+        weights = _weights(places * spacing, degree)
+        if weights.min() * len(places) >= LEAST:
+            break
+    return places, weights, spacing
+
+
+def steps_of(wavenumber_radius: float) -> int:
+    """Steps of the lattice over a radius for the mean of a product of two waves, bounded by STEPS."""
+    low, high = STEPS
+    needed = (n for n in range(low, high) if left_beyond(2.0 * wavenumber_radius, 2 * n - 1) <= RULE_ENOUGH)
+    return next(needed, high)
+
+
+def _weights(points: FloatArray, degree: int) -> FloatArray:
+    """Weights (p,) nearest to even ones whose means of even powers up to a degree are the disk's."""
+    powers = [(a, b) for a in range(0, degree + 1, 2) for b in range(0, degree + 1 - a, 2)]
+    values = np.array([points[:, 0] ** a * points[:, 1] ** b for a, b in powers])
+    even = np.full(len(points), 1.0 / len(points))
+    exact = np.array([_mean(a, b) for a, b in powers])
+    return np.asarray(even + np.linalg.lstsq(values, exact - values @ even, rcond=None)[0])
+
+
+def _mean(a: int, b: int) -> float:
+    """Mean of x^a y^b over the unit disk, for even powers."""
+    return 2.0 * gamma((a + 1) / 2) * gamma((b + 1) / 2) / (pi * (a + b + 2) * gamma((a + b) / 2 + 1))
+
+
+# -- plate and finger --------------------------------------------------------------------------------------------------
+# A driven plate under a fingertip: moments of its pressure on a disk of the touch face, in addition to the patches.
+# The skin reacts locally, with the pressure -Z/A du_z/dt on a disk of area A. In polynomials Z_j that are orthonormal
+# in the mean over the disk the motion's moments are u_j = mean(u_z Z_j) and the pressure's f_j = -D u_j with D = j
+# omega Z; with the receptance G of the free plate between patches p and moments f, (1 + G_ff D) u_f = G_fp V
+# (Woodbury): the plate's modes and residual vectors serve every impedance and every place.
 
 FINER = 9  # further points along each direction that show how far the disk's own integrals have settled
 
@@ -40,7 +148,7 @@ class Finger:
     tip: Fingertip
     at_m: tuple[float, float]
     radius_m: float
-    degree: int = disk.DEGREES[0]
+    degree: int = DEGREES[0]
 
     @property
     def area_m2(self) -> float:
@@ -49,7 +157,7 @@ class Finger:
 
     def rows(self, group: Group, finer: int = 0) -> FloatArray:
         """Moments of u_z over the contact per degree of freedom of a group, (moments, dof)."""
-        points, weights = disk.means(self.degree, finer)
+        points, weights = disk_means(self.degree, finer)
         return np.asarray(face_motion(group, np.array(self.at_m) + self.radius_m * points, means=weights).toarray())
 
     def dynamic_stiffness(self, frequency_hz: complex) -> complex:
@@ -71,7 +179,7 @@ class Finger:
     def following(self, design: Design, frequency_hz: float) -> Finger:
         """The same finger with the degree that the plate's waves up to a frequency need."""
         reach = self.radius_m * self.wavenumber_per_m(design, frequency_hz)
-        return replace(self, degree=disk.degree_of(reach))
+        return replace(self, degree=degree_of(reach))
 
 
 class TouchedPlate(ForcedPlate):
@@ -134,7 +242,7 @@ class TouchedPlate(ForcedPlate):
         for name in ("contact_rows", "grams", "_touched"):
             other.__dict__.pop(name, None)
         if self.modes is not self.free.modes:
-            kept = len(self.plate.patches) + disk.count_of(degree)
+            kept = len(self.plate.patches) + count_of(degree)
             other.modes = [_first_loads(basis, kept) for basis in self.modes]
         return other
 
@@ -209,7 +317,7 @@ def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
 
     The kinks of a coarse mesh's field lie beyond every degree.
     """
-    own, (points, weights) = plate.contact_motion(frequency_hz), disk.means(plate.finger.degree, FINER)
+    own, (points, weights) = plate.contact_motion(frequency_hz), disk_means(plate.finger.degree, FINER)
     places = np.array(plate.finger.at_m) + plate.finger.radius_m * points
     eigenvalue = plate.plate.scale.eigenvalue(frequency_hz)
     loads = plate.volts(eigenvalue)
@@ -256,3 +364,117 @@ def with_loads(basis: GroupModes, loads: FloatArray) -> GroupModes:
         columns=np.hstack([vectors, residuals, slopes]),
         residual_gain=(everything.T @ residuals, everything.T @ slopes),
     )
+
+
+# -- power -------------------------------------------------------------------------------------------------------------
+# Where the patches' power goes: lost in the plate, taken by the finger, lost in the ceramic's dielectric.
+# Power in = Re(V* I)/2 with I = j omega (theta' u + C V) summed over the patches. Only the modes are damped: the
+# plate loses omega/(2 Q) sum lambda_r |q_r|^2, the finger takes Re(Z) omega^2 mean |u|^2/2.
+
+
+@dataclass(frozen=True)
+class Power:
+    """Means over a period, W per V^2 of drive: power in without dielectric losses, and where it ends.
+
+    dielectric_w: None where the ceramic's tan delta is unknown. apparent_va: sum of |V| |I|/2 over the patches.
+    finger_m: rms over the contact of the peak amplitude, m/V.
+    """
+
+    patches_w: float
+    plate_w: float
+    finger_w: float
+    dielectric_w: float | None
+    apparent_va: float
+    finger_m: float
+
+    @property
+    def drawn_w(self) -> float | None:
+        """What a supply gives that gets reactive power back."""
+        return None if self.dielectric_w is None else self.patches_w + self.dielectric_w
+
+
+def power(touched: TouchedPlate, frequency_hz: float, loss_tangent: float | None) -> Power:
+    """The balance at a frequency, per volt of drive squared."""
+    plate, count, omega = touched.plate, len(touched.plate.patches), 2.0 * pi * frequency_hz
+    eigenvalue = plate.scale.eigenvalue(frequency_hz)
+    loads = touched.volts(eigenvalue)
+    volts, answer = loads[:count], touched.receptance(eigenvalue) @ loads
+    current = 1j * omega * (answer[:count] + plate.capacitance_f * volts)
+    modal = 0.0
+    for basis in touched.modes:
+        q = (basis.gain @ loads) / (basis.eigenvalue * (1.0 + 1j * touched.loss) - eigenvalue)
+        modal += float(basis.eigenvalue @ np.abs(q) ** 2)
+    finger = touched.finger
+    amplitude = rms(touched.contact_motion(frequency_hz))
+    return Power(
+        patches_w=0.5 * float((volts.conj() @ current).real),
+        plate_w=0.5 * omega * touched.loss * plate.stiffness_unit * modal,
+        finger_w=0.5 * finger.tip.resistance_n_s_m(finger.area_m2) * (omega * amplitude) ** 2,
+        dielectric_w=None
+        if loss_tangent is None
+        else 0.5 * omega * loss_tangent * float(plate.capacitance_f @ np.abs(volts) ** 2),
+        apparent_va=0.5 * float(np.abs(volts) @ np.abs(current)),
+        finger_m=amplitude,
+    )
+
+
+# -- flexibility that reduced panels lack ------------------------------------------------------------------------------
+# Static flexibility under a finger that the plate's reduced panels lack: their bar, as no mode beyond the band shows
+# it.
+# F = N K^-1 N' - E K_r^-1 E': moments of u_z over the contact per moment of its pressure, on a mesh of the panels
+# under it, less the same of their reduced matrices, both with the border around these panels clamped (macneal1971).
+
+MESH = HexSettings(order=3, layers=0, through=2)
+
+
+def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger) -> FloatArray | None:
+    """F of a finger's moments on a plate, (moments, moments) in m/N, its positive part; None where no mesh of hexahedra has
+    the panels' pillars or the factorisation is too large.
+    """
+    points, means = disk_means(finger.degree)
+    contact = Contact(np.array(finger.at_m) + finger.radius_m * points, means, back=False)
+    box = np.repeat(finger.at_m, 2) + finger.radius_m * np.array([-1.0, 1.0, -1.0, 1.0])
+    panels = Panels.beneath(plate.grid, box, beneath.reductions.thickness_m)
+    own_box = box - np.repeat(panels.middle_m, 2)
+
+    def more() -> FloatArray:
+        lacking = _fine(panels, beneath.reductions, contact, own_box) - _reduced(JoinedPanels(panels, plate), contact)
+        values, vectors = eigh((lacking + lacking.T) / 2.0)
+        kept = values > 0.0
+        return np.asarray((vectors[:, kept] * values[kept]) @ vectors[:, kept].T)
+
+    place = repr(
+        ([np.round(each, 9).tolist() for each in (panels.span_m, own_box)], panels.clamped, finger.degree, MESH)
+    )
+    try:
+        scaled = beneath.kept(("finger", *beneath.made_of(panels)), place, more)
+    except (MeshError, TooLarge):
+        return None
+    unit = plate.placed_cells[0].cell.scale
+    return scaled / (unit.young_pa * unit.length_m)
+
+
+def _fine(panels: Panels, reductions: Reductions, contact: Contact, box_m: FloatArray) -> FloatArray:
+    """N K^-1 N' in the plate's scale."""
+    thickness = reductions.thickness_m
+    settings = HexSettings(MESH.order, thickness / MESH.through, MESH.layers)
+    stands = panels.stands(reductions.pillar)
+    mesh = hex_mesh(bonded_boxes(panels.span_m, thickness, stands, box_m, False, settings), MESH.order)
+    pencil = constrain(reductions.system(mesh), free_mask(mesh, set(panels.clamped), {}))
+    loads = _loads(mesh, contact, panels.middle_m)[np.flatnonzero(pencil.free)]
+    return np.asarray(loads.T @ Factoriser()(sp.csc_array(pencil.stiffness)).solve(loads))
+
+
+def _loads(mesh: Mesh, contact: Contact, middle_m: FloatArray) -> FloatArray:
+    """Unit moments of pressure at the nodes of the touch face, (dof, moments)."""
+    on = np.flatnonzero(np.abs(mesh.nodes[:, 2]) < SAME_M)
+    loads = np.zeros((3 * len(mesh.nodes), len(contact.means)))
+    loads[3 * on + 2] = (contact.means @ grid_weights(mesh.nodes[on, :2], mesh.order, contact.points - middle_m)).T
+    return loads
+
+
+def _reduced(joined: JoinedPanels, contact: Contact) -> FloatArray:
+    """E K_r^-1 E' in the plate's scale."""
+    free = joined.free & (np.diag(joined.stiffness) > 0.0)  # functions of free sides carry nothing
+    moved = joined.motion(contact)[2::3][:, free]
+    return np.asarray(moved @ cho_solve(cho_factor(joined.stiffness[np.ix_(free, free)]), moved.T))

@@ -1,24 +1,279 @@
-"""Plates whose pillars differ one by one: seeded deviations, and the response of each plate in the nominal one's space.
-
-K = K_0 + sum over pillars of the change of its cell, alike M, both projected on the nominal plate's modes about the band,
-of every symmetry class, its answers to the patches and to each pillar's change (`plate_space`).
-"""
+"""Plates whose pillars differ one by one, drawn from seeds and solved in a space of the nominal plate's motions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+import scipy.linalg
+from scipy.linalg import eigh
 from scipy.stats import norm
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.tiling import Signature, signature
 from solvers.errors import SolverError
-from solvers.piezo.forced import ForcedPlate
-from solvers.superelement.tiling import Signature, signature
-from solvers.variation.derivative_shapes import derivative_shapes
-from solvers.variation.parametric_cell import HEIGHT, SIDE, CellFamily, X, Y
-from solvers.variation.plate_space import ChangedPlate, PlateSpace
+from solvers.fem.eigen import factor_near
+from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
+from solvers.variation.cells import HEIGHT, SIDE, CellFamily, X, Y
+
+# -- plate on few motions ----------------------------------------------------------------------------------------------
+# A driven plate on few motions: its modes about the band and its answers to the loads, changed by what is added to K
+# and M.
+# Rayleigh-Ritz: frequencies err by the square of what a mode of the changed plate lacks of those motions, fields by
+# that itself; shapes that the changes bring (`derivative_shapes`) make both small. The response follows by
+# superposition.
+
+SAME = 1e-10  # of the largest: directions that are combinations of the others
+
+
+class PlateSpace:
+    """M-orthonormal motions of a driven plate (`bases`, all groups), and K, loads and integrals of u_z^2 over zone and passive
+    face in them.
+
+    shapes: further motions (dof, k) of each of the groups, which modes about the band do not hold.
+    """
+
+    def __init__(self, forced: ForcedPlate, shapes: Sequence[FloatArray] | None = None) -> None:
+        more = shapes or [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]
+        raw = list(zip(forced.all_modes, more, strict=True))
+        self.forced, self.bases = forced, [orthonormal(basis, own) for basis, own in raw]
+        self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in self.bases)])
+        self.size = int(self.starts[-1])
+        place = forced.wanted_place()
+        self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
+        self.stiffness = scipy.linalg.block_diag(*(basis.projected[0] for basis in self.bases))
+        self.loads = np.vstack([_gains(basis) for basis in self.bases])
+        pairs = [touched(basis.group, basis.columns, forced.design).grams for basis in self.bases]
+        self.inside, self.outside = (scipy.linalg.block_diag(*parts) for parts in zip(*pairs, strict=True))
+        self._static = [_static(own, basis, extra) for own, (basis, extra) in zip(self.bases, raw, strict=True)]
+
+    def is_wider(self, band_hz: tuple[float, float]) -> bool:
+        """Whether it has modes that do not lie between two frequencies."""
+        tones = np.concatenate([basis.frequency_hz for basis in self.bases])
+        return bool(((tones <= band_hz[0]) | (tones >= band_hz[1])).any())
+
+    def within(self, band_hz: tuple[float, float]) -> FloatArray:
+        """The space that modes between two frequencies and the static answers alone would span, (n, m) in this one.
+
+        Answers hold what the modes left out bring at rest, as they would if those had never been solved.
+        """
+        parts = []
+        for basis, static in zip(self.bases, self._static, strict=True):
+            tone = basis.frequency_hz
+            kept = np.flatnonzero((tone > band_hz[0]) & (tone < band_hz[1]))
+            answers = static.copy()
+            answers[kept] = 0.0
+            parts.append(np.hstack([np.eye(len(static))[:, kept], _independent(answers)]))
+        return np.asarray(scipy.linalg.block_diag(*parts))
+
+    def changed(self, stiffness: FloatArray, mass: FloatArray, within: FloatArray | None = None) -> ChangedPlate:
+        """The plate with other matrices (n, n) over these motions; within (n, m): the only motions that it has."""
+        span = np.eye(self.size) if within is None else within
+        pair = (span.T @ ((each + each.T) / 2.0) @ span for each in (stiffness, mass))
+        values, vectors = scipy.linalg.eigh(*pair)
+        vectors = span @ vectors
+        grams = tuple(vectors.T @ gram @ vectors for gram in (self.inside, self.outside))
+        alike, share = np.zeros(len(values)), np.zeros(len(values))
+        if self.wanted is not None:
+            alike = (self.inside[self.wanted] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
+            share = vectors[self.wanted] ** 2 / (vectors**2).sum(axis=0)
+        return ChangedPlate(self.forced, values, vectors.T @ self.loads, grams[0], grams[1], alike, share)
+
+
+def orthonormal(basis: GroupModes, more: FloatArray) -> GroupModes:
+    """The basis with M-orthonormal columns: modes stay as they are, answers to the loads and `more` (dof, k) become what they
+    add to them.
+
+    Columns of no load drop out.
+    """
+    pencil, modes = basis.group.pencil, len(basis.eigenvalue)
+    own, residual = np.split(np.hstack([basis.columns, more]), [modes], axis=1)
+    residual = residual - own @ (own.T @ pencil.apply_mass(residual))
+    size = np.sqrt(np.maximum(np.einsum("ik,ik->k", residual, pencil.apply_mass(residual)), 0.0))
+    residual = residual[:, size > 0.0] / size[size > 0.0]
+    if residual.shape[1]:
+        value, vector = scipy.linalg.eigh(residual.T @ pencil.apply_mass(residual))
+        kept = value > SAME * value[-1]
+        residual = residual @ (vector[:, kept] / np.sqrt(value[kept]))
+    return replace(basis, columns=np.hstack([own, residual]))
+
+
+def _gains(basis: GroupModes) -> FloatArray:
+    """Gains of the loads on the columns, (columns, patches): the modes' own are extrapolated."""
+    modes = len(basis.eigenvalue)
+    return np.vstack([basis.gain, basis.columns[:, modes:].T @ basis.group.loads])
+
+
+def _static(own: GroupModes, basis: GroupModes, more: FloatArray) -> FloatArray:
+    """Answers to the loads at rest about the band's middle, and `more`, in the M-orthonormal columns, (columns, k).
+
+    R and R1 lack the modes: gain/(l - l_0) and gain/(l - l_0)^2 of each of them.
+    """
+    modes = len(basis.eigenvalue)
+    answers = np.hstack([basis.columns[:, modes:], more])
+    held = own.columns.T @ basis.group.pencil.apply_mass(answers)
+    away, loads = (basis.eigenvalue - basis.middle)[:, None], basis.gain.shape[1]
+    held[:modes, :loads] += basis.gain / away
+    held[:modes, loads : 2 * loads] += basis.gain / away**2
+    return np.asarray(held)
+
+
+def _independent(columns: FloatArray) -> FloatArray:
+    """Orthonormal columns that span the same."""
+    size = np.linalg.norm(columns, axis=0)
+    vectors, values, _ = np.linalg.svd(columns[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return np.asarray(vectors[:, values**2 > SAME * values.max(initial=0.0) ** 2])
+
+
+@dataclass(frozen=True)
+class ChangedPlate:
+    """A plate's modes in that space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
+
+    w the nominal plate's wanted mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; wanted_share (n,): w's share in
+    the mode, of 1, by the nominal plate's mass. Both zero where it has none.
+    """
+
+    forced: ForcedPlate
+    eigenvalue: FloatArray
+    gain: FloatArray
+    inside: FloatArray
+    outside: FloatArray
+    alike: FloatArray
+    wanted_share: FloatArray
+
+    @property
+    def loss(self) -> float:
+        """1/Q."""
+        return self.forced.loss
+
+    @property
+    def tracked(self) -> Verdict:
+        """Which mode the nominal plate's wanted one has become (`solvers.measures.wanted_mode`): that which holds most of it,
+        among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
+        """
+        inside, outside = np.diag(self.inside), np.diag(self.outside)
+        share = inside / np.maximum(inside + outside, 1e-300)
+        return verdict(self.wanted_share, share, self.alike / np.maximum(inside, 1e-300))
+
+    @property
+    def tracked_hz(self) -> float | None:
+        """Its frequency; None where no mode is like it."""
+        at = self.tracked.index
+        return None if at is None else float(self.forced.plate.scale.frequency(self.eigenvalue[at : at + 1])[0])
+
+    def curve(self, frequency_hz: FloatArray) -> Curve:
+        """Response at frequencies in Hz."""
+        forced, count = self.forced, len(frequency_hz)
+        amplitudes = np.zeros((len(self.eigenvalue), count), dtype=complex)
+        sensors = np.zeros((count, len(forced.sensors)), dtype=complex)
+        for row, frequency in enumerate(frequency_hz):
+            at = forced.plate.scale.eigenvalue(float(frequency))
+            denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss) - at, dtype=complex)
+            volts = forced.patch_volts(partial(self._charge, denominator))
+            sensors[row] = volts[forced.sensors]
+            amplitudes[:, row] = (self.gain @ volts) / denominator
+        energies = [quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
+        return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.areas_m2), sensors)
+
+    def _charge(self, denominator: ComplexArray) -> ComplexArray:
+        return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)
+
+
+# -- shapes that changes bring -----------------------------------------------------------------------------------------
+# How the wanted mode's field changes with each pillar: static answers to what a changed cell pulls at it.
+# Of K u = l M u a change dK, dM of one cell gives du = -(K - l M)^-1 (dK - l dM) u beside u itself: a field about
+# that cell, of modes far beyond any band. In a space of modes alone frequencies err in second order, fields and
+# levels in first (fox1968).
+
+BESIDE = 1e-3  # of the wanted mode's eigenvalue: a shift at which its own class has an answer
+LEFT = 1e-4  # of the wanted mode: a field that the shapes left out may add up to where every pillar is off by one deviation
+Pulls = list[tuple[int, FloatArray]]
+
+
+def derivative_shapes(
+    forced: ForcedPlate, families: Mapping[Signature, CellFamily], deviations: float
+) -> list[FloatArray]:
+    """Answers of every group of the plate, (dof, k) each, to changes of each pillar by one standard deviation.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The nominal plate; none of the groups has any where the band holds no wanted mode.
+    families : mapping
+        Cells as functions of their pillars.
+    deviations : float
+        Standard deviations that a family reaches to.
+
+    Returns
+    -------
+    list of ndarray
+        One array a group of `forced.all_modes`.
+    """
+    place = forced.wanted_place()
+    if place is None:
+        return [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]
+    basis, index = forced.modes[place[0]], place[1]
+    value = float(basis.eigenvalue[index])
+    pulls = _pulls(basis, index, families, deviations)
+    return [_answers(each, pulls, value) for each in forced.all_modes]
+
+
+def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamily], deviations: float) -> Pulls:
+    """Numbers of the placed cells with a pillar, and the forces (cell dof, k) of their changes in the wanted mode."""
+    group, value = basis.group, float(basis.eigenvalue[index])
+    parts = group.split(basis.columns[:, [index]])
+    tiling, grid = group.plates[0].tiling, group.plates[0].grid
+    out = []
+    for number, (i, j) in enumerate(grid.representative_cells()):
+        if (i, j) not in tiling.feet:
+            continue
+        family = families[signature(tiling.panel(i, j))]
+        moved = np.hstack(
+            [
+                plate.cell_vectors(plate.placed_cells[number], part)
+                for plate, part in zip(group.plates, parts, strict=True)
+            ]
+        )
+        forces = []
+        for axis in np.flatnonzero(family.reach_m):
+            weights = family.weights(np.eye(4)[axis] * family.reach_m / deviations)
+            stiffness, mass = (np.tensordot(weights, each, axes=1) for each in (family.stiffness, family.mass))
+            forces.append((stiffness - value * mass) @ moved)
+        out.append((number, np.hstack(forces)))
+    return out
+
+
+def _answers(basis: GroupModes, pulls: Pulls, value: float) -> FloatArray:
+    """What a group's classes answer, each class by itself, as few fields as hold all of them."""
+    pencil, starts = basis.group.pencil, np.cumsum([0, *(plate.dof for plate in basis.group.plates)])
+    plates = list(zip(starts, basis.group.plates, strict=False))
+    loads = np.zeros((pencil.dof, len(plates) * sum(forces.shape[1] for _, forces in pulls)))
+    if not loads.shape[1]:
+        return loads
+    at = 0
+    for start, plate in plates:
+        for number, forces in pulls:
+            cell = plate.placed_cells[number]
+            live, own = cell.coefficient != 0.0, loads[:, at : at + forces.shape[1]]
+            np.add.at(own, start + cell.dofs[live], cell.coefficient[live, None] * forces[live])
+            at += forces.shape[1]
+    factor, _ = factor_near(pencil, value * (1.0 + BESIDE), basis.group.factorise)
+    answers = factor.solve(loads)
+    del loads, factor  # each as large as the answers: the peak of a plate's memory
+    modes = basis.columns[:, : len(basis.eigenvalue)]
+    answers -= modes @ (modes.T @ pencil.apply_mass(answers))
+    energy, turn = eigh(answers.T @ pencil.apply_mass(answers))
+    kept = np.cumsum(np.maximum(energy, 0.0)) > LEFT**2
+    return np.asarray(answers @ turn[:, kept])
+
+
+# -- samples -----------------------------------------------------------------------------------------------------------
+# Plates whose pillars differ one by one: seeded deviations, and the response of each plate in the nominal one's space.
+# K = K_0 + sum over pillars of the change of its cell, alike M, both projected on the nominal plate's modes about the
+# band, of every symmetry class, its answers to the patches and to each pillar's change.
 
 CUT = 3.0  # standard deviations: a part beyond is no part of the batch
 ENERGY = 1e-14  # of the largest: what a cell's motions leave out, square of 1e-7 of an amplitude

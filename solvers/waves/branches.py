@@ -1,15 +1,10 @@
-"""Waves followed along a path through their crossings, by the modal overlap of their shapes.
-
-The modal overlap of two waves is the modal assurance criterion |u^H M v|^2 of their fields on one and the same cell
-(allemang2003);
-there the phases exp(i k.r) of neighbouring wavevectors differ little, and the global phase drops out. Degenerate waves are
-first turned into those that continue to each side: eigenvectors of d lambda / d k along the step within their group.
-"""
+"""Waves followed along a path through their crossings and labelled: polarisation, and parity under mirrors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +12,16 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
+from solvers.superelement.cell import Cell
+from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves, degenerate
+
+# -- branches ----------------------------------------------------------------------------------------------------------
+# Waves followed along a path through their crossings, by the modal overlap of their shapes.
+# The modal overlap of two waves is the modal assurance criterion |u^H M v|^2 of their fields on one and the same cell
+# (allemang2003); there the phases exp(i k.r) of neighbouring wavevectors differ little, and the global phase drops
+# out. Degenerate waves are first turned into those that continue to each side: eigenvectors of d lambda / d k along
+# the step within their group.
 
 CLEAR = 0.5  # modal overlap from which a wave is followed without looking closer
 LOST = 0.1  # below it a wave is another one
@@ -170,3 +174,188 @@ def _dense(numbers: Sequence[IntArray]) -> IntArray:
     rank = np.empty(len(seen), dtype=np.int64)
     rank[np.argsort(first)] = np.arange(1, len(seen) + 1)
     return np.asarray(rank[where].reshape(len(numbers), -1))
+
+
+# -- polarisation ------------------------------------------------------------------------------------------------------
+# How a wave of the plate is polarised: flexural, shear or longitudinal, and how much of it moves in the pillar.
+# Along the cell's boundary lines the Legendre layer 0 is the mean through the thickness. Flexural waves carry it in
+# u_z; in-plane ones are compared with plane waves along k + G, u || k + G (longitudinal) and u perpendicular to it
+# (shear), so that a label does not depend on which of the equivalent wavevectors names the wave.
+
+NAMES = ("flexural", "shear", "longitudinal", "pillar")
+HALF = 0.5
+FELT = 0.25  # share of u_z in the square: its rms is half of the whole motion's, what a finger notices
+EQUAL_PARTS = 1e-6  # relative: what symmetry makes equal; equal parts of both count as shear
+FOLDS = 2  # reciprocal vectors tried along each axis: -2 to 2
+
+
+@dataclass(frozen=True)
+class Label:
+    """A wave's polarisation: `plate` is that of the plate, `name` is "pillar" instead where asked and mostly there.
+
+    flexural_share: of u_z in the mean square of the thickness-mean motion on the boundary lines; longitudinal_share:
+    of the in-plane motion; pillar_share: of the kinetic energy.
+    """
+
+    name: str
+    plate: str
+    flexural_share: float
+    longitudinal_share: float
+    pillar_share: float
+
+
+def label_of(cell: Cell, dofs: ComplexArray, wavevector: ComplexArray, with_pillars: bool = False) -> list[Label]:
+    """Labels of waves with degrees of freedom (cell dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
+
+    Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), means
+    through the thickness and along the boundary lines. Else longitudinal
+    when the plane wave exp(i (k + G).r) that u resembles most has u || k + G, else shear; at k = 0 give a short
+    vector for the direction meant. "pillar" with `with_pillars` where the pillar has over half of the kinetic energy.
+    """
+    motion, weights = _line_motion(cell, dofs)
+    square = np.einsum("p,pck->ck", weights, np.abs(motion) ** 2)
+    flexural = square[2] / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
+    longitudinal = _longitudinal(cell, motion, np.asarray(wavevector, dtype=complex))
+    pillar = pillar_share(cell, dofs)
+    return [
+        _label(float(out), float(along), float(moving), with_pillars)
+        for out, along, moving in zip(flexural, longitudinal, pillar, strict=True)
+    ]
+
+
+def pillar_share(cell: Cell, dofs: ComplexArray) -> FloatArray:
+    """The pillar's share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
+    part, whole = (np.einsum("ik,ik->k", dofs.conj(), matrix @ dofs).real for matrix in (cell.pillar_mass, cell.mass))
+    return np.asarray(np.clip(part / whole, 0.0, 1.0))
+
+
+def _label(flexural: float, longitudinal: float, pillar: float, with_pillars: bool) -> Label:
+    in_plane = "longitudinal" if longitudinal > HALF + EQUAL_PARTS else "shear"
+    plate = "flexural" if flexural > FELT else in_plane
+    return Label("pillar" if with_pillars and pillar > HALF else plate, plate, flexural, longitudinal, pillar)
+
+
+def _line_motion(cell: Cell, dofs: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Thickness means (points, 3, n) at quadrature points of the four sides, and the points' weights (sum 1)."""
+    face = cell.interface
+    _, weights, values = _lines(face, cell.size_m[:2])
+    layer = dofs[: face.count].reshape(-1, 3, dofs.shape[1])[:: face.layers]
+    return np.tensordot(values, layer, axes=1), weights
+
+
+def line_gram(face: Interface) -> FloatArray:
+    """The mean along a square cell's sides of the products of boundary functions of layer 0, (m, m)."""
+    _, weights, values = _lines(face, (1.0, 1.0))
+    return np.asarray(values.T @ (weights[:, None] * values))
+
+
+@lru_cache(maxsize=8)
+def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss points (p, 2) in m on the sides, weights by length (p,), boundary functions of layer 0 there (p, m)."""
+    s, w = np.polynomial.legendre.leggauss(face.along + 6)
+    one, zero = np.ones_like(s), np.zeros_like(s)
+    sides = [(-one, s, zero), (one, s, zero), (s, -one, zero), (s, one, zero)]
+    points = np.concatenate([np.column_stack(side) for side in sides])
+    weights = np.repeat(np.array(size_m)[[1, 1, 0, 0]], len(s)) * np.tile(w, 4)
+    values = face.evaluate(points)[:, :: face.layers]
+    return points[:, :2] * np.array(size_m) / 2.0, weights / weights.sum(), values
+
+
+def _longitudinal(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> FloatArray:
+    """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,).
+
+    Where several are equally like, as at corners of the Brillouin zone, their squares are added up.
+    """
+    along, across = (overlap.reshape(len(overlap), -1) for overlap in _resemblance(cell, motion, wavevector))
+    like = np.maximum(along, across)
+    best = like >= (1.0 - EQUAL_PARTS) * like.max(axis=1, keepdims=True)
+    along, across = (np.where(best, overlap, 0.0).sum(axis=1) for overlap in (along, across))
+    return np.asarray(along / np.maximum(along + across, np.finfo(float).tiny))
+
+
+def _resemblance(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> tuple[FloatArray, FloatArray]:
+    """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, folds, folds) each."""
+    points, weights, _ = _lines(cell.interface, cell.size_m[:2])
+    fold = 2.0 * np.pi * np.arange(-FOLDS, FOLDS + 1)
+    kx, ky = (wavevector[axis][:, None] + fold / cell.size_m[axis] for axis in (0, 1))
+    phase_x, phase_y = (np.exp(1j * k[..., None] * points[:, axis]) for axis, k in enumerate((kx, ky)))
+    energy = np.einsum("kap,kbp->kab", weights * np.abs(phase_x) ** 2, np.abs(phase_y) ** 2)
+    weighted = weights[:, None, None] * motion[:, :2]
+    sideways = phase_x.conj()[None] * weighted.transpose(1, 2, 0)[:, :, None]  # (2, n, folds, points)
+    overlap = sideways @ phase_y.conj().transpose(0, 2, 1)
+    x, y = np.broadcast_arrays(kx[:, :, None], ky[:, None, :])
+    scale = energy * np.maximum(np.abs(x) ** 2 + np.abs(y) ** 2, np.finfo(float).tiny)
+    along = np.abs(x.conj() * overlap[0] + y.conj() * overlap[1]) ** 2 / scale
+    across = np.abs(y.conj() * overlap[0] - x.conj() * overlap[1]) ** 2 / scale
+    return np.asarray(along), np.asarray(across)
+
+
+# -- parity ------------------------------------------------------------------------------------------------------------
+# Mirror parity of Bloch waves where the mirror keeps the wavevector, up to a reciprocal vector.
+
+AXES = {"x": 0, "y": 1}
+SAME = 1e-9  # of 2 pi: a phase that counts as a whole turn
+TOLERANCE = 1e-6  # how far the diagonal mirror may be from orthogonal and from leaving K and M alone
+PURE = 0.99  # a wave's |<u, S u>| from which it has a parity
+
+
+class Mirrors:
+    """The mirrors of a cell: x -> -x, y -> -y, and "d", which exchanges x and y."""
+
+    def __init__(self, cell: Cell) -> None:
+        self.cell = cell
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Mirrors that the cell has. x and y are those it was reduced with; the diagonal one is looked for."""
+        flat = [name for name, axis in AXES.items() if (self.cell.fixed_parity[:, axis] != 0).all()]
+        return (*flat, "d") if self._diagonal is not None else tuple(flat)
+
+    def keeping(self, wavevector: FloatArray) -> tuple[str, ...]:
+        """The mirrors that keep a wavevector (2,) in rad/m up to a reciprocal vector."""
+        turns = np.asarray(wavevector) * np.array(self.cell.size_m[:2]) / (2.0 * np.pi)
+        change = {"x": 2.0 * turns[0], "y": 2.0 * turns[1], "d": turns[0] - turns[1]}
+        return tuple(name for name in self.names if abs(change[name] - round(change[name])) < SAME)
+
+    def image(self, name: str, dofs: ComplexArray) -> ComplexArray:
+        """The mirrored waves, (cell dof, n)."""
+        face, out = self.cell.interface, np.empty_like(dofs)
+        inner = dofs[face.count :]
+        if name == "d":
+            assert self._diagonal is not None
+            out[: face.count] = dofs[face.diagonal()]
+            out[face.count :] = self._diagonal @ inner
+        else:
+            where, sign = face.mirror(AXES[name])
+            out[: face.count] = sign[:, None] * dofs[where]
+            out[face.count :] = self.cell.fixed_parity[:, AXES[name], None] * inner
+        return out
+
+    def parity(self, name: str, dofs: ComplexArray) -> IntArray:
+        """+1 where u_z is even under the mirror, -1 where it is odd, 0 where neither (degenerate waves mixed), (n,)."""
+        value = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ self.image(name, dofs)).real
+        size = np.einsum("ik,ik->k", dofs.conj(), self.cell.mass @ dofs).real
+        return np.where(np.abs(value) > PURE * size, np.sign(value), 0.0).astype(np.int64)
+
+    @cached_property
+    def _diagonal(self) -> FloatArray | None:
+        """How the diagonal mirror exchanges the fixed-interface modes, from their coupling C to the boundary: C R = P C."""
+        cell, count = self.cell, self.cell.interface.count
+        if not np.isclose(*cell.size_m[:2], rtol=SAME, atol=0.0):
+            return None
+        where = cell.interface.diagonal()
+        coupling = cell.mass[:count, count:]
+        exchange = np.linalg.lstsq(coupling, coupling[where], rcond=None)[0]
+        modes = cell.stiffness[count:, count:]
+        checks = [
+            (exchange.T @ exchange, np.eye(len(exchange))),
+            (exchange.T @ modes @ exchange, modes),
+            (coupling @ exchange, coupling[where]),
+        ]
+        for matrix in (cell.stiffness, cell.mass):
+            edge = matrix[:count, :count]
+            checks.append((edge[np.ix_(where, where)], edge))
+        holds = all(
+            np.abs(one - two).max(initial=0.0) <= TOLERANCE * np.abs(two).max(initial=1.0) for one, two in checks
+        )
+        return np.asarray(exchange) if holds else None

@@ -1,4 +1,4 @@
-"""Band gaps: complete along a path, on one of its segments, over the whole zone, and of one polarisation."""
+"""Band gaps: complete ones, those of one polarisation, and their edges refined between the sampled wavevectors."""
 
 from __future__ import annotations
 
@@ -7,9 +7,134 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import FloatArray
-from solvers.waves.branches import Solved
-from solvers.waves.brillouin import Path
-from solvers.waves.refine import Extreme, Line, zone_extreme
+from geometry.lattice import Path
+from solvers.analytic.beams import root_between
+from solvers.superelement.lattice import Lattice, Waves
+from solvers.waves.branches import Branches, Label, Solved, label_of, modal_overlap, one_sided
+
+# -- extremes ----------------------------------------------------------------------------------------------------------
+# Extremes of bands between the sampled wavevectors: along straight segments of a path, and over the irreducible zone.
+# A segment is searched where the cubic through sampled values and group velocities (Hellmann-Feynman, one-sided at
+# degenerate points) may exceed the best sample; the zone from its best grid points, with the gradient.
+
+CLOSE = 1e-3  # of an interval: where a search stops; a smooth extreme is then known to its square
+INSIDE = np.linspace(0.0, 1.0, 18)[1:-1]
+STARTS = 4  # grid points from which an extreme over the zone is sought
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """A band's largest or smallest frequency in Hz and where it is, wavevector (2,) in rad/m."""
+
+    hz: float
+    wavevector: FloatArray
+
+
+class Line:
+    """The sorted bands on a straight segment of a path, sampled at its wavevectors (m, 2), with slopes along the segment."""
+
+    def __init__(self, solved: Solved, wavevectors: FloatArray) -> None:
+        self.solved, self.start, self.along = solved, wavevectors[0], wavevectors[-1] - wavevectors[0]
+        self.at = np.linalg.norm(wavevectors - self.start, axis=1) / np.linalg.norm(self.along)
+        waves = [solved(k) for k in wavevectors]
+        self.value = np.array([w.eigenvalue for w in waves])[:, : solved.count]
+        slopes = [one_sided(solved.lattice, w, self.along) for w in waves]
+        self.beyond, self.before = (np.array(side)[:, : solved.count] for side in zip(*slopes, strict=True))
+        self._extremes: dict[tuple[int, int], Extreme] = {}
+
+    def extreme(self, band: int, sign: int) -> Extreme:
+        """The largest (sign 1) or smallest (-1) frequency of a sorted band (from 0) on the segment, ends included."""
+        if (band, sign) not in self._extremes:
+            self._extremes[band, sign] = self._search(band, sign)
+        return self._extremes[band, sign]
+
+    def _search(self, band: int, sign: int) -> Extreme:
+        value = sign * self.value[:, band]
+        beyond, before = sign * self.beyond[:, band], sign * self.before[:, band]
+        ends, top = np.maximum(value[:-1], value[1:]), cubic_top(self.at, value, beyond, before)
+        bound = np.maximum(2.0 * top - ends, tent_top(self.at, value, beyond, before))
+        best, where = float(value.max()), float(self.at[value.argmax()])
+        for i in np.flatnonzero((top > ends) & (bound >= best)):
+            inside, at = self._inside(band, sign, self.at[i], self.at[i + 1])
+            if inside > best:
+                best, where = inside, at
+        return Extreme(_hz(self.solved.lattice, sign * best), self.start + where * self.along)
+
+    def _inside(self, band: int, sign: int, low: float, high: float) -> tuple[float, float]:
+        """The largest value of sign times a band's eigenvalue between two samples, and where it is."""
+        from scipy.optimize import minimize_scalar  # slow to import
+
+        minimum = minimize_scalar(
+            lambda s: -sign * self._eigenvalue(float(s), band),
+            bounds=(low, high),
+            method="bounded",
+            options={"xatol": CLOSE * (high - low)},
+        )
+        return float(-minimum.fun), float(minimum.x)
+
+    def _eigenvalue(self, s: float, band: int) -> float:
+        return float(self.solved(self.start + s * self.along).eigenvalue[band])
+
+
+def cubic_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
+    """Largest value inside each interval of the cubics through values (m,) and slopes beyond and before them, (m - 1,)."""
+    step = np.diff(at)[:, None]
+    t = INSIDE[None]
+    low, high = value[:-1, None], value[1:, None]
+    rise = (t * (1.0 - t)) * ((1.0 - t) * step * beyond[:-1, None] - t * step * before[1:, None])
+    cubic = low + (high - low) * t * t * (3.0 - 2.0 * t) + rise
+    return np.asarray(cubic.max(axis=1))
+
+
+def tent_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
+    """Where the tangents from both ends of each interval meet: the top of a crossing, and above any concave arc, (m - 1,)."""
+    step, up, down = np.diff(at), beyond[:-1], -before[1:]
+    rising = (up > 0.0) & (down > 0.0)
+    share = (value[1:] - value[:-1] + down * step) / np.where(rising, up + down, 1.0)
+    return np.asarray(np.where(rising, value[:-1] + up * share, -np.inf))
+
+
+def zone_extreme(solved: Solved, grid: FloatArray, value: FloatArray, band: int, sign: int) -> Extreme:
+    """The extreme of a sorted band (from 0) over the zone, from its scaled eigenvalues (n,) on a grid (n, 2) in rad/m."""
+    lattice = solved.lattice
+    edge = np.pi / np.array(lattice.cell.size_m[:2])
+    scale = float(np.abs(value).max()) or 1.0
+    order = np.argsort(-sign * value, kind="stable")
+    best, where = sign * float(value[order[0]]), grid[order[0]]
+
+    def objective(share: FloatArray) -> tuple[float, FloatArray]:
+        nonlocal best, where
+        waves = solved(share * edge)
+        if sign * float(waves.eigenvalue[band]) > best:
+            best, where = sign * float(waves.eigenvalue[band]), share * edge
+        slope = np.array([part[band, band].real for part in lattice.slopes(waves)])
+        return -sign * float(waves.eigenvalue[band]) / scale, -sign * slope * edge / scale
+
+    from scipy.optimize import minimize  # slow to import
+
+    for start in _spread(grid[order] / edge, STARTS):
+        minimize(objective, start, jac=True, method="L-BFGS-B", bounds=[(-1.0, 1.0)] * 2, options={"ftol": 1e-12})
+    return Extreme(_hz(lattice, sign * best), where)
+
+
+def _spread(points: FloatArray, count: int) -> list[FloatArray]:
+    """The first points that lie apart from one another, at most `count`: starts of a search in several valleys."""
+    apart = 2.0 / np.sqrt(len(points))
+    chosen: list[FloatArray] = []
+    for point in points:
+        if all(np.linalg.norm(point - other) > apart for other in chosen):
+            chosen.append(point)
+        if len(chosen) == count:
+            break
+    return chosen
+
+
+def _hz(lattice: Lattice, eigenvalue: float) -> float:
+    return float(lattice.cell.scale.frequency(np.array(eigenvalue)))
+
+
+# -- complete gaps -----------------------------------------------------------------------------------------------------
+# Band gaps: complete along a path, on one of its segments, over the whole zone, and of one polarisation.
 
 SMALLEST = 1e-3  # relative width: sampled bands that touch between two wavevectors leave narrower openings
 
@@ -107,3 +232,188 @@ def _is_open(lower_hz: float, upper_hz: float) -> bool:
 
 def _at(extreme: Extreme) -> tuple[float, float]:
     return float(extreme.wavevector[0]), float(extreme.wavevector[1])
+
+
+# -- gaps of one polarisation ------------------------------------------------------------------------------------------
+# Frequencies without waves of one polarisation, along a path: flexural waves may be missing where others pass.
+# A step of a branch between two samples counts for a polarisation when either of its ends has it; edges are then
+# moved to the branch's extreme or to the wavevector where its label changes.
+
+SHARP = 1e-5  # of a step: a label's change is no smooth extreme
+KNOWN = 1e-4  # relative: an edge where a label changes, well below what the reduction is good for
+
+
+@dataclass(frozen=True)
+class PolarisationGap:
+    """An interval without waves of a polarisation of the plate, Hz; other waves may pass."""
+
+    polarisation: str
+    lower_hz: float
+    upper_hz: float
+
+
+def labels_along(solved: Solved, branches: Branches) -> list[list[Label]]:
+    """Labels of every wave at every wavevector, pillars told; at k = 0 for the direction of the path."""
+    vectors = np.array([waves.wavevector for waves in branches.waves])
+    labels = []
+    for index, waves in enumerate(branches.waves):
+        towards = vectors[index + 1 if index == 0 else index - 1]
+        k = waves.wavevector if waves.wavevector.any() else 1e-6 * towards
+        labels.append(_labels(solved, waves, k))
+    return labels
+
+
+def polarisation_gaps(solved: Solved, branches: Branches, labels: list[list[Label]]) -> list[PolarisationGap]:
+    """Gaps of each polarisation that has waves below and above them, within the bands asked for."""
+    ceiling = min(float(waves.eigenvalue[solved.count - 1]) for waves in branches.waves)
+    gaps = []
+    for name in ("flexural", "shear", "longitudinal"):
+        steps = [step for step in _steps(branches, labels, name) if step.low < ceiling]
+        gaps += [gap for gap in _openings(solved, steps, name) if gap.upper_hz - gap.lower_hz > SMALLEST * gap.upper_hz]
+    return gaps
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A wave on its way from one sample to the next: the samples, its index at each, and which of them have the label."""
+
+    start: Waves
+    end: Waves
+    at_start: int
+    at_end: int
+    holds: tuple[bool, bool]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        return float(self.start.eigenvalue[self.at_start]), float(self.end.eigenvalue[self.at_end])
+
+    @property
+    def low(self) -> float:
+        return min(self.ends)
+
+    @property
+    def high(self) -> float:
+        return max(self.ends)
+
+
+def _steps(branches: Branches, labels: list[list[Label]], name: str) -> list[_Step]:
+    """Steps with the label at either end, by their lower end."""
+    steps = []
+    for index in range(len(branches.waves) - 1):
+        here, there = branches.waves[index : index + 2]
+        places = {int(number): place for place, number in enumerate(branches.number[index + 1])}
+        for place, number in enumerate(branches.number[index]):
+            partner = places.get(int(number), place)  # a lost branch goes on with its band, which is continuous
+            holds = labels[index][place].plate == name, labels[index + 1][partner].plate == name
+            if any(holds):
+                steps.append(_Step(here, there, place, partner, holds))
+    return sorted(steps, key=lambda step: step.low)
+
+
+def _openings(solved: Solved, steps: list[_Step], name: str) -> list[PolarisationGap]:
+    openings = []
+    reached = steps[:1]
+    for step in steps[1:]:
+        top = max(below.high for below in reached)
+        if step.low > top:
+            lower = _outermost(solved, [below for below in reached if below.high >= _near(top, step.low)], name, 1)
+            above = [other for other in steps if _near(step.low, top) >= other.low > top]
+            upper = _outermost(solved, above, name, -1)
+            openings.append(PolarisationGap(name, _hz(solved.lattice, lower), _hz(solved.lattice, upper)))
+        reached.append(step)
+    return openings
+
+
+def _near(edge: float, other: float) -> float:
+    """A tenth of the opening away from its edge on the far side: steps that reach there may move the edge."""
+    return edge - 0.1 * (other - edge)
+
+
+def _outermost(solved: Solved, steps: list[_Step], name: str, sign: int) -> float:
+    """The largest (sign 1) or smallest edge of the steps, searched only where a step may yet reach further."""
+    best = -np.inf
+    bounded = [(_bound(solved, step, sign), step) for step in steps]
+    for bound, step in sorted(bounded, key=lambda pair: -pair[0]):
+        if bound <= best:
+            break
+        best = max(best, sign * _edge(solved, step, name, sign))
+    return float(sign * best)
+
+
+def _bound(solved: Solved, step: _Step, sign: int) -> float:
+    """What sign * eigenvalue stays below on a step: its ends, or where the tangents at them meet."""
+    ends, rates = sign * np.array(step.ends), sign * np.array(_rates(solved, step))
+    at, beyond, before = np.array([0.0, 1.0]), np.array([rates[0], 0.0]), np.array([0.0, rates[1]])
+    return float(max(ends.max(), tent_top(at, ends, beyond, before)[0])) if all(step.holds) else float(ends.max())
+
+
+def _rates(solved: Solved, step: _Step) -> list[float]:
+    """d lambda / d share of the step's wave at both ends."""
+    along, rates = step.end.wavevector - step.start.wavevector, []
+    for waves, place in ((step.start, step.at_start), (step.end, step.at_end)):
+        slope = np.tensordot(along, solved.lattice.slopes(waves), axes=1)
+        rates.append(float(slope[place, place].real))
+    return rates
+
+
+def _edge(solved: Solved, step: _Step, name: str, sign: int) -> float:
+    """The largest (sign 1) or smallest eigenvalue with the label on a step and the samples at its ends."""
+    ends = sign * np.array(step.ends)
+    if all(step.holds):
+        return sign * max(float(ends.max()), _inside(solved, step, sign))
+    inner = ends[0] if step.holds[0] else ends[1]
+    if inner >= ends.max():
+        return float(sign * inner)
+    return float(sign * max(inner, sign * _change(solved, step, name)))
+
+
+def _inside(solved: Solved, step: _Step, sign: int) -> float:
+    """The largest value of sign * eigenvalue strictly between the ends, where the slopes say that there may be one."""
+    rates = _rates(solved, step)
+    if not sign * rates[0] > 0.0 > sign * rates[1]:
+        return -np.inf
+    along = step.end.wavevector - step.start.wavevector
+    best = -np.inf
+
+    def rate(share: float) -> float:
+        nonlocal best
+        if share in (0.0, 1.0):
+            return rates[int(share)]
+        waves, place = _in_between(solved, step, share)
+        best = max(best, sign * float(waves.eigenvalue[place]))
+        return float(np.tensordot(along, solved.lattice.slopes(waves), axes=1)[place, place].real)
+
+    root_between(rate, 0.0, 1.0, CLOSE)
+    return best
+
+
+def _change(solved: Solved, step: _Step, name: str) -> float:
+    """Eigenvalue at the wavevector where the label is lost on the way, by bisection."""
+    keeping, lost = (0.0, step.ends[0]), (1.0, step.ends[1])
+    if not step.holds[0]:
+        keeping, lost = lost, keeping
+    while abs(keeping[0] - lost[0]) > SHARP and abs(keeping[1] - lost[1]) > KNOWN * keeping[1]:
+        middle = (keeping[0] + lost[0]) / 2.0
+        value, label = _between(solved, step, middle)
+        keeping, lost = ((middle, value), lost) if label.plate == name else (keeping, (middle, value))
+    return keeping[1]
+
+
+def _between(solved: Solved, step: _Step, share: float) -> tuple[float, Label]:
+    """Eigenvalue and label of the step's wave on the way."""
+    waves, place = _in_between(solved, step, share)
+    return float(waves.eigenvalue[place]), _labels(solved, waves, waves.wavevector)[place]
+
+
+def _in_between(solved: Solved, step: _Step, share: float) -> tuple[Waves, int]:
+    """The waves between the samples, and which is the step's: the likest to its two ends, each by how near it is."""
+    waves = solved(step.start.wavevector + share * (step.end.wavevector - step.start.wavevector))
+    like = (1.0 - share) * modal_overlap(solved.lattice, step.start, waves)[step.at_start]
+    like = like + share * modal_overlap(solved.lattice, step.end, waves)[step.at_end]
+    return waves, int(like.argmax())
+
+
+def _labels(solved: Solved, waves: Waves, wavevector: FloatArray) -> list[Label]:
+    """Labels of the waves, named for a wavevector (2,)."""
+    vectors = np.tile(np.asarray(wavevector, dtype=complex)[:, None], len(waves.eigenvalue))
+    return label_of(solved.lattice.cell, waves.dofs, vectors, with_pillars=True)

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.hex.boxes import HexSettings, hex_mesh, plate_boxes
+from geometry.hex.boxes import hex_mesh, plate_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes

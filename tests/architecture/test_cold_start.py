@@ -31,7 +31,7 @@ CLUSTER = {"distributed", "dask"}
 NUMBERS = {"numpy", "scipy"}
 ALWAYS_LATE = CAD | MESHERS | RENDERERS | BOARDS | CLUSTER
 OURS = {"geometry", "solvers"}
-LATE_HERE = ("solvers.piezo", "solvers.control", "solvers.active_beam", "solvers.shaping", "pipeline.plots")
+LATE_HERE = ("solvers.piezo", "solvers.control", "solvers.thesis", "solvers.shaping", "pipeline.plots")
 
 
 def loaded_by(*commands: tuple[str, ...], code: int = 0, results: Path | None = None) -> set[str]:

@@ -14,11 +14,11 @@ from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
 from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.errors import InputError
-from solvers.shaping.acoustic_contrast import REGIONS, contrast, region_points
+from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
-from solvers.shaping_study.model import LINE, ShapedBeam, pointed
-from solvers.shaping_study.steps import travel_window
-from solvers.shaping_study.study import ShapingData
+from solvers.thesis.shaped_beam import LINE, ShapedBeam, pointed
+from solvers.thesis.shaping_steps import travel_window
+from solvers.thesis.shaping_study import ShapingData
 
 TONE = 2400.0
 NAMES = ("left", "middle", "right", "left max", "mid max", "rightmax", "wave+", "wave-")

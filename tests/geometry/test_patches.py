@@ -7,8 +7,8 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from geometry.patches import antinode_places
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.layout import antinode_places
+from geometry.materials import PIEZO_MATERIALS
 
 # coupling factors printed beside the constants in the same data sheets: k31, k33, kp, kt
 SHEETS = {

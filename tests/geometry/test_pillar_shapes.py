@@ -9,19 +9,16 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
-from geometry.cad.printability import features
+from geometry.cad.printing import features
 from geometry.cad.solids import cell_solid, pillar_solid
 from geometry.errors import GeometryError
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, pillar_boxes
+from geometry.hex.boxes import cell_boxes, hex_mesh, pillar_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh
-from geometry.pillar_shapes.cross import Cross
-from geometry.pillar_shapes.hexagonal import Hexagonal
-from geometry.pillar_shapes.registry import SHAPES, shape_of
-from geometry.pillar_shapes.round import Round
-from geometry.pillar_shapes.square import Square
-from geometry.pillar_shapes.tapered import Tapered
+from geometry.pillar_shapes.base import Square
+from geometry.pillar_shapes.shapes import SHAPES, Cross, Hexagonal, Round, Tapered, shape_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 S, A = 2e-3, 0.8e-3  # overall width and arm, m

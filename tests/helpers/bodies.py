@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from geometry.hex.boxes import Boxes, hex_mesh
-from geometry.hex.split import split_hexahedra
 from geometry.materials import Material
-from geometry.mesh import Mesh
+from geometry.mesh import Mesh, split_hexahedra
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil, constrain
+from solvers.fem.solid import Pencil, constrain
 
 Lines = tuple[np.ndarray, np.ndarray, np.ndarray]
 

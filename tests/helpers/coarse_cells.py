@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
 from solvers.piezo import patch as piezo_patch

@@ -8,7 +8,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.materials import Material
-from solvers.analytic.lamb import lamb_hz, shear_speed
+from solvers.analytic.plate_waves import lamb_hz, shear_speed
 from solvers.errors import SolverError
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.elements import FloatArray
-from solvers.resonators.mason import Line, LineResponse
+from solvers.thesis.circuit import Line, LineResponse
 
 
 def chain_response(line: Line, omega: FloatArray) -> LineResponse:

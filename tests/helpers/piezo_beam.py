@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from geometry.materials import Material
-from geometry.piezo_materials import PiezoMaterial
+from geometry.materials import Material, PiezoMaterial
 from solvers.analytic.beams import beam_mode, frequency_hz, roots
 from solvers.errors import SolverError
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from geometry.hex.boxes import Boxes, hex_mesh
-from geometry.hex.split import split_hexahedra
 from geometry.materials import Material
-from geometry.mesh import Mesh
+from geometry.mesh import Mesh, split_hexahedra
 
 SOFT = Material("soft", 2.5e9, 1200.0, 0.31)
 EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geometry.materials import Material
-from geometry.piezo_materials import VACUUM_F_M, PiezoMaterial
+from geometry.materials import VACUUM_F_M, Material, PiezoMaterial
 from tests.helpers.piezo_beam import Section, elastic_layer, laminate, piezo_layer
 
 YOUNG_PA, D31, HELD_F_M = 66e9, -190e-12, 15.93e-9

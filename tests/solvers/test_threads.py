@@ -10,14 +10,14 @@ import time
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.workers import LocalWorkers
-from solvers import cores, threads
+from solvers import machine, threads
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.factor import choice, factoriser
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.threads import Abandoned, go_on, side_by_side
 
@@ -146,4 +146,4 @@ def test_a_worker_of_a_batch_has_the_threads_that_it_was_given(monkeypatch: pyte
     """Two cases at once on two cores: one thread each, for classes and panels as for BLAS."""
     monkeypatch.delenv("ANTINODE_THREADS")
     with LocalWorkers(1, 1) as workers:
-        assert workers.submit(cores.workers).result() == 1
+        assert workers.submit(machine.workers).result() == 1

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from geometry.hex.split import split_hexahedra
+from geometry.mesh import split_hexahedra
 from studies import extremes, scenes
 
 

@@ -8,17 +8,18 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import Boxes, HexSettings, cell_boxes, hex_mesh
+from geometry.hex.boxes import Boxes, cell_boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
+from geometry.lattice import path_through
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import lattice_panel
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
-from solvers.waves.brillouin import path_through
 from solvers.waves.gaps import complete_gaps
 from tests.helpers.lattice_waves import folded_hz
 

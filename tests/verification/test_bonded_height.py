@@ -11,18 +11,16 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from pipeline.models.patched_plate import FOLLOWS
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.frequency_bar import frequency_errors
-from solvers.piezo.height import height_error
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.peak_errors import frequency_errors, height_error
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from studies.bonded_solid import UNSURE, BondedPlate, SolidModes, height, solid_modes
 

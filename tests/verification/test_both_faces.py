@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.cad.files import write_stl
-from geometry.cad.printability import check_print
+from geometry.cad.printing import check_print, write_stl
 from geometry.cad.solids import cell_solid, plate_solid
-from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
+from geometry.hex.boxes import boxes_of, hex_mesh
+from geometry.hex.scenes import HexSettings, plate_scene
+from geometry.materials import PIEZO_MATERIALS
 from geometry.mesh import cell_volumes, check_mesh
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -24,16 +25,14 @@ from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import Limits, mass_kg
 from solvers.fem.surface import face_quadrature
-from solvers.measures.confinement import measure
-from solvers.measures.levels import ratio_db
+from solvers.measures.confinement import measure, ratio_db
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.resonators.pillar_row import design_feet
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
+from solvers.thesis.pillar_row import design_feet
 from tests.helpers.scenes import STEEL_PILLARS
 from tests.helpers.whole_solid import check_within_both_bars
 

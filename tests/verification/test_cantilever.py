@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from geometry.materials import Material
-from solvers.analytic.section import Beam
-from solvers.analytic.timoshenko import exact_omegas
+from solvers.analytic.timoshenko import Beam, exact_omegas
 from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 from tests.helpers.beams import square_beam

@@ -16,8 +16,8 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import VOID, Boxes, HexSettings, boxes_of, hex_mesh, plate_scene
-from geometry.hex.grading import Grading, grid_lines
+from geometry.hex.boxes import VOID, Boxes, boxes_of, hex_mesh
+from geometry.hex.scenes import Grading, HexSettings, grid_lines, plate_scene
 from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from solvers.fem.assembly import assemble

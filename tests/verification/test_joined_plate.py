@@ -8,13 +8,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import VOID, Boxes, HexSettings, hex_mesh, panel_boxes
+from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -18,8 +18,8 @@ from geometry.elements import gauss_lobatto, lagrange
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil
 from solvers.fem.eigen import PlainPencil, modes_in_band
+from solvers.fem.solid import Pencil
 from tests.helpers import bodies
 
 STEEL = Material("steel", 200e9, 8000.0, 0.3)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geometry.hex.boxes import Boxes, hex_mesh, pillar_boxes, zone_boxes
-from geometry.hex.grading import grid_lines
+from geometry.hex.scenes import grid_lines
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from pipeline.planning import mesh_rules

@@ -14,17 +14,17 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, Material
-from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
-from solvers.control.resonance import half_power_quality_factor
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
+from solvers.control.identification import half_power_quality_factor
 from solvers.fem.assembly import assemble
-from solvers.piezo.circuit import circuit_shift, open_modes
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import _mesh, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.responses import circuit_shift, open_modes
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from studies.bonded_solid import bonded_solid, lifted
 from tests.helpers.piezo_beam import (

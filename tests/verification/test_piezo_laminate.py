@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from solvers.errors import SolverError
 from tests.helpers.piezo_beam import (
     Section,

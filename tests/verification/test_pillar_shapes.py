@@ -9,11 +9,12 @@ from math import sqrt
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, pillar_boxes
-from geometry.hex.split import split_hexahedra
+from geometry.hex.boxes import hex_mesh, pillar_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from geometry.mesh import Mesh, check_mesh
+from geometry.mesh import Mesh, check_mesh, split_hexahedra
+from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
 from pipeline.paths import STUDIES
@@ -21,11 +22,10 @@ from pipeline.planning import calibration, mesh_rules
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
-from solvers.waves.symmetry import Mirrors
+from solvers.waves.branches import Mirrors
 from tests.helpers import bodies
 from tests.helpers.asked import solve_bands
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, boxes_of, hex_mesh, plate_scene
+from geometry.hex.boxes import boxes_of, hex_mesh
+from geometry.hex.scenes import HexSettings, plate_scene
 from geometry.mesh import cell_volumes
+from geometry.tiling import tile
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -20,10 +22,9 @@ from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.request import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
+from solvers.plates.supercell import Supercell, staggered_tiling
 from solvers.superelement.interface import Interface
-from solvers.superelement.tiling import tile
-from solvers.waves.supercell import Supercell, staggered_tiling
 from tests.helpers.asked import attenuation_of as solve
 from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars

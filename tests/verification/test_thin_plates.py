@@ -7,12 +7,12 @@ import pytest
 
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
-from solvers.analytic.lamb import supported_plate_hz
+from solvers.analytic.plate_waves import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.factor.choice import available
+from solvers.fem.solid import Pencil, constrain, free_mask
 
 EDGE_M = 0.1
 PLATE = Material("plate", 70e9, 2700.0, 0.34)

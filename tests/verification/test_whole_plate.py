@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import VOID, Boxes, HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
+from geometry.tiling import Panel, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
-from solvers.superelement.tiling import signature
 
 ALUMINIUM = MATERIALS["aluminium"]
 BOX = Pillar("square", 1.4e-3, 1.4e-3, 5e-3, ALUMINIUM)

@@ -14,22 +14,23 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from geometry.tet.scenes import tet_panel, tet_plate
+from geometry.tiling import Panel
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import Request, solve_modes
-from solvers.driven.crosstalk import zones_of
+from solvers.driven.several_patches import zones_of
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import TouchField, measure
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.pressure_load import PressedPlate
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.patched_plate import PressedPlate
+from solvers.plates.assembled import PlateModel, Reductions
+from solvers.plates.column import Column
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.waves.column import Column
 
 AREAS = 1e-6  # relative: what the areas of zone and passive face must hold
 ALUMINIUM = MATERIALS["aluminium"]
@@ -133,7 +134,7 @@ solve = { accuracy = 0.1 }
 @pytest.mark.parametrize("model", ["auto", "solid"])
 def test_step_pillars_end_at_the_border(model: str, tmp_path: Path) -> None:
     """A cylinder from a STEP file: assembled without symmetry, and the whole body as one mesh."""
-    from geometry.cad.files import write_step
+    from geometry.cad.printing import write_step
     from geometry.cad.solids import pillar_solid
 
     write_step(pillar_solid(replace(ROUND, height_m=3e-3)), tmp_path / "round.step")

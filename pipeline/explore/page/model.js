@@ -467,7 +467,7 @@ function condense(k, m, kept, top, about) {
   const shapes = below(eye, beside(still, modes)), turned = (x) => halfSum(mulT(shapes, mul(x, shapes)));
   return { still, modes, k: turned(k), m: turned(m), inside: beside(still, modes) };
 }
-function columnPanels(data, design) { // solvers/waves/column.py and solvers/superelement/tiling.py, in m
+function columnPanels(data, design) { // solvers/plates/column.py and geometry/tiling.py, in m
   const { pitch, thickness, rows, extension } = design, side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
   const bare = (to, even) => {
     const from = lines[lines.length - 1];
@@ -531,7 +531,7 @@ function motionsOf(data, places, steps, motion, free) { // of every cell, the ou
   return out;
 }
 const linesOf = (data, design, end, middle) => [data.zone_width / 2, end - design.extension].flatMap((line) => [line - middle, -line - middle]);
-function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/gauss_grid.py
+function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/quadrature.py
   const { gauss, weights } = data.bare, n = gauss.length, points = [], areas = [], rows = [], width = cell.touch.m, own = (i) => cell.touch.a.subarray(i * width, (i + 1) * width);
   for (let first = 0; first < cell.points.length; first += n * n) {
     const low = cell.points[first][1], high = cell.points[first + n - 1][1], middle = (low + high) / 2, half = (high - low) / (gauss[n - 1] - gauss[0]);
@@ -704,7 +704,7 @@ function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/m
   return { index: best, status: single ? "single" : "split", open: lead * bound > own, rivals: Math.min(others.filter((w) => w >= rival * own).length, named),
     tied: (least) => [best, ...range(0, modes.length).filter((i) => i !== best && candidate[i] && weights[i] >= least * own)] };
 }
-function searched(rule, modes, window) { // solvers/measures/wanted_search.py where all modes that are known are at hand
+function searched(rule, modes, window) { // solvers/measures/wanted_mode.py where all modes that are known are at hand
   let ends = window, reach = window, steps = 0, found = null;
   for (let round = 0; round < rule.rounds; round++) {
     found = verdictOf(rule, modes, window[0], ends, reach);
@@ -751,7 +751,7 @@ function shapeOf(data, plate, mode) { // the root mean square of u_z along x ove
   return { y_mm: full.map((i) => 1e3 * (i + 0.5) / slots * end), level: level.map((v) => v / high) };
 }
 
-// ---- decay per row: solvers/waves/evanescent.py, polarisation.py ----
+// ---- decay per row: solvers/waves/complex_bands.py, branches.py ----
 function decayOf(data, row, design, window) {
   if (data.kx > Math.PI / design.pitch) return { frequency_hz: [], db_per_row: [], kx_per_m: data.kx };
   const hz = range(0, data.decay_points).map((i) => window[0] + (window[1] - window[0]) * i / (data.decay_points - 1));

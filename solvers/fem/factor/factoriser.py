@@ -15,10 +15,10 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError
 from solvers.fem.factor import choice
-from solvers.fem.factor.memory import room_bytes
 from solvers.fem.factor.pardiso import Pardiso
 from solvers.fem.factor.rslab import Rslab
 from solvers.fem.factor.superlu import SuperLU
+from solvers.machine import room_bytes
 from solvers.threads import Item, Result, go_on
 from solvers.threads import side_by_side as in_threads
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError, TooLarge
-from solvers.fem.factor.memory import foresee
+from solvers.machine import foresee
 from solvers.threads import threads
 
 SYMMETRIC_INDEFINITE = -2

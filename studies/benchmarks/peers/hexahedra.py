@@ -19,7 +19,8 @@ from scipy.sparse.linalg import LinearOperator, eigsh, splu
 from skfem.helpers import ddot, dot, eye, sym_grad, trace
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.boxes import HexSettings, hex_mesh
+from geometry.hex.boxes import hex_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.mesh import Mesh
 from solvers.measures.confinement import wanted_shape
 from studies import ladder

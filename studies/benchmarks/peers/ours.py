@@ -6,7 +6,8 @@ import json
 import sys
 from typing import Any
 
-from geometry.hex.boxes import HexSettings, hex_mesh
+from geometry.hex.boxes import hex_mesh
+from geometry.hex.scenes import HexSettings
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import Request, solve_modes

@@ -10,16 +10,8 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import (
-    Boxes,
-    HexSettings,
-    Scene,
-    boxes_of,
-    cell_scene,
-    pillar_scene,
-    plate_scene,
-    zone_scene,
-)
+from geometry.hex.boxes import Boxes, boxes_of
+from geometry.hex.scenes import HexSettings, Scene, cell_scene, pillar_scene, plate_scene, zone_scene
 from solvers.measures.confinement import wanted_shape
 from studies import ladder
 

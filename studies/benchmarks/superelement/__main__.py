@@ -11,20 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, plate_boxes
+from geometry.hex.boxes import cell_boxes, hex_mesh, plate_boxes
+from geometry.hex.scenes import HexSettings
+from geometry.lattice import path_through
 from geometry.layout import Design
+from geometry.tiling import lattice_panel
 from pipeline.batch import peak_memory
 from pipeline.models.parts import PartModel
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.tiling import lattice_panel
 from solvers.waves.bloch import BlochCell
-from solvers.waves.brillouin import path_through
 from studies import ladder
 from studies.benchmarks.superelement import modal_overlap
 

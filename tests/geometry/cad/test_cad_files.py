@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from geometry.cad import files
-from geometry.cad.files import write_3mf, write_step, write_stl
-from geometry.cad.printability import check_print, overhang
+from geometry.cad import printing
+from geometry.cad.printing import check_print, overhang, write_3mf, write_step, write_stl
 from geometry.cad.solids import plate_solid
 from geometry.errors import GeometryError
 from geometry.layout import Design, Pillar
@@ -186,7 +185,7 @@ def test_a_write_that_dies_leaves_the_old_file_whole(tmp_path, monkeypatch):
     def die(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files.ZipFile, "writestr", die)
+    monkeypatch.setattr(printing.ZipFile, "writestr", die)
     with pytest.raises(KeyboardInterrupt):
         write_3mf(body, path, {})
     assert path.read_bytes() == b"old"

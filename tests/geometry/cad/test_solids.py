@@ -9,10 +9,8 @@ import pytest
 
 from geometry.cad.solids import cell_solid, pillar_solid, plate_solid, zone_solid
 from geometry.errors import GeometryError
-from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.patches import Patches
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.layout import Design, Patches, Pillar
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from geometry.pillar_shapes.step import Step
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]

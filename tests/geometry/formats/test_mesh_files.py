@@ -6,8 +6,9 @@ import pytest
 import pyvista
 from vtkmodules.vtkCommonCore import mutable
 
-from geometry.formats.vtu import write_vtu
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh
+from geometry.formats.vtk import write_vtu
+from geometry.hex.boxes import cell_boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes

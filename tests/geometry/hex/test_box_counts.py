@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from geometry.hex.box_counts import box_counts
-from geometry.hex.boxes import HexSettings, Scene, boxes_of, cell_scene, hex_mesh, pillar_scene, plate_scene, zone_scene
+from geometry.hex.boxes import boxes_of, hex_mesh
+from geometry.hex.scenes import HexSettings, Scene, box_counts, cell_scene, pillar_scene, plate_scene, zone_scene
 from geometry.layout import Design, Pillar, Tip, region_materials
 from geometry.materials import MATERIALS
 from geometry.mesh import cell_volumes, check_mesh

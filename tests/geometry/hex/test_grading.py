@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geometry.hex.grading import Grading, grid_lines
+from geometry.hex.scenes import Grading, grid_lines
 
 
 def test_even_cuts_without_singular_edges() -> None:

@@ -7,19 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import (
-    HexSettings,
-    Panel,
-    cell_boxes,
-    hex_mesh,
-    panel_boxes,
-    pillar_boxes,
-    plate_boxes,
-    zone_boxes,
-)
+from geometry.hex.boxes import cell_boxes, hex_mesh, panel_boxes, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
+from geometry.tiling import Panel
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

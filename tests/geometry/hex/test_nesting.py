@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from geometry.hex.boxes import HexSettings, cell_boxes, hex_mesh, pillar_boxes, zone_boxes
-from geometry.hex.nesting import interpolation
+from geometry.hex.boxes import cell_boxes, hex_mesh, interpolation, pillar_boxes, zone_boxes
+from geometry.hex.scenes import HexSettings
 from pipeline.case.model import load_case
 
 CASE = Path(__file__).resolve().parents[3] / "examples" / "small.toml"

@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshError
-from geometry.hex import panels, plan
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex import panels
 from geometry.hex.panels import panel_mesh, transfer
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import cell_volumes, check_mesh
+from geometry.tiling import Panel
 from solvers.fem.surface import face_quadrature
 
 T, H, W = 1.6e-3, 5.2e-3, 1.9e-3
@@ -130,7 +131,7 @@ def test_pillars_on_both_faces_are_each_others_image(pillar: Pillar) -> None:
 def test_a_mirror_image_that_keeps_its_lines_is_turned_inside_out(monkeypatch: pytest.MonkeyPatch) -> None:
     """The check of the mesh sees a reflection that forgets the handedness of the elements."""
 
-    def careless(patch: plan.Patch, signs: tuple[int, int], origin: np.ndarray) -> plan.Patch:
+    def careless(patch: panels.Patch, signs: tuple[int, int], origin: np.ndarray) -> panels.Patch:
         return replace(patch, place=lambda u, v: patch.place(u, v) * np.array(signs) + origin)
 
     monkeypatch.setattr("geometry.hex.panels.reflected", careless)
@@ -153,9 +154,9 @@ def test_patches_that_do_not_meet_are_refused(monkeypatch: pytest.MonkeyPatch) -
     """Planted: one quadrant has another number of elements between rim and block than its neighbours."""
     counted = iter(range(100))
 
-    def uneven(half: float, block: tuple[float, float], lines: plan.PlanLines):
+    def uneven(half: float, block: tuple[float, float], lines: panels.PlanLines):
         fill = np.linspace(0.0, 1.0, 2 + next(counted) % 2)
-        return plan.disc(half, block, replace(lines, fill=fill))
+        return panels.disc(half, block, replace(lines, fill=fill))
 
     monkeypatch.setitem(panels.PLANS, "disc", (uneven, (1.0, 1.0)))
     with pytest.raises(MeshError, match="do not meet node for node"):

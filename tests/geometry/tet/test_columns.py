@@ -12,8 +12,7 @@ from geometry.cad import solids
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
-from geometry.tet.columns import Columns
-from geometry.tet.scenes import tet_plate
+from geometry.tet.scenes import Columns, tet_plate
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 

@@ -14,17 +14,13 @@ import trimesh
 from geometry.cad import solids
 from geometry.cad.surface import cad_surface
 from geometry.errors import MeshError
-from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.layout import Design, Patches, Pillar
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from geometry.mesh import Mesh, cell_volumes, check_mesh
-from geometry.patches import Patches
-from geometry.piezo_materials import PIEZO_MATERIALS
 from geometry.tet import mesher
 from geometry.tet.mesher import TetOptions, tet_mesh
-from geometry.tet.mirror import mirror_mesh
-from geometry.tet.scenes import tet_cell, tet_pillar, tet_plate, tet_zone
-from geometry.tet.sizing import NearSegments
-from geometry.tet.tetwild import tet_quality, tetrahedralize
+from geometry.tet.scenes import mirror_mesh, tet_cell, tet_pillar, tet_plate, tet_zone
+from geometry.tet.tetwild import NearSegments, tet_quality, tetrahedralize
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 MM2, MM3 = 1e-6, 1e-9

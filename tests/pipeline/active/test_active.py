@@ -18,10 +18,10 @@ from pipeline.board import table_file
 from pipeline.case.quantities import parse_seconds
 from pipeline.cli import main
 from pipeline.errors import InputError
-from solvers.active_beam.study import ActiveBeamData
-from solvers.control.baseband import ModePlant
 from solvers.control.identification import noisy, sweep_of
-from solvers.resonators.mason_study import MasonData
+from solvers.control.loop import ModePlant
+from solvers.thesis.active_study import ActiveBeamData
+from solvers.thesis.circuit import MasonData
 from tests.helpers import site_fields
 from tests.helpers.figures import assert_labelled_with_data, collected
 

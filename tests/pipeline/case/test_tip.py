@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.cad.printability import features
+from geometry.cad.printing import features
 from geometry.cad.solids import pillar_solid, plate_solid
 from geometry.materials import MATERIALS
 from pipeline.case.model import Case, case_from_dict

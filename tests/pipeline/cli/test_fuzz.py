@@ -22,7 +22,7 @@ from geometry.formats.neutral import RawMesh
 from geometry.formats.reader import load
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from geometry.pillar_shapes.registry import SHAPES
+from geometry.pillar_shapes.shapes import SHAPES
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import SIZE_KEYS, known_keys

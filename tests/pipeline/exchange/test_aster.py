@@ -15,8 +15,7 @@ import pytest
 from geometry.formats.med import KINDS, read_med, write_med
 from geometry.formats.neutral import RawMesh, local_nodes, outer_facets
 from geometry.hex.boxes import Boxes, hex_mesh
-from geometry.hex.split import split_hexahedra
-from geometry.mesh import Mesh, cell_volumes, check_mesh
+from geometry.mesh import Mesh, cell_volumes, check_mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
 from pipeline.exchange import aster

@@ -21,9 +21,8 @@ from pipeline.exchange import impedance
 from pipeline.measured import universal
 from pipeline.measured.synthetic import grid
 from pipeline.models.patched_plate import forced_plate
-from solvers.piezo.circuit import admittance, circuit_shift
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.point import point_response
+from solvers.piezo.responses import admittance, circuit_shift, point_response
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")

@@ -16,17 +16,16 @@ from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
 from geometry.formats.neutral import FACET, VOLUME, RawMesh, facet_nodes, local_nodes
 from geometry.formats.reader import load
-from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
-from geometry.hex.split import split_hexahedra
-from geometry.mesh import Mesh
+from geometry.hex.boxes import hex_mesh, pillar_boxes
+from geometry.hex.scenes import HexSettings
+from geometry.mesh import Mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
 from pipeline.exchange import aster, calculix
 from pipeline.exchange.part_mesh import exchange
 from pipeline.logs import TerminalLog
-from solvers.fem.constraints import constrain
 from solvers.fem.eigen import modes_near
-from solvers.fem.solid import SolidModel
+from solvers.fem.solid import SolidModel, constrain
 from solvers.measures.confinement import measure
 
 SCENE: dict[str, Any] = {

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import Panel
+from geometry.tiling import Panel
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
@@ -46,9 +46,10 @@ from solvers.fem.assembly import Scale, assemble
 from solvers.measures.confinement import Confinement
 from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
-from solvers.superelement.cell import Cell, reduce_cell
+from solvers.plates.column import Column
+from solvers.superelement.cell import Cell
 from solvers.superelement.lattice import Lattice
-from solvers.waves.column import Column
+from solvers.superelement.reduction import reduce_cell
 from solvers.waves.gaps import complete_gaps
 from tests.helpers.exploring import OFFLINE, SMALL, served, small_explorer
 

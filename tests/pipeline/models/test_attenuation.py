@@ -20,7 +20,7 @@ from pipeline.paths import STUDIES
 from pipeline.questions.attenuation import prediction
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import strip_of
-from solvers.waves import evanescent
+from solvers.waves import complex_bands
 from tests.helpers import synthetic
 from tests.helpers.asked import attenuation_of
 from tests.helpers.recording_log import RecordingLog
@@ -190,12 +190,12 @@ def test_a_case_without_pillars_is_refused(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_plates_of_one_pitch_share_the_waves_of_the_plate_beside_their_rows(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain, solved = evanescent.Row.waves, []
-    monkeypatch.setattr(evanescent.Row, "waves", lambda row, tone: solved.append(type(row)) or plain(row, tone))
+    plain, solved = complex_bands.Row.waves, []
+    monkeypatch.setattr(complex_bands.Row, "waves", lambda row, tone: solved.append(type(row)) or plain(row, tone))
     attenuation._last.clear()
     case = load_case(CASE, ["solve.accuracy=0.03"])
     other = load_case(CASE, ["solve.accuracy=0.03", "array.rows=1"])
     through = [attenuation_of(each, TerminalLog(True), points=5).points[2].transmission for each in (case, other)]
-    assert solved.count(evanescent.KeptRow) == 5, "of the plate, for both"
-    assert solved.count(evanescent.Row) == 2 * 2 * 5, "of each case's row, with one degree less, too"
+    assert solved.count(complex_bands.KeptRow) == 5, "of the plate, for both"
+    assert solved.count(complex_bands.Row) == 2 * 2 * 5, "of each case's row, with one degree less, too"
     assert through[0] and through[1] and through[0].flexural < through[1].flexural

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geometry.lattice import Path
 from pipeline.models import band_errors
-from solvers.waves.brillouin import Path
 from solvers.waves.gaps import DirectionalGap, Gap, complete_gaps
 
 RANDOM = np.random.default_rng(5)

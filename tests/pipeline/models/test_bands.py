@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.models import attenuation, bands, unit_cell

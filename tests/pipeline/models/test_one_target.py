@@ -16,10 +16,9 @@ from pipeline.models.patched_plate import driven, forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.planning.request import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate
-from solvers.measures.wanted_mode import LEAD
-from solvers.measures.wanted_search import weights
+from solvers.measures.wanted_mode import LEAD, weights
 from solvers.piezo.forced import GroupModes
-from solvers.superelement.build import PlateModel
+from solvers.plates.assembled import PlateModel
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")

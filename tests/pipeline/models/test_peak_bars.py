@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from pipeline.models import peak_bars
 from pipeline.models.peak_bars import AROUND_PEAK, DECAYED, curve_errors, quality_error
 from solvers.driven.curve_bars import Doubts
@@ -20,8 +19,8 @@ from solvers.driven.error_bars import Variation, bases
 from solvers.piezo.forced import Curve, Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, peak_of
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.responses import Peak, curve_about, highest_hz, near_hz, peak_of
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

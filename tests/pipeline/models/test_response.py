@@ -15,8 +15,8 @@ from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
 from pipeline.models import response
 from pipeline.planning.error_bar import WidestBar
-from solvers.control.resonance import half_power_quality_factor
-from solvers.piezo.frequency_bar import FrequencyErrors
+from solvers.control.identification import half_power_quality_factor
+from solvers.piezo.peak_errors import FrequencyErrors
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")

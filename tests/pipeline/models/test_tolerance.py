@@ -14,7 +14,7 @@ from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.models import tolerance
 from pipeline.models.tolerance_parts import SampleRecord
-from solvers.variation.plate_space import PlateSpace
+from solvers.variation.samples import PlateSpace
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 CASE = """name = "small"

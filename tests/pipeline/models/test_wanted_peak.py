@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.cli.main import main
 from solvers.piezo.forced import Curve
-from solvers.piezo.peaks import Peak, curve_about, highest_hz, near_hz, own_or, peak_of
+from solvers.piezo.responses import Peak, curve_about, highest_hz, near_hz, own_or, peak_of
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
 ROOT = Path(__file__).resolve().parents[3]

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from pipeline.batch import case_study
@@ -28,9 +29,9 @@ from pipeline.planning.request import Request
 from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.questions.bands import Bands
 from pipeline.records.run_log import RunLog
+from solvers import machine
 from solvers.errors import OutOfMemory
-from solvers.fem.factor import memory
-from solvers.fem.factor.memory import GROUP_FILES, available_bytes
+from solvers.machine import GROUP_FILES, available_bytes
 from studies.benchmarks.foresight import CELLS, DRIVEN, SCENES, foreseen, taken
 
 SMALL, REFERENCE = str(ROOT / "examples" / "small.toml"), str(ROOT / "studies" / "three-rows.toml")
@@ -52,7 +53,7 @@ TOO_LARGE = {
 
 @pytest.fixture
 def sixteen_gib(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(memory.STATED, "16")
+    monkeypatch.setenv(machine.STATED, "16")
 
 
 def refuse_to_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,8 +62,8 @@ def refuse_to_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
 
     for module in ("pipeline.models.parts", "pipeline.models.whole_cell"):
         monkeypatch.setattr(f"{module}.hex_mesh", forbidden)
-    monkeypatch.setattr("solvers.superelement.build.panel_mesh", forbidden)
-    monkeypatch.setattr("solvers.superelement.build.tile", forbidden)
+    monkeypatch.setattr("solvers.plates.assembled.panel_mesh", forbidden)
+    monkeypatch.setattr("solvers.plates.assembled.tile", forbidden)
 
 
 @pytest.mark.parametrize("name", TOO_LARGE)
@@ -91,7 +92,7 @@ SQUAT = {
 
 def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
-    monkeypatch.setenv(memory.STATED, "4")
+    monkeypatch.setenv(machine.STATED, "4")
     (demand,) = Bands().plan(case_from_dict(SQUAT)).demands.values()
     assert too_much(demand) is None and demand.functions and demand.functions < 600
     assert list(demand.finer_bytes) == sorted(demand.finer_bytes) and len(demand.finer_bytes) == 2
@@ -166,7 +167,7 @@ def test_explain_tells_memory_degrees_of_freedom_modes_and_time(
 
 def test_a_case_of_a_study_is_refused_before_its_first_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     refuse_to_mesh(monkeypatch)
-    monkeypatch.setenv(memory.STATED, "0.1")
+    monkeypatch.setenv(machine.STATED, "0.1")
     payload = {"case": load_case(SMALL).to_dict(), "overrides": [], "measure": ["modes", "bands"]}
     with (
         RunLog(tmp_path / "run.mess") as log,
@@ -180,9 +181,9 @@ def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.Monke
     demand = plan.modes_step(load_case(SMALL), Request("zone")).demand
     assert demand
     needed = MEMORY_RANGE[1] * demand.memory_bytes / 2**30
-    monkeypatch.setenv(memory.STATED, f"{1.01 * needed}")
+    monkeypatch.setenv(machine.STATED, f"{1.01 * needed}")
     assert too_much(demand) is None
-    monkeypatch.setenv(memory.STATED, f"{0.99 * needed}")
+    monkeypatch.setenv(machine.STATED, f"{0.99 * needed}")
     assert too_much(demand)
 
 
@@ -190,26 +191,26 @@ def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.Monke
 
 
 def test_the_least_of_machine_group_and_limit_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv(memory.STATED, raising=False)
-    monkeypatch.setattr(memory, "_groups", lambda: [tmp_path])
-    monkeypatch.setattr(memory, "_process_rooms", lambda: [])
+    monkeypatch.delenv(machine.STATED, raising=False)
+    monkeypatch.setattr(machine, "_groups", lambda: [tmp_path])
+    monkeypatch.setattr(machine, "_process_rooms", lambda: [])
     free = available_bytes()
     for limit, used in GROUP_FILES:
         (tmp_path / limit).write_text("300000000\n")
         (tmp_path / used).write_text("100000000\n")
         assert available_bytes() == 2e8 < free
         (tmp_path / limit).write_text("max\n")
-    monkeypatch.setattr(memory, "_process_rooms", lambda: [1e8])
+    monkeypatch.setattr(machine, "_process_rooms", lambda: [1e8])
     assert available_bytes() == 1e8
 
 
 def test_a_limit_of_addresses_counts_what_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     resource = pytest.importorskip("resource", reason="a system without resource limits")
-    taken = memory.psutil.Process().memory_info().vms
+    taken = psutil.Process().memory_info().vms
     limits = {resource.RLIMIT_AS: taken + 10**9}
     unlimited = resource.RLIM_INFINITY
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (limits.get(kind, unlimited), unlimited))
-    (room,) = memory._process_rooms()
+    (room,) = machine._process_rooms()
     assert 0.5e9 < room < 1.5e9
 
 

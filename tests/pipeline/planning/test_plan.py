@@ -310,7 +310,7 @@ def test_explain_computes_nothing(
         "pipeline.models.whole_cell.hex_mesh",
     ):
         monkeypatch.setattr(name, refuse)
-    monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
+    monkeypatch.setattr("solvers.plates.assembled.Reductions.cell", refuse)
     assert main([command, CASE, "--explain"]) == 0
     text = capsys.readouterr().out
     assert text.startswith("plan for three-rows") and "because" in text and "boxes: CAD and tetrahedra" in text
@@ -379,7 +379,7 @@ WORK = {
             "pipeline/planning/mesh_rules.py:_along",
             "geometry/pillar_shapes/step.py",
         ),
-        *("solvers/resonators/impedance.py", "solvers/resonators/standing_pillar.py"),
+        *("solvers/thesis/pillar_row.py", "solvers/plates/strip.py"),
     ),
     "lattice": (
         "solvers/superelement/lattice.py",

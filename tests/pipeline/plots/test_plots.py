@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.decimate import with_sides
+from geometry.decimation import with_sides
 from pipeline.plots import fields, mesh, plate, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
 from pipeline.questions.bands import BandPoint, BandsResult

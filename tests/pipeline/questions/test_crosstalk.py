@@ -30,17 +30,16 @@ from pipeline.records.record import (
     DesignRecord,
 )
 from solvers.driven import curve_bars
-from solvers.driven.crosstalk import Zones, zone_volts, zones_of
 from solvers.driven.curve_bars import Doubts
 from solvers.driven.error_bars import Variation
-from solvers.driven.power_flow import power_flow
+from solvers.driven.several_patches import Zones, power_flow, zone_volts, zones_of
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import wanted_shape
 from solvers.measures.wanted_mode import SIMILAR
-from solvers.piezo.circuit import resonances_hz
 from solvers.piezo.forced import ForcedPlate
-from solvers.superelement.build import PlateModel
+from solvers.piezo.responses import resonances_hz
+from solvers.plates.assembled import PlateModel
 from tests.helpers.asked import crosstalk_of
 from tests.helpers.coarse_cells import mesh_coarsest
 from tests.helpers.scenes import STEEL_PILLARS

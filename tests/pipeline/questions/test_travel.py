@@ -24,8 +24,8 @@ from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
-from solvers.touch import disk, touch_map
-from solvers.touch.shear import crest_motion
+from solvers.touch import touch_map, touched_plate
+from solvers.touch.friction import crest_motion
 from solvers.touch.touch_map import lattice_receptance
 
 QUIET = TerminalLog(quiet=True)
@@ -242,7 +242,8 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     known = np.isfinite(low) & np.isfinite(high)
     assert known.any() and (np.abs(low) <= np.abs(high) + 1e-12)[known].all() and np.nanmax(np.abs(high)) <= 1.0
     assert (np.sign(high[known]) == np.sign(np.array(soft.crest_m_s)[known])).all()
-    monkeypatch.setattr(disk, "STEPS", (2, 2))  # whatever the points of its contact are, a rigid finger holds them
+    # whatever the points of its contact are, a rigid finger holds them
+    monkeypatch.setattr(touched_plate, "STEPS", (2, 2))
     rigid = fingered(record, wave, impedance={"stiffness_N_m": 1e9})
     assert np.median(rigid.touched_m) < 1e-2 * np.median(free.touched_m)
     wave, felt = dataclasses.replace(record, shear=soft).pictures()

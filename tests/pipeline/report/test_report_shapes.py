@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.decimate import coarse, with_sides
+from geometry.decimation import coarse, with_sides
 from pipeline.records import store
 from pipeline.records.study import read_study
 from pipeline.report import dispersion, mode_shapes

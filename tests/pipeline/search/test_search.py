@@ -378,7 +378,7 @@ def test_what_cannot_be_solved_is_told_and_passed_over(fidelity: str, monkeypatc
     def refuse(*_: object) -> None:
         raise SolverError("too soft")
 
-    monkeypatch.setattr("solvers.superelement.build.Reductions.cell", refuse)
+    monkeypatch.setattr("solvers.plates.assembled.Reductions.cell", refuse)
     monkeypatch.setattr(
         "pipeline.search.fidelity.kept_cell", lambda case: None
     )  # an explorer's, where a study made one

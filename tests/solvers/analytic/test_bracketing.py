@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from solvers.analytic.root_finding import MAX_COUNT, root_between
+from solvers.analytic.beams import MAX_COUNT, root_between
 from solvers.errors import SolverError
 
 FUNCTIONS: list[tuple[Callable[[float], float], float, float]] = [

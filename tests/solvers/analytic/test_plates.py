@@ -11,12 +11,13 @@ from solvers.analytic.beams import free_free_mode
 from solvers.analytic.plates import (
     Strip,
     beam_function_hz,
+    kirchhoff_mode,
     levy_hz,
     levy_wavenumber_per_m,
+    mindlin_mode,
     mindlin_wave_hz,
     thin_plate_hz,
 )
-from solvers.analytic.ritz_plates import kirchhoff_mode, mindlin_mode
 from solvers.errors import SolverError
 
 ZONE = Strip(0.1155, 0.020, 0.002, 70e9, 2700.0, 0.34)

@@ -12,7 +12,7 @@ import pytest
 
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic import ritz_plates, timoshenko
+from solvers.analytic import plates, timoshenko
 from solvers.analytic.predesign import (
     pillar_frequencies_hz,
     pillar_height_m,
@@ -101,8 +101,8 @@ def test_stubby_pillars_are_called_a_guess():
 def test_work_stays_that_of_an_instant_answer(monkeypatch: pytest.MonkeyPatch):
     """Three dense solves and a few hundred 4 x 4 determinants; `make bench` prints the time they take."""
     solved, determinants = [], []
-    lowest, characteristic = ritz_plates._lowest, timoshenko.characteristic
-    monkeypatch.setattr(ritz_plates, "_lowest", lambda k, *text: solved.append(len(k)) or lowest(k, *text))
+    lowest, characteristic = plates._lowest, timoshenko.characteristic
+    monkeypatch.setattr(plates, "_lowest", lambda k, *text: solved.append(len(k)) or lowest(k, *text))
     monkeypatch.setattr(timoshenko, "characteristic", lambda *text: determinants.append(1) or characteristic(*text))
     predesign(DESIGN)
     assert len(solved) == 3 and max(solved) <= 250

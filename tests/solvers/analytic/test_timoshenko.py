@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from solvers.analytic.beams import VANISHING, rigid_count, roots
-from solvers.analytic.ritz_beams import ritz_frequencies_hz
-from solvers.analytic.section import Beam, beam_of
-from solvers.analytic.timoshenko import exact_omegas
+from solvers.analytic.timoshenko import Beam, beam_of, exact_omegas, ritz_frequencies_hz
 from solvers.errors import SolverError
 from tests.helpers.beams import round_beam, square_beam
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from solvers.control.baseband import ModePlant, feasibility, pi_gains, sampled_gains
+from solvers.control.loop import ModePlant, feasibility, pi_gains, sampled_gains
 from solvers.errors import SolverError
 
 MASS, QUALITY, FORCE = 2e-3, 200.0, 1.5

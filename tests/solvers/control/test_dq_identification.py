@@ -7,8 +7,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from solvers.control.baseband import ModePlant
 from solvers.control.identification import Sweep, fit_circle, fit_phase, identify, noisy, sweep_of
+from solvers.control.loop import ModePlant
 from solvers.errors import SolverError
 
 PLANT = ModePlant.from_quality_factor(31_400.0, 300.0, 0.8)

@@ -14,11 +14,28 @@ from scipy.integrate import solve_ivp
 
 from pipeline.active import thesis_models
 from pipeline.active.thesis import beside
-from solvers.control.baseband import ModePlant, feasibility
-from solvers.control.dq_loop import LEAVING_S, NEIGHBOUR_LOOP, Controller, Plate, Rates, Setup, run, step_response
-from solvers.control.dq_margins import closed_loop_poles, margins, sampled_loop
-from solvers.control.dq_study import FIRMWARE_RESPONSE_S, DqData, dq_study, planned_response_s
+from solvers.control.loop import (
+    LEAVING_S,
+    NEIGHBOUR_LOOP,
+    Controller,
+    ModePlant,
+    Plate,
+    Rates,
+    Setup,
+    feasibility,
+    run,
+    step_response,
+)
 from solvers.errors import SolverError
+from solvers.thesis.loop_design import (
+    FIRMWARE_RESPONSE_S,
+    DqData,
+    closed_loop_poles,
+    dq_study,
+    margins,
+    planned_response_s,
+    sampled_loop,
+)
 
 TRUE = 31_437.3
 PLANT = ModePlant.from_quality_factor(TRUE, 300.0, 0.8)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from solvers.control.baseband import ModePlant
-from solvers.control.identification import Sensor, Sweep, noisy, sweep_of
-from solvers.control.resonance import resonance
+from solvers.control.identification import Sensor, Sweep, noisy, resonance, sweep_of
+from solvers.control.loop import ModePlant
 
 F0, Q = 32e3, 250.0
 MODE = ModePlant.from_quality_factor(F0, Q, 0.8)

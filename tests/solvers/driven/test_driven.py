@@ -9,20 +9,18 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
-from solvers.driven.contrast import contrast_volts, unit_volts
-from solvers.driven.plate_table import plate_table
-from solvers.driven.power_flow import power_flow
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from solvers.driven.forms import contrast_volts, unit_volts
+from solvers.driven.several_patches import plate_table, power_flow
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.point import face_motion
+from solvers.piezo.responses import face_motion
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.shaping.modal_table import field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import two_wave_fit
-from solvers.superelement.build import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

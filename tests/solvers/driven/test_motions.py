@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from solvers.driven.curve_bars import Doubts
-from solvers.driven.motions import Contacts, Motions, peak_half_widths
+from solvers.driven.curve_bars import Contacts, Doubts, Motions, peak_half_widths
 
 MODES, PATCHES, POINTS, PLACES = 4, 3, 5, 2
 DRIVERS, SENSORS = [0, 2], [1]

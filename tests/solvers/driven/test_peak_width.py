@@ -7,18 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
-from solvers.control.resonance import half_power_points
-from solvers.driven.error_bars import Variation
-from solvers.driven.peak_width import width_rates
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from solvers.control.identification import half_power_points
+from solvers.driven.error_bars import Variation, width_rates
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.peaks import highest_hz
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.responses import highest_hz
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -11,7 +11,7 @@ from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
 from solvers.fem import assembly
 from solvers.fem.assembly import Scale, assemble, elasticity
-from solvers.fem.constraints import mass_rows, rigid_body_modes
+from solvers.fem.solid import mass_rows, rigid_body_modes
 from tests.helpers import small_meshes as small
 
 SI = Scale(1.0, 1.0, 1.0)

@@ -12,8 +12,8 @@ from geometry.materials import MATERIALS
 from solvers.fem import block_lanczos as module
 from solvers.fem.assembly import assemble
 from solvers.fem.block_lanczos import BLOCK, MAX_SLICE, SLICE, block_lanczos, fits, slice_of
-from solvers.fem.constraints import constrain, free_mask
 from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import constrain, free_mask
 
 
 def pairs(stiffness: sp.csc_array, mass: sp.csc_array, shift: float, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -10,11 +10,12 @@ import pytest
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
-from geometry.hex.nesting import interpolation
+from geometry.hex.boxes import hex_mesh, interpolation, pillar_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import Material
-from solvers.fem.coarser import (
+from solvers.fem.eigen import modes_in_band
+from solvers.fem.mesh_error import (
     LAYER,
     SMOOTH,
     UNRESOLVED,
@@ -29,7 +30,6 @@ from solvers.fem.coarser import (
     rim_shares,
     smooth_half_width,
 )
-from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 
 STEEL = Material("steel", 210e9, 7850.0, 0.3)

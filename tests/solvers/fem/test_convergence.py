@@ -15,8 +15,8 @@ import pytest
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil, constrain
 from solvers.fem.eigen import modes_in_band
+from solvers.fem.solid import Pencil, constrain
 from tests.helpers import small_meshes as small
 
 EDGES_M = (1.0e-3, 0.9e-3, 0.77e-3)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import panel_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel
 from solvers.fem.surface import FaceQuadrature, face_quadrature, facet_quadrature
 
 T, H, R, SIDE = 2e-3, 6e-3, 1e-3, 4e-3

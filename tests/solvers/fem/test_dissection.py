@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from solvers.fem.dissection import Fill, eliminated, grid_fill, nodal, panelled
+from solvers.fem.cost import Fill, eliminated, grid_fill, nodal, panelled
 
 
 def test_one_element_is_a_dense_triangle() -> None:

@@ -10,10 +10,10 @@ from scipy.linalg import eigh
 from solvers.errors import CountMismatch, SolverError
 from solvers.fem import eigen
 from solvers.fem.assembly import Scale, assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import PlainPencil, Shared, lowest_values, modes_in_band, modes_near
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.solid import Pencil, constrain, free_mask
 from tests.helpers import small_meshes as small
 
 BODY = {"body": small.SOFT}

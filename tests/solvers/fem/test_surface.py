@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel
 from geometry.hex.panels import panel_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel
 from solvers.fem.surface import skin_faces
 
 T, H, R = 2e-3, 6e-3, 1e-3

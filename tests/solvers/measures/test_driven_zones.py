@@ -9,8 +9,7 @@ from scipy.linalg import eigh
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.measures.confinement import Profile
-from solvers.measures.driven_zones import DrivenZones, drive_zones
+from solvers.measures.confinement import DrivenZones, Profile, drive_zones
 
 QUALITY = 40.0
 DESIGN = Design(

@@ -8,7 +8,7 @@ import pytest
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.measures.confinement import TouchField, wanted_shape
-from solvers.measures.mode_tracking import Shapes, follow, mac_matrix, step, zone_coefficients
+from solvers.measures.correlation import Shapes, follow, mac_matrix, step, zone_coefficients
 
 DESIGN = Design(0.1155, 0.020, 2e-3, 8, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 

@@ -10,7 +10,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
-from solvers.measures.vibrometer_map import assurance, confinement_of, sampled, voronoi_areas, weigh
+from solvers.measures.correlation import assurance, confinement_of, sampled, voronoi_areas, weigh
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(60e-3, 20e-3, 2e-3, 4, ALUMINIUM, None, float("nan"), float("nan"), 0, 12e-3)

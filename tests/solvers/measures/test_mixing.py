@@ -9,8 +9,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure, strength_force
-from solvers.measures.levels import share_error
+from solvers.measures.confinement import TouchField, measure, share_error, strength_force
 from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixing_db
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)

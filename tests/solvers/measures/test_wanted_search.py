@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from solvers.measures.wanted_mode import LEAD, verdict
-from solvers.measures.wanted_search import Found, Largest, measures, search, weights
+from solvers.measures.wanted_mode import LEAD, Found, Largest, measures, search, verdict, weights
 
 WINDOW = (30.0, 60.0)
 

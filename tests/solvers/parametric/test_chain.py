@@ -8,17 +8,18 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
+from geometry.tiling import Panel
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.chain import Chain, real_factors
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
+from solvers.plates.column import Column
 from solvers.superelement.cell import rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.waves.column import Column
-from solvers.waves.evanescent import Row
+from solvers.waves.complex_bands import Row
 
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
 FACE = Interface(3, 2)

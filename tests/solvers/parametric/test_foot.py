@@ -11,6 +11,7 @@ import pytest
 from geometry.layout import Pillar
 from geometry.materials import Material
 from geometry.mesh import check_mesh
+from geometry.tiling import lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
 from pipeline.models.unit_cell import lattice_model
@@ -22,11 +23,10 @@ from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
 from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
 from solvers.parametric.touch_face import APART, fitted_touch
-from solvers.superelement.build import Reductions
-from solvers.superelement.diagonal import diagonal_image
+from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import reduction_error
-from solvers.superelement.tiling import lattice_panel
+from solvers.superelement.symmetry import diagonal_image
 
 ALUMINIUM, STEEL = Material("aluminium", 70e9, 2700.0, 0.34), Material("steel", 200e9, 7800.0, 0.3)
 MATERIALS = {"plate": ALUMINIUM, "pillar": STEEL}

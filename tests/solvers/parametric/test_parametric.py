@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geometry.lattice import path_through
 from geometry.materials import Material
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
@@ -17,10 +18,10 @@ from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
 from solvers.parametric.foot import FixedMesh, Foot
 from solvers.parametric.greedy import chosen
 from solvers.parametric.reduced_block import KEPT, NOVEL
-from solvers.superelement.cell import Cell, reduce_cell, rigid_boundary
+from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
-from solvers.waves.brillouin import path_through
+from solvers.superelement.reduction import reduce_cell
 
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
 STEEL = Material("steel", 200e9, 7800.0, 0.3)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.piezo.bond import _field, grid_weights
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -7,8 +7,8 @@ import pytest
 import scipy.sparse as sp
 
 from solvers.fem.assembly import Scale
-from solvers.fem.coarser import Shares
 from solvers.fem.eigen import PlainPencil
+from solvers.fem.mesh_error import Shares
 from solvers.piezo.coarser_bond import extrapolated_modes
 from solvers.piezo.patched_plate import CoarserBond, Group
 

@@ -10,14 +10,15 @@ import pytest
 import scipy.linalg
 import scipy.sparse.linalg as spla
 
-from geometry.hex.boxes import Boxes, HexSettings, hex_mesh
+from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS, PiezoMaterial
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial
+from geometry.tiling import tile
+from solvers import machine
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import modes_in_band
-from solvers.fem.factor import memory
 from solvers.fem.solid import SolidModel
 from solvers.piezo import beneath as beneath_patches
 from solvers.piezo import patch as piezo_patch
@@ -25,14 +26,12 @@ from solvers.piezo import patched_plate
 from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
-from solvers.piezo.frequency_bar import frequency_errors
-from solvers.piezo.height import height_error
 from solvers.piezo.patch import MESH, _matrices, _mesh, bonded_patch, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.peak_errors import frequency_errors, height_error
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
-from solvers.superelement.tiling import tile
 from tests.helpers.kept_matrices import KeptMatrices
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -223,7 +222,7 @@ def test_driver_and_sensor_may_change_places() -> None:
 
 
 def test_a_peak_is_as_wide_as_its_damping() -> None:
-    from solvers.control.resonance import half_power_quality_factor
+    from solvers.control.identification import half_power_quality_factor
 
     plate = forced(MIDDLE, (0,), (), 400.0)
     tone = float(max(plate.modes, key=lambda m: np.abs(m.gain).max()).frequency_hz[0])
@@ -369,7 +368,7 @@ def test_a_bar_bends_at_constant_charge_between_shorted_electrodes() -> None:
 def test_a_patch_whose_matrices_no_memory_holds_is_refused_before_they_are_made(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(memory, "room_bytes", lambda: 1e6)
+    monkeypatch.setattr(machine, "room_bytes", lambda: 1e6)
     with pytest.raises(TooLarge, match=r"a patch of 8 x 4 mm .* take shorter patches"):
         bonded_patch(PZ26, MIDDLE[0], 0.123e-3, True)
 

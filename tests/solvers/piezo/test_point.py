@@ -7,15 +7,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.point import loudest_point, point_response
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.responses import loudest_point, point_response
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -10,13 +10,9 @@ import pytest
 from scipy.signal import StateSpace, lsim
 
 from solvers.errors import SolverError
-from solvers.shaping.inversion import drive_voltages
-from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
-from solvers.shaping.monte_carlo import Errors, monte_carlo, quantiles, unit_phasors
-from solvers.shaping.output_filter import LowPass, filter_for
-from solvers.shaping.sensor_calibration import Measured, calibrate
-from solvers.shaping_study.ideal_beam import point_beam_table
-from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, charge_table
+from solvers.shaping.inversion import Errors, LowPass, drive_voltages, filter_for, monte_carlo, quantiles, unit_phasors
+from solvers.shaping.modal_table import Measured, ModalTable, calibrate, field_matrix, sensor_matrix
+from solvers.thesis.shaped_beam import PatchedBeam, beam_table, charge_table, point_beam_table
 
 BEAM = PatchedBeam()
 MATRIX = sensor_matrix(beam_table(BEAM), 2400.0)

@@ -11,17 +11,18 @@ from scipy.signal import StateSpace, lsim
 
 from solvers.errors import SolverError
 from solvers.shaping.inversion import drive_voltages
-from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
-from solvers.shaping.transfer_matrix import (
+from solvers.shaping.modal_table import (
+    ModalTable,
     Scan,
     conditioning,
     coupling_index,
+    field_matrix,
     operating_frequencies,
     orthogonality,
     scan,
+    sensor_matrix,
 )
-from solvers.shaping_study.ideal_beam import point_beam_table
-from solvers.shaping_study.patched_beam import PatchedBeam
+from solvers.thesis.shaped_beam import PatchedBeam, point_beam_table
 
 RANDOM = np.random.default_rng(7)
 

@@ -10,29 +10,32 @@ import pytest
 from scipy.linalg import eigh
 
 from solvers.errors import SolverError
-from solvers.shaping.acoustic_contrast import (
+from solvers.shaping.contrast import (
     REGIONS,
+    PassiveActive,
+    attach_oscillators,
     best_contrast,
+    confinement,
     contrast,
     region_points,
     region_sensors,
     region_target,
 )
-from solvers.shaping.hybrid import PassiveActive, attach_oscillators, confinement
 from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
-from solvers.shaping.mode_pairs import hold_modes, travelling_pair
 from solvers.shaping.travelling_wave import (
     best_travelling_drive,
     forward_energy_share,
     free_wavelength_m,
+    hold_modes,
     inner_window,
     net_flux_share,
     standing_wave_ratio,
+    travelling_pair,
     travelling_wave_ratio,
     two_wave_fit,
     wave_target,
 )
-from solvers.shaping_study.patched_beam import PatchedBeam, beam_table, condense, section
+from solvers.thesis.shaped_beam import PatchedBeam, beam_table, condense, section
 
 X = np.linspace(0.0, 0.2, 401)
 K = 95.0

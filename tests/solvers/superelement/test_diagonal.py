@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh, subspace_angles
 
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.hex.boxes import hex_mesh, panel_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.superelement import cell as reduction
-from solvers.superelement.build import Reductions
-from solvers.superelement.cell import reduce_cell
-from solvers.superelement.diagonal import DiagonalSector, diagonal_mirror
+from solvers.plates.assembled import Reductions
+from solvers.superelement import reduction
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.reduction import reduce_cell
+from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

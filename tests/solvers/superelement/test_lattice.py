@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from geometry.hex.boxes import HexSettings, Panel, hex_mesh, panel_boxes
+from geometry.hex.boxes import hex_mesh, panel_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz, shear_speed
+from geometry.tiling import Panel
+from solvers.analytic.plate_waves import lamb_hz, shear_speed
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (

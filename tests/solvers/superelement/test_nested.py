@@ -9,19 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import Material
+from geometry.tiling import lattice_panel
 from pipeline.case.model import load_case
 from solvers.fem.eigen import modes_in_band
-from solvers.superelement import build
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates import assembled
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import mesh_error
 from solvers.superelement.plate_error import AT_RIMS, mode_errors
-from solvers.superelement.tiling import lattice_panel
 
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10
@@ -97,7 +97,7 @@ def test_what_was_taken_is_what_the_finer_mesh_lies_above(pair: tuple[str, str])
 
 def test_the_matrices_without_what_was_taken_are_those_of_the_mesh_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     one = cell(*PAIRS[0], 3)
-    monkeypatch.setattr(build.Reductions, "coarser", lambda self, panel: None)
+    monkeypatch.setattr(assembled.Reductions, "coarser", lambda self, panel: None)
     cell.cache_clear()
     alone = cell(*PAIRS[0], 3)
     cell.cache_clear()

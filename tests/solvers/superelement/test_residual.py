@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from solvers.superelement.residual import KNOWN, ResidualModes
+from solvers.superelement.cell import KNOWN, ResidualModes
 
 LEFT_OUT = np.array([1.0, 1.7, 2.9, 6.0])  # eigenvalues
 RESIDUAL = ResidualModes(LEFT_OUT[0])

@@ -7,16 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel, panel_boxes
 from geometry.hex.boxes import hex_mesh as mesh_of
+from geometry.hex.boxes import panel_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar, Tip, region_materials
 from geometry.materials import MATERIALS, Material
+from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
-from solvers.superelement.build import Reductions, _side_nodes
-from solvers.superelement.cell import CellBuilder, rigid_field, rigid_polynomials
+from solvers.plates.assembled import Reductions, _side_nodes
+from solvers.superelement.cell import KNOWN, ResidualModes, rigid_field, rigid_polynomials
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.residual import KNOWN, ResidualModes
+from solvers.superelement.reduction import CellBuilder
 
 ALUMINIUM = MATERIALS["aluminium"]
 RUBBER = Material("rubber", young_pa=1.175e5, density_kg_m3=1300.0, poisson=0.46875)

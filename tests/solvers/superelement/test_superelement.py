@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel, lattice_panel, signature, tile
 from solvers.errors import SolverError
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.cell import Cell, check_rigid, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings, bubble_functions
 from solvers.superelement.plate import AssembledPlate
-from solvers.superelement.tiling import lattice_panel, signature, tile
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

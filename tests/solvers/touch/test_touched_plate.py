@@ -14,21 +14,19 @@ from scipy.special import j1
 
 from geometry.errors import GeometryError
 from geometry.fingertips import FINGERTIPS, Fingertip
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS
-from geometry.piezo_materials import PIEZO_MATERIALS
+from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.point import face_motion
-from solvers.superelement.build import PlateModel, Reductions
+from solvers.piezo.responses import face_motion
+from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.touch import disk
-from solvers.touch.energy import power
+from solvers.touch import touched_plate
 from solvers.touch.loaded_mode import known_range, loaded_mode
 from solvers.touch.touch_map import lattice, touch_map
-from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, integration_error, rms
+from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, integration_error, power, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
@@ -271,7 +269,7 @@ class OnLattice(Finger):
 
     def rows(self, group: Any, finer: int = 0) -> np.ndarray:
         """Roots of the weights times u_z at the points."""
-        places, weights, spacing = disk.lattice_rule(self.steps)
+        places, weights, spacing = touched_plate.lattice_rule(self.steps)
         moved = face_motion(group, np.array(self.at_m) + spacing * self.radius_m * places)
         return np.asarray(np.sqrt(weights)[:, None] * moved.toarray())
 
@@ -292,8 +290,8 @@ def test_a_place_of_the_map_is_a_finger_there() -> None:
 
 def test_moments_are_the_means_over_a_disk() -> None:
     """Orthonormal in the mean, and of u = 1 + x^2: mean 5/4, mean square 1 + 2/4 + 1/8."""
-    points, weights = disk.means(6)
-    assert weights @ disk.zernike(6, points).T == pytest.approx(np.eye(disk.count_of(6)), abs=1e-12)
+    points, weights = touched_plate.disk_means(6)
+    assert weights @ touched_plate.zernike(6, points).T == pytest.approx(np.eye(touched_plate.count_of(6)), abs=1e-12)
     moments = weights @ (1.0 + points[:, 0] ** 2)
     assert moments[0] == pytest.approx(1.25, rel=1e-12) and rms(moments) ** 2 == pytest.approx(1.625, rel=1e-12)
 
@@ -301,15 +299,15 @@ def test_moments_are_the_means_over_a_disk() -> None:
 @pytest.mark.parametrize("steps", range(2, 7))
 def test_a_lattice_s_rule_integrates_a_disk(steps: int) -> None:
     """Of x^a y^b up to the third degree: 1, 1/4 of x^2 and y^2, 0 of the rest; a Bessel function for a wave across it."""
-    places, weights, spacing = disk.lattice_rule(steps)
+    places, weights, spacing = touched_plate.lattice_rule(steps)
     x, y = spacing * places.T
     exact = {(0, 0): 1.0, (2, 0): 0.25, (0, 2): 0.25}
     for a in range(4):
         for b in range(4 - a):
             assert weights @ (x**a * y**b) == pytest.approx(exact.get((a, b), 0.0), abs=1e-14)
     assert weights.min() > 0.0 and np.hypot(x, y).max() <= 1.0
-    reach = max(k for k in np.linspace(0.1, 3.0, 30) if disk.steps_of(k / 2.0) <= steps)
-    assert weights @ np.cos(reach * x) == pytest.approx(2.0 * j1(reach) / reach, abs=disk.RULE_ENOUGH)
+    reach = max(k for k in np.linspace(0.1, 3.0, 30) if touched_plate.steps_of(k / 2.0) <= steps)
+    assert weights @ np.cos(reach * x) == pytest.approx(2.0 * j1(reach) / reach, abs=touched_plate.RULE_ENOUGH)
 
 
 def test_impedances_are_their_parts() -> None:

@@ -10,18 +10,17 @@ import pytest
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from geometry.hex.boxes import HexSettings
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import signature
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
 from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
-from solvers.piezo.patched_plate import CLASSES
-from solvers.piezo.pressure_load import PressedPlate
-from solvers.superelement.build import PlateModel
+from solvers.piezo.patched_plate import CLASSES, PressedPlate
+from solvers.plates.assembled import PlateModel
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.tiling import signature
-from solvers.variation.reductions import VariedReductions
+from solvers.variation.cells import VariedReductions
 from solvers.variation.samples import Deviations, VariedPlate, spread
 
 ALUMINIUM = MATERIALS["aluminium"]

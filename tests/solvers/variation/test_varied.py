@@ -9,17 +9,20 @@ import pytest
 from scipy.linalg import eigh
 
 from geometry.errors import MeshError
-from geometry.hex.boxes import HexSettings, Panel, boxes_of, panel_scene
+from geometry.hex.boxes import boxes_of
 from geometry.hex.moved import PillarChange, VariedPanel, unfolded
 from geometry.hex.panels import panel_mesh
+from geometry.hex.scenes import HexSettings, panel_scene
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes
+from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
-from solvers.superelement.cell import Cell, reduce_cell
+from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
-from solvers.variation.parametric_cell import CellFamily, Setting, cell_family, nodes_of
+from solvers.superelement.reduction import reduce_cell
+from solvers.variation.cells import CellFamily, Setting, cell_family, nodes_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)

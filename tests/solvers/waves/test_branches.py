@@ -9,16 +9,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
+from geometry.lattice import Path, path_through
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz
-from solvers.superelement.build import Reductions
+from geometry.tiling import Panel
+from solvers.analytic.plate_waves import lamb_hz
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.waves.branches import Solved, follow, groups, modal_overlap, turned
-from solvers.waves.brillouin import Path, path_through
-from solvers.waves.symmetry import Mirrors
+from solvers.waves.branches import Mirrors, Solved, follow, groups, modal_overlap, turned
 from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]

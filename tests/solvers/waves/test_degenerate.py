@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from geometry.elements import ComplexArray, FloatArray
+from geometry.lattice import path_through
 from solvers.superelement.lattice import Lattice, degenerate
-from solvers.waves.branches import Branches, Solved, follow
-from solvers.waves.brillouin import path_through
-from solvers.waves.polarisation import Label, label_of
-from solvers.waves.polarisation_gaps import PolarisationGap, labels_along, polarisation_gaps
+from solvers.waves.branches import Branches, Label, Solved, follow, label_of
+from solvers.waves.gaps import PolarisationGap, labels_along, polarisation_gaps
 from tests.solvers.waves.test_branches import SQUARE, lattice
 
 COUNT, POINTS = 8, 9

@@ -10,19 +10,18 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz
+from geometry.tiling import Panel
+from solvers.analytic.plate_waves import lamb_hz
 from solvers.errors import SolverError
-from solvers.superelement.build import Reductions
-from solvers.superelement.cell import Cell
+from solvers.plates.assembled import Reductions
+from solvers.superelement.cell import KNOWN, Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.residual import KNOWN
-from solvers.waves import evanescent
-from solvers.waves.evanescent import Row
-from solvers.waves.scattering import chain, scatter, stacked
+from solvers.waves import complex_bands
+from solvers.waves.complex_bands import Row, chain, scatter, stacked
 from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -49,7 +48,7 @@ def shorter() -> Cell:
     return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
 
 
-def closest(result: evanescent.RowWaves, ky: float) -> int:
+def closest(result: complex_bands.RowWaves, ky: float) -> int:
     k = result.wavenumber_per_m
     return int(np.argmin(np.abs(np.abs(k.real) - ky) + np.abs(k.imag)))
 
@@ -100,8 +99,8 @@ def test_pairs_are_exact_and_the_two_routes_agree() -> None:
     row = Row(cell(), KX)
     stiffness, _ = row.condensed(34.7e3)
     assert row._symmetric(stiffness)
-    paired, _ = evanescent._paired(stiffness, row.mirror_sign)
-    general, _ = evanescent._general(stiffness)
+    paired, _ = complex_bands._paired(stiffness, row.mirror_sign)
+    general, _ = complex_bands._general(stiffness)
     slow = np.sort(np.abs(np.log(np.abs(paired))))[:6]
     assert np.sort(np.abs(np.log(np.abs(general))))[:6] == pytest.approx(slow, rel=1e-6)
     both = np.concatenate([paired, 1.0 / paired])
@@ -140,13 +139,13 @@ def test_energy_is_neither_lost_nor_made(kx: float, count: int) -> None:
 
 
 def test_a_kept_row_solves_a_frequency_once_and_knows_what_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    plain, solved = evanescent.Row.waves, []
-    monkeypatch.setattr(evanescent.Row, "waves", lambda row, tone: solved.append(tone) or plain(row, tone))
-    one = evanescent.KeptRow(cell(), 100.0)
+    plain, solved = complex_bands.Row.waves, []
+    monkeypatch.setattr(complex_bands.Row, "waves", lambda row, tone: solved.append(tone) or plain(row, tone))
+    one = complex_bands.KeptRow(cell(), 100.0)
     assert one.waves(3e4) is one.waves(3e4) and solved == [3e4]
     assert np.array_equal(one.waves(3e4).factor, plain(one, 3e4).factor)
     heavier = replace(cell(), mass=1.001 * cell().mass)
-    others = [evanescent.KeptRow(*each) for each in ((cell(), 100.0), (cell(), 101.0), (heavier, 100.0))]
+    others = [complex_bands.KeptRow(*each) for each in ((cell(), 100.0), (cell(), 101.0), (heavier, 100.0))]
     assert [other.same == one.same for other in others] == [True, False, False]
 
 

@@ -9,18 +9,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
+from geometry.lattice import path_through, zone_grid
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Panel
 from solvers.fem.assembly import Scale
-from solvers.superelement.build import Reductions
+from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.branches import Solved, follow
-from solvers.waves.brillouin import path_through, zone_grid
-from solvers.waves.gaps import directional_gaps, path_gaps, path_lines, sampled_zone_gaps, zone_gaps
-from solvers.waves.polarisation_gaps import labels_along, polarisation_gaps
-from solvers.waves.refine import Line, cubic_top, tent_top
+from solvers.waves.gaps import (
+    Line,
+    cubic_top,
+    directional_gaps,
+    labels_along,
+    path_gaps,
+    path_lines,
+    polarisation_gaps,
+    sampled_zone_gaps,
+    tent_top,
+    zone_gaps,
+)
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

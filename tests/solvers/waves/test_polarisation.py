@@ -7,15 +7,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import HexSettings, Panel
+from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.lamb import lamb_hz
-from solvers.superelement.build import Reductions
+from geometry.tiling import Panel
+from solvers.analytic.plate_waves import lamb_hz
+from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.waves.polarisation import Label, label_of, pillar_share
+from solvers.waves.branches import Label, label_of, pillar_share
 from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]

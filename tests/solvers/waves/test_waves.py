@@ -7,12 +7,12 @@ import pytest
 
 from geometry.errors import MeshError
 from geometry.hex.boxes import Boxes, hex_mesh
+from geometry.lattice import PathSegment, path_through, zone_grid
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
 from solvers.fem.assembly import assemble
 from solvers.waves import bloch
 from solvers.waves.bloch import BlochCell, periodic_nodes
-from solvers.waves.brillouin import PathSegment, path_through, zone_grid
 from solvers.waves.gaps import Gap, complete_gaps
 
 ALUMINIUM = MATERIALS["aluminium"]

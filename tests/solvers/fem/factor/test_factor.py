@@ -10,14 +10,15 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 from scipy.sparse.linalg import splu
 
+from solvers import machine
 from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.fem.assembly import assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import modes_near
-from solvers.fem.factor import choice, memory, pardiso, superlu
+from solvers.fem.factor import choice, pardiso, superlu
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.fem.factor.symbolic import alike, postordered, quotient
+from solvers.fem.factor.superlu import alike, postordered, quotient
+from solvers.fem.solid import Pencil, constrain, free_mask
 from solvers.threads import threads
 from tests.helpers import small_meshes as small
 
@@ -93,7 +94,7 @@ def test_a_singular_matrix_is_noticed(backend: str, fault: str) -> None:
 def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     matrix = shifted(pencil("hex3"))
     needed = Factoriser(backend)(matrix).foreseen_bytes
-    monkeypatch.setattr(memory, "room_bytes", lambda: 0.99 * needed)
+    monkeypatch.setattr(machine, "room_bytes", lambda: 0.99 * needed)
     started: list[str] = []
     monkeypatch.setattr(superlu, "splu", lambda *a, **k: started.append("splu"))
     with pytest.raises(
@@ -102,7 +103,7 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monk
         Factoriser(backend)(matrix)
     assert not started
     monkeypatch.undo()
-    monkeypatch.setattr(memory, "room_bytes", lambda: 1.01 * needed)
+    monkeypatch.setattr(machine, "room_bytes", lambda: 1.01 * needed)
     assert Factoriser(backend)(matrix).negative > 0
 
 

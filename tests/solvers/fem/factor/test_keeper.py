@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from solvers.fem.factor import choice, keeper, rslab
-from solvers.fem.factor.keeper import Kept
+from solvers.fem.factor import choice, rslab
+from solvers.fem.factor.rslab import Kept
 
 Touches = list[tuple[str, int]]
 
@@ -52,7 +52,7 @@ def elsewhere(call: Callable[[], Any]) -> Any:
 def settled() -> None:
     """Whatever finalizers handed over has been done."""
     gc.collect()
-    for each in {id(one): one for one in (*keeper._idle, keeper._own.lease.keeper)}.values():
+    for each in {id(one): one for one in (*rslab._idle, rslab._own.lease.keeper)}.values():
         each.run(lambda: None)
 
 

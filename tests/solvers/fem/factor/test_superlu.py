@@ -9,12 +9,12 @@ from scipy.linalg import eigh
 
 from solvers.errors import SingularShift
 from solvers.fem.assembly import Scale, assemble
-from solvers.fem.constraints import Pencil, constrain, free_mask
 from solvers.fem.eigen import PlainPencil, Shared, factor_near, modes_near
 from solvers.fem.factor import superlu
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.factor.superlu import SuperLU
+from solvers.fem.solid import Pencil, constrain, free_mask
 from tests.helpers import small_meshes as small
 
 EPSILON = float(np.finfo(float).eps)

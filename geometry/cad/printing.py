@@ -1,0 +1,254 @@
+"""Bodies for a printer or a CAD system, written as STL, 3MF and STEP, and the checks before they are printed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
+
+import numpy as np
+
+from geometry.cad.solids import Body
+from geometry.cad.surface import CadSurface, cad_surface
+from geometry.errors import GeometryError
+from geometry.files import silence_kernel, written_whole
+from geometry.layout import Design
+
+# -- files -------------------------------------------------------------------------------------------------------------
+# A body for a printer or a CAD system: binary STL, 3MF and STEP in millimetres, plate down (z = 0 on the build plate).
+# Each file appears whole or not at all.
+
+NO_TIME = "1970-01-01T00:00:00"  # of a STEP file: its content does not depend on when it was written
+
+DEFLECTION_MM = 0.01  # a tenth of what a powder-bed machine holds
+ANGLE = 0.2  # rad between facets of a curve
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+MODEL_TYPE = "application/vnd.ms-package.3dmanufacturing-3dmodel+xml"
+RELATION_TYPE = "application/vnd.openxmlformats-package.relationships+xml"
+MODEL_RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the same body gives the same bytes
+
+
+def write_stl(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
+    """Binary STL; the format has no unit, so the header says mm. Raises GeometryError for a bonded body."""
+    surface = _printable(body)
+    corners = surface.points[surface.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    facets["normal"], facets["corners"] = normals, corners
+    header = f"antinode {name} units=mm z=up".encode("ascii", "replace")[:80].ljust(80)
+    with written_whole(path) as temporary:
+        temporary.write_bytes(header + np.uint32(len(facets)).tobytes() + facets.tobytes())
+
+
+def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
+    """3MF core model in mm with metadata (Title, Description, ... of the core specification).
+
+    Raises GeometryError for a bonded body or a metadata name the specification does not have. Source: 3mf2018.
+    """
+    unknown = sorted(set(metadata) - METADATA)
+    if unknown:
+        raise GeometryError(f"3MF metadata '{unknown[0]}' is not one of {', '.join(sorted(METADATA))}")
+    parts = {
+        "[Content_Types].xml": _content_types(),
+        "_rels/.rels": _relations(),
+        "3D/3dmodel.model": _model(_printable(body), metadata),
+    }
+    with written_whole(path) as temporary, ZipFile(temporary, "w") as package:
+        for name, text in parts.items():
+            entry = ZipInfo(name, FIXED_DATE)
+            entry.compress_type = ZIP_DEFLATED
+            package.writestr(entry, text)
+
+
+METADATA = {
+    "Title",
+    "Designer",
+    "Description",
+    "Copyright",
+    "LicenseTerms",
+    "Rating",
+    "CreationDate",
+    "ModificationDate",
+    "Application",
+}
+
+
+def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
+    """STEP AP214 in mm; parts of a bonded body stay separate solids. Raises GeometryError when the kernel refuses."""
+    from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.Interface import Interface_Static
+    from OCP.STEPControl import STEPControl_AsIs, STEPControl_Writer
+    from OCP.TCollection import TCollection_HAsciiString
+
+    silence_kernel()
+    for key in ("xstep.cascade.unit", "write.step.unit"):
+        Interface_Static.SetCVal_s(key, "MM")
+    writer = STEPControl_Writer()
+    Interface_Static.SetCVal_s("write.step.product.name", name)  # known to the kernel once there is a writer
+    done = writer.Transfer(body.shape.wrapped, STEPControl_AsIs) == IFSelect_RetDone
+    APIHeaderSection_MakeHeader(writer.Model()).SetTimeStamp(TCollection_HAsciiString(NO_TIME))  # same bytes each time
+    with written_whole(path) as temporary:
+        if not done or writer.Write(str(temporary)) != IFSelect_RetDone:
+            raise GeometryError(f"{Path(path)}: the CAD kernel could not write STEP")
+
+
+def _printable(body: Body) -> CadSurface:
+    if body.bonded:
+        raise GeometryError("a print is one solid of one material: leave patches out and give pillars the plate's")
+    return cad_surface(body.shape, DEFLECTION_MM, ANGLE)
+
+
+def _model(surface: CadSurface, metadata: Mapping[str, str]) -> str:
+    notes = "".join(f"<metadata name={quoteattr(k)}>{escape(v)}</metadata>" for k, v in metadata.items())
+    vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in surface.points.tolist())
+    triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in surface.triangles.tolist())
+    mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
+    return _xml(
+        f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">{notes}<resources><object id="1" type="model">{mesh}'
+        '</object></resources><build><item objectid="1"/></build></model>'
+    )
+
+
+def _content_types() -> str:
+    return _xml(
+        f'<Types xmlns="{PACKAGE}/content-types"><Default Extension="rels" ContentType="{RELATION_TYPE}"/>'
+        f'<Default Extension="model" ContentType="{MODEL_TYPE}"/></Types>'
+    )
+
+
+def _relations() -> str:
+    return _xml(
+        f'<Relationships xmlns="{PACKAGE}/relationships">'
+        f'<Relationship Target="/3D/3dmodel.model" Id="rel0" Type="{MODEL_RELATION}"/></Relationships>'
+    )
+
+
+def _xml(text: str) -> str:
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
+
+
+# -- checks ------------------------------------------------------------------------------------------------------------
+# What a printer must know before it starts: is the STL one closed body, how small its features, how steep its
+# undersides.
+# The file is read back by trimesh, which shares no code with the CAD kernel that wrote it.
+
+MM = 1e3
+VOLUME_TOLERANCE = 1e-3
+SUPPORT_DEG = 45.0  # undersides flatter than this from the vertical need supports in a metal powder bed
+ON_BUILD_PLATE = 1e-6  # of the height
+
+
+@dataclass(frozen=True)
+class PrintReport:
+    """What was found in an STL file printed with z up, SI units.
+
+    features: named lengths (m) that must be printed; overhang_deg: greatest angle of a downward face from the
+    vertical (0 without one, 90 for a ceiling); overhang_area_m2: downward faces beyond 45 degrees, build plate excepted.
+    """
+
+    watertight: bool
+    bodies: int
+    volume_m3: float
+    cad_volume_m3: float
+    features: dict[str, float]
+    overhang_deg: float
+    overhang_area_m2: float
+    extent_m: tuple[float, float, float]
+    mass_kg: float
+
+    @property
+    def volume_error(self) -> float:
+        """Relative difference of the file's volume from the CAD solid's."""
+        return self.volume_m3 / self.cad_volume_m3 - 1.0
+
+    @property
+    def smallest_feature(self) -> tuple[str, float]:
+        """Name and length (m) of the smallest feature."""
+        name = min(self.features, key=self.features.__getitem__)
+        return name, self.features[name]
+
+    @property
+    def faults(self) -> list[str]:
+        """Why the file must not go to a printer; empty when it may."""
+        violations = []
+        if not self.watertight:
+            violations.append("the surface is not closed")
+        if self.bodies != 1:
+            violations.append(f"{self.bodies} separate bodies, must be 1")
+        if not abs(self.volume_error) <= VOLUME_TOLERANCE:
+            violations.append(
+                f"volume is {self.volume_error:+.2%} off the CAD solid's, allowed is {VOLUME_TOLERANCE:.1%}"
+            )
+        return violations
+
+
+def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> PrintReport:
+    """Read an STL (mm, z up) back and measure it against its CAD body. Raises GeometryError when it cannot be read."""
+    import trimesh
+
+    try:
+        mesh = trimesh.load_mesh(Path(stl), file_type="stl")
+    except Exception as fault:  # trimesh raises whatever its readers meet
+        raise GeometryError(f"{Path(stl)}: not a readable STL file") from fault
+    if not len(mesh.faces):
+        raise GeometryError(f"{Path(stl)}: holds no triangle")
+    angle, area = overhang(np.asarray(mesh.triangles))
+    x, y, z = (float(side) / MM for side in mesh.extents)
+    volume = float(mesh.volume) / MM**3
+    return PrintReport(
+        watertight=bool(mesh.is_watertight and mesh.is_winding_consistent),
+        bodies=int(mesh.body_count),
+        volume_m3=volume,
+        cad_volume_m3=body.volume_m3,
+        features=features(design),
+        overhang_deg=angle,
+        overhang_area_m2=area / MM**2,
+        extent_m=(x, y, z),
+        mass_kg=volume * design.material.density_kg_m3,
+    )
+
+
+def features(design: Design) -> dict[str, float]:
+    """Lengths a printer must resolve, m: thickness, sizes of the pillar's shape, fillet, clear width between pillars.
+
+    Of a pillar from STEP only its foot, tip and height are known.
+    """
+    widths = {"plate thickness": design.thickness_m}
+    pillar = design.pillar
+    if pillar is None or not design.rows:
+        return widths
+    for each in design.kinds:
+        widths |= {name: min(size, widths.get(name, size)) for name, size in each.features.items()}
+    if pillar.fillet_m > 0.0:
+        widths["foot fillet"] = pillar.fillet_m
+    reach = np.array([each.reach_m for each in design.row_pillars])
+    if len(design.column_centres()) > 1:
+        widths["gap between pillars along x"] = design.pitch_x_m - float(reach[:, 0].max())
+    if design.rows > 1:
+        between = design.row_pitches_m[1:] / 2.0 + design.row_pitches_m[:-1] / 2.0
+        widths["gap between pillars along y"] = float((between - (reach[1:, 1] + reach[:-1, 1]) / 2.0).min())
+    return widths
+
+
+def overhang(triangles: np.ndarray) -> tuple[float, float]:
+    """Greatest overhang angle (degrees from the vertical) of the downward triangles (n, 3, 3), and the area beyond 45.
+
+    Triangles that lie on the lowest plane rest on the build plate and do not count.
+    """
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    areas = np.linalg.norm(normals, axis=1) / 2.0
+    heights = triangles[:, :, 2]
+    floor = heights.min() + ON_BUILD_PLATE * np.ptp(heights)
+    counted = (heights.max(axis=1) > floor) & (areas > 0.0)
+    if not counted.any():
+        return 0.0, 0.0
+    down = -normals[counted, 2] / (2.0 * areas[counted])
+    angles = np.degrees(np.arcsin(np.clip(down, 0.0, 1.0)))
+    return float(angles.max()), float(areas[counted][angles > SUPPORT_DEG].sum())

@@ -1,0 +1,130 @@
+"""VTK's files: meshes and their fields as VTU, surfaces that move as VTKHDF."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray
+from geometry.files import written_whole
+from geometry.mesh import Mesh
+
+# -- VTU ---------------------------------------------------------------------------------------------------------------
+# Meshes and their fields as VTU, for ParaView and other readers.
+
+SPACED = 2  # up to this order Gauss-Lobatto nodes are equally spaced, as VTK's Lagrange cells assume
+CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
+EDGES = ((0, 1), (1, 2), (3, 2), (0, 3), (4, 5), (5, 6), (7, 6), (4, 7), (0, 4), (1, 5), (3, 7), (2, 6))
+FACES = ((0, 3, 4), (1, 2, 5), (0, 1, 4), (3, 2, 7), (0, 1, 3), (4, 5, 7))  # origin, end of u, end of v
+
+
+def write_vtu(mesh: Mesh, path: str | os.PathLike[str], point_data: Mapping[str, FloatArray] | None = None) -> None:
+    """Write a mesh (m), a `region` number per cell, and nodal fields of shape (n,) or (n, components), atomically.
+
+    Complex fields become `name_re` and `name_im`. Hexahedra of order 3 and 4 are resampled at equally spaced nodes,
+    which VTK's Lagrange cells assume. Raises ValueError for a field that has not one row per node.
+    """
+    import meshio
+
+    fields: dict[str, FloatArray] = {}
+    for name, values in (point_data or {}).items():
+        if len(values) != len(mesh.nodes):
+            raise ValueError(f"field '{name}' has {len(values)} rows, the mesh has {len(mesh.nodes)} nodes")
+        parts = {f"{name}_re": values.real, f"{name}_im": values.imag} if np.iscomplexobj(values) else {name: values}
+        fields |= {key: _resampled(mesh, np.asarray(part, dtype=float)) for key, part in parts.items()}
+    region = np.zeros(len(mesh.cells), dtype=np.int32)
+    for number, cells in enumerate(mesh.region_of_cells().values()):
+        region[cells] = number
+    cell_type, order = _vtk_cells(mesh)
+    written = meshio.Mesh(
+        _resampled(mesh, mesh.nodes), [(cell_type, mesh.cells[:, order])], fields, {"region": [region]}
+    )
+    with written_whole(path) as temporary:
+        written.write(temporary, file_format="vtu")
+
+
+def _resampled(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """Nodal values at equally spaced nodes."""
+    if mesh.kind == "tet" or mesh.order <= SPACED:
+        return values
+    line = np.linspace(-1.0, 1.0, mesh.order + 1)
+    z, y, x = np.meshgrid(line, line, line, indexing="ij")
+    shape, _ = mesh.element.shape(np.column_stack([x.ravel(), y.ravel(), z.ravel()]))
+    spaced = np.empty_like(values)
+    spaced[mesh.cells] = np.einsum("ak,ek...->ea...", shape, values[mesh.cells])
+    return spaced
+
+
+def _vtk_cells(mesh: Mesh) -> tuple[str, IntArray]:
+    """meshio's cell type and the local nodes in its order.
+
+    Order 2 is a Lagrange cell too: VTK 9.6 integrates a volume of -1/48 over the unit VTK_TRIQUADRATIC_HEXAHEDRON.
+    """
+    if mesh.kind == "tet":
+        return {1: "tetra", 2: "tetra10"}[mesh.order], np.arange(mesh.cells.shape[1])
+    return "hexahedron" if mesh.order == 1 else "VTK_LAGRANGE_HEXAHEDRON", vtk_hexahedron_nodes(mesh.order)
+
+
+def vtk_hexahedron_nodes(order: int) -> IntArray:
+    """Our local node (x fastest) at each place of VTK's hexahedron: corners, edges, faces, inside.
+
+    The last two edges stand as in VTU files of version 0.1 and 1.0, the only ones meshio writes: VTK's reader exchanges
+    them, so that memory holds its present numbering.
+    """
+    corners = np.array(CORNERS) * order
+    inner = np.arange(1, order)
+    places = [corners]
+    for a, b in EDGES:
+        places.append(corners[a] + inner[:, None] * (corners[b] - corners[a]) // order)
+    for origin, u, v in FACES:
+        along_u, along_v = (corners[u] - corners[origin]) // order, (corners[v] - corners[origin]) // order
+        places.append(
+            (corners[origin] + inner[None, :, None] * along_u + inner[:, None, None] * along_v).reshape(-1, 3)
+        )
+    k, j, i = np.meshgrid(inner, inner, inner, indexing="ij")
+    places.append(np.column_stack([i.ravel(), j.ravel(), k.ravel()]))
+    return np.asarray(np.concatenate(places) @ np.array([1, order + 1, (order + 1) ** 2]))
+
+
+# -- VTKHDF ------------------------------------------------------------------------------------------------------------
+# A surface that moves as one VTKHDF file (version 2): one mesh, a field for each step; ParaView 5.12 and VTK 9.3 read
+# it.
+
+CELL_TYPES = {3: 5, 4: 9}  # VTK's triangle and quadrilateral by their corners
+
+
+def write_steps(
+    path: str | os.PathLike[str], points: FloatArray, facets: IntArray, steps: FloatArray, name: str, fields: FloatArray
+) -> None:
+    """Write points (p, 3), facets (m, 3 or 4) and the field `name` (steps, p, 3) at the values `steps` (steps,), atomically.
+
+    Raises KeyError for facets of other corners.
+    """
+    import h5py
+
+    count, corners = facets.shape
+    single: dict[str, object] = {
+        "NumberOfPoints": [len(points)], "NumberOfCells": [count], "NumberOfConnectivityIds": [count * corners],
+    }  # fmt: skip
+    zeros = np.zeros(len(steps), dtype=np.int64)
+    with written_whole(path) as temporary, h5py.File(temporary, "w") as file:
+        root = file.create_group("VTKHDF", track_order=True)
+        root.attrs["Version"] = np.array([2, 0])
+        root.attrs["Type"] = np.bytes_("UnstructuredGrid")
+        for key, value in single.items():
+            root[key] = np.array(value, dtype=np.int64)
+        root["Points"] = np.asarray(points, dtype=float)
+        root["Connectivity"] = facets.astype(np.int64).ravel()
+        root["Offsets"] = np.arange(count + 1, dtype=np.int64) * corners
+        root["Types"] = np.full(count, CELL_TYPES[corners], dtype=np.uint8)
+        flat = np.asarray(fields, dtype=np.float32).reshape(-1, 3)
+        root.create_dataset(f"PointData/{name}", data=flat, compression="gzip", shuffle=True)
+        moving = root.create_group("Steps")
+        moving.attrs["NSteps"] = len(steps)
+        moving["Values"] = np.asarray(steps, dtype=float)
+        moving["NumberOfParts"] = zeros + 1
+        for key in ("PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets"):
+            moving[key] = zeros
+        moving[f"PointDataOffsets/{name}"] = np.arange(len(steps), dtype=np.int64) * len(points)

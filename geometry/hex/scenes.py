@@ -1,0 +1,418 @@
+"""Scenes of boxes before they are meshed: where their lines pass, how these are graded, and how many elements they make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
+from math import ceil
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.errors import MeshError
+from geometry.layout import Design, Pillar, Stand
+from geometry.tiling import Panel
+
+# -- lines -------------------------------------------------------------------------------------------------------------
+# Lines of a tensor-product grid: breakpoints, element sizes, and geometric grading towards singular edges.
+
+SAME = 1e-9  # of the breakpoints' span: those closer than this are one
+
+
+@dataclass(frozen=True)
+class Grading:
+    """Element size away from singular edges (m), layers towards each one, and the shrink factor of a layer.
+
+    The `skipped` innermost layers are left out: such a grid is nested in the one that has them. Between two breakpoints lie
+    `least` elements or more.
+    """
+
+    size_m: float
+    layers: int = 0
+    factor: float = 0.3
+    skipped: int = 0
+    least: int = 1
+
+    @property
+    def cuts(self) -> FloatArray:
+        """Where the element next to a singular edge is cut, as fractions of its length from the edge, in ascending order."""
+        return np.asarray(self.factor ** np.arange(self.layers - self.skipped, 0, -1), dtype=float)
+
+
+def grid_lines(breaks: dict[float, bool], grading: Grading) -> FloatArray:
+    """Increasing grid coordinates through all breakpoints; True marks those to grade towards.
+
+    Between two breakpoints the interval is cut evenly, then the end element next to a singular edge is cut
+    `layers` times into the fractions factor and 1 - factor. Units: m. Source of the idea: babuska1981.
+    """
+    points = _merged(breaks)
+    panels = [_interval(a, b, grading) for a, b in pairwise(points)]
+    return np.concatenate([[points[0][0]], *panels])
+
+
+def interval_count(breaks: dict[float, bool], grading: Grading) -> int:
+    """Intervals of `grid_lines`, counted without making them."""
+    return sum(_even_count(a, b, grading) + len(grading.cuts) * (a[1] + b[1]) for a, b in pairwise(_merged(breaks)))
+
+
+def _merged(breaks: dict[float, bool]) -> list[tuple[float, bool]]:
+    ordered = sorted(breaks.items())
+    span = ordered[-1][0] - ordered[0][0]
+    merged = [ordered[0]]
+    for value, singular in ordered[1:]:
+        if value - merged[-1][0] > SAME * span:
+            merged.append((value, singular))
+        else:
+            merged[-1] = (merged[-1][0], merged[-1][1] or singular)
+    return merged
+
+
+def _interval(start: tuple[float, bool], end: tuple[float, bool], grading: Grading) -> FloatArray:
+    """Coordinates after `start` up to and with `end`."""
+    (a, grade_a), (b, grade_b) = start, end
+    lines = np.linspace(a, b, _even_count(start, end, grading) + 1)
+    shrink = grading.cuts
+    if grade_a:
+        lines = np.concatenate([[a], a + shrink * (lines[1] - a), lines[1:]])
+    if grade_b:
+        lines = np.concatenate([lines[:-1], b - shrink[::-1] * (b - lines[-2]), [b]])
+    return lines[1:]
+
+
+def _even_count(start: tuple[float, bool], end: tuple[float, bool], grading: Grading) -> int:
+    """Even intervals between two breakpoints, before those at singular edges are cut."""
+    count = max(grading.least, ceil((end[0] - start[0]) / grading.size_m - 1e-6))
+    return max(2, count) if start[1] and end[1] and grading.layers else count
+
+
+# -- scenes ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class HexSettings:
+    """Order, element size in the plate and along a pillar (m), layers and shrink factor at singular edges.
+
+    `through` is how many elements at least lie through the thickness of a plate, layers not counted; the
+    `skipped` innermost layers are left out, which nests the mesh in the one that has them. `least` elements at least lie
+    between two lines that the scene prescribes.
+    """
+
+    order: int = 3
+    size_m: float = 4e-3
+    layers: int = 1
+    factor: float = 0.25
+    pillar_size_m: float | None = None  # along its height; the plate's size when left out
+    through: int = 1
+    skipped: int = 0
+    least: int = 1
+
+    @property
+    def coarser(self) -> HexSettings:
+        """The same without the innermost layer: a mesh nested in this one."""
+        return replace(self, skipped=self.skipped + 1)
+
+    @property
+    def grading(self) -> Grading:
+        """Grading of the plate's lines."""
+        return self._grading(self.size_m)
+
+    @property
+    def pillar_grading(self) -> Grading:
+        """Grading along the pillar's height."""
+        return self._grading(self.pillar_size_m or self.size_m)
+
+    def through_grading(self, thickness_m: float) -> Grading:
+        """Grading through the thickness of a plate with pillars."""
+        return self._grading(min(self.size_m, thickness_m / self.through))
+
+    def _grading(self, size_m: float) -> Grading:
+        return Grading(size_m, self.layers, self.factor, self.skipped, self.least)
+
+
+@dataclass(frozen=True)
+class Foot:
+    """Prisms of one kind: rectangles x0, x1, y0, y1 about a centre (r, 4), centres (n, 2), where they begin and end, m.
+
+    They stand on the prisms of the outline `below`, on the lowest body without one.
+    """
+
+    rectangles: FloatArray
+    centres: FloatArray
+    bottom_m: float
+    top_m: float
+    region: str = "pillar"
+    below: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where the lines of a scene of boxes pass, before any is drawn: breakpoints in m, True at singular edges.
+
+    x, y and z span the lowest body (region `name`), above the pillars that stand on it (None without), `feet` of each kind.
+    The lowest body fills the rectangles `body` (r, 4) only, where that is given. With two `faces` the mirror images of the
+    pillars hang below it.
+    """
+
+    x: dict[float, bool]
+    y: dict[float, bool]
+    z: dict[float, bool]
+    across: Grading
+    through: Grading
+    name: str = "plate"
+    above: dict[float, bool] | None = None
+    along: Grading | None = None
+    feet: tuple[Foot, ...] = ()
+    body: FloatArray | None = None
+    faces: int = 1
+
+
+def zone_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The bare strip length x width x thickness, graded towards its clamped long side faces and the free ends that meet them
+    in singular corners; x, y >= 0 when quartered.
+    """
+    x, y = (_span(size / 2.0, True, quarter) for size in (design.length_m, design.width_m))
+    return Scene(x, y, {0.0: True, design.thickness_m: True}, settings.grading, settings.grading)
+
+
+def pillar_scene(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The lone pillar, foot on z = 0 (face `touch`), graded towards the clamped foot's rim and its own inner edges."""
+    foot = _foot(pillar)
+    x, y = _edges(pillar)
+    if quarter:
+        x, y = ({0.0: False} | {edge: inner for edge, inner in breaks.items() if edge > 0.0} for breaks in (x, y))
+    height, along = {0.0: True, pillar.height_m: pillar.tip is not None}, settings.pillar_grading
+    if pillar.tip is None:
+        return Scene(x, y, height, settings.grading, along, "pillar", body=foot)
+    above, feet = {pillar.height_m: True, pillar.top_m: False}, _prisms(pillar, np.zeros((1, 2)), 0.0)[1:]
+    return Scene(x, y, height, settings.grading, along, "pillar", above, along, feet, foot)
+
+
+def panel_scene(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Scene:
+    """A rectangular panel of plate, its own middle at the origin, with its pillar where it has one."""
+    middle = np.array(panel.middle)
+    spans = []
+    for axis in (0, 1):
+        half = (panel.high[axis] - panel.low[axis]) / 2.0
+        spans.append(_span(half, False, axis in panel.halved))
+    pillar = panel.pillar or pillar
+    stands = (Stand(pillar, np.array([panel.foot]) - middle),) if pillar and panel.foot else ()
+    return _plate_with_pillars(thickness_m, settings, stands, *spans)
+
+
+def bonded_scene(
+    span_m: FloatArray,
+    thickness_m: float,
+    stands: tuple[Stand, ...],
+    box_m: FloatArray,
+    back: bool,
+    settings: HexSettings,
+) -> Scene:
+    """A rectangle span_m = (x0, x1, y0, y1) of plate with its pillars and a body bonded to the rectangle box_m of its back or
+    touch face: graded towards that one's edges too, where the forces between both gather.
+    """
+    lines: list[dict[float, bool]] = [{}, {}]
+    for breaks, ends, edges in zip(lines, span_m.reshape(2, 2), box_m.reshape(2, 2), strict=True):
+        breaks |= dict.fromkeys(ends.tolist(), False) | {e: True for e in edges.tolist() if ends[0] < e < ends[1]}
+    scene = _plate_with_pillars(thickness_m, settings, stands, lines[0], lines[1])
+    return replace(scene, z=scene.z | {thickness_m if back else 0.0: True})
+
+
+def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
+    """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
+
+    Of staggered rows the rectangle of two: a pillar in the lower half's middle, half a one on either side of the upper half.
+    """
+    if design.stagger:
+        return _staggered_scene(design, settings)
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    foot = (0.0, 0.0) if design.pillar else None
+    panel = Panel((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
+    return panel_scene(panel, design.thickness_m, design.pillar, settings)
+
+
+def _staggered_scene(design: Design, settings: HexSettings) -> Scene:
+    half_x, pitch = design.pitch_x_m / 2.0, design.pitch_y_m
+    x, y = _span(half_x, False, False), _span(pitch, False, False)
+    centres = np.array([[0.0, -pitch / 2.0], [-half_x, pitch / 2.0], [half_x, pitch / 2.0]])
+    stands = (Stand(design.pillar, centres),) if design.pillar else ()
+    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
+
+
+def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The whole plate, or its quarter x, y >= 0, with every pillar; a line runs along the zone's border."""
+    x = _span(design.length_m / 2.0, False, quarter)
+    y = _span(design.half_span_m, False, quarter)
+    borders = (
+        centre + side * design.width_m / 2.0 for centre in design.zone_centres_m.tolist() for side in (-1.0, 1.0)
+    )
+    y |= {v: False for v in borders if v >= min(y)}
+    stands, reach = design.standing(), design.footprint_m / 2.0
+    if quarter:
+        stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
+    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
+
+
+def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
+    return {(0.0 if quarter else -half): singular and not quarter, half: singular}
+
+
+def _plate_with_pillars(
+    thickness_m: float,
+    settings: HexSettings,
+    stands: tuple[Stand, ...],
+    x: dict[float, bool],
+    y: dict[float, bool],
+) -> Scene:
+    """Lines pass along every foot edge, graded there in x, y and in z on both sides of the foot."""
+    stands = tuple(each for each in stands if len(each.centres))
+    if not stands:
+        return Scene(x, y, {0.0: False, thickness_m: False}, settings.grading, settings.through_grading(thickness_m))
+    for breaks, column in ((x, 0), (y, 1)):
+        low, high = min(breaks), max(breaks)
+        for each in stands:
+            for centre in sorted(set(each.centres[:, column].tolist())):
+                for edge, inner in _edges(each.pillar)[column].items():
+                    if low < centre + edge < high:
+                        breaks[centre + edge] = inner or breaks.get(centre + edge, False)
+    (faces,) = {each.pillar.faces for each in stands}
+    z, through = {0.0: faces == 2, thickness_m: True}, settings.through_grading(thickness_m)
+    feet = tuple(foot for each in stands for foot in _prisms(each.pillar, each.centres, thickness_m))
+    junctions = {foot.bottom_m for foot in feet}
+    above = {height: height in junctions for foot in feet for height in (foot.bottom_m, foot.top_m)}
+    return Scene(x, y, z, settings.grading, through, "plate", above, settings.pillar_grading, feet, faces=faces)
+
+
+def _edges(pillar: Pillar) -> tuple[dict[float, bool], dict[float, bool]]:
+    """Where the sides of foot and heavy tip lie along x and y, m, and whether an edge there is re-entrant."""
+    foot = _foot(pillar)
+    tip = np.empty((0, 4)) if pillar.tip is None else pillar.tip.rectangles
+    sides: list[dict[float, bool]] = []
+    for columns in ([0, 1], [2, 3]):
+        reach = np.abs(foot[:, columns]).max()
+        overhang = {edge: bool(abs(edge) < reach) for edge in sorted(set(tip[:, columns].ravel().tolist()))}
+        sides.append(overhang | dict.fromkeys(sorted(set(foot[:, columns].ravel().tolist())), True))
+    return sides[0], sides[1]
+
+
+def _prisms(pillar: Pillar, centres: FloatArray, bottom_m: float) -> tuple[Foot, ...]:
+    """The pillars at centres (n, 2) that stand at a height, and their heavy tips."""
+    foot, joint = _foot(pillar), bottom_m + pillar.height_m
+    stem = Foot(foot, centres, bottom_m, joint)
+    if pillar.tip is None:
+        return (stem,)
+    return stem, Foot(pillar.tip.rectangles, centres, joint, bottom_m + pillar.top_m, "tip", foot)
+
+
+def _foot(pillar: Pillar) -> FloatArray:
+    """The rectangles of a foot. MeshError where boxes cannot follow the pillar."""
+    rectangles = pillar.form.rectangles
+    if rectangles is None or pillar.fillet_m:
+        what = f"{pillar.shape} pillar{' with a fillet' if pillar.fillet_m else ''}"
+        raise MeshError(
+            f"a {what} is not made of boxes: hexahedra in straight lines cannot follow it, nor what is bonded over it"
+        )
+    return rectangles
+
+
+# -- counts ------------------------------------------------------------------------------------------------------------
+# Sizes of a mesh of boxes, told from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
+# Exact sizes of a mesh from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
+
+
+@dataclass(frozen=True)
+class Block:
+    """Boxes alike but for their counts: elements along x and y, one entry a column and a row of them, and along z.
+
+    A union of rectangles is counted by inclusion and exclusion: what several share has the sign -1, +1 in turn. A block that
+    `stands` on another shares its lowest nodes.
+    """
+
+    x: tuple[int, ...]
+    y: tuple[int, ...]
+    z: int
+    stands: bool = False
+    sign: int = 1
+
+    def total(self, along: Callable[[int], int]) -> int:
+        """A figure that is a product over the axes, less what the feet share with what they stand on."""
+        return self.sign * sum(map(along, self.x)) * sum(map(along, self.y)) * (along(self.z) - self.stands)
+
+
+@dataclass(frozen=True)
+class BoxCounts:
+    """Blocks of hexahedra of an order, and what follows: exact."""
+
+    order: int
+    blocks: tuple[Block, ...]
+
+    @property
+    def elements(self) -> int:
+        """Hexahedra."""
+        return sum(block.sign * sum(block.x) * sum(block.y) * block.z for block in self.blocks)
+
+    @property
+    def nodes(self) -> int:
+        """Nodes."""
+        return sum(block.total(lambda count: self.order * count + 1) for block in self.blocks)
+
+    @property
+    def pairs(self) -> int:
+        """Ordered pairs of nodes that share an element: entries of the scalar mass, a ninth of the stiffness's."""
+        return sum(block.total(lambda count: count * (self.order + 1) ** 2 - (count - 1)) for block in self.blocks)
+
+
+def box_counts(scene: Scene, order: int) -> BoxCounts:
+    """Sizes of `hex_mesh(boxes_of(scene), order)`."""
+    up = interval_count(scene.z, scene.through)
+    if scene.body is None:
+        whole = (interval_count(scene.x, scene.across),), (interval_count(scene.y, scene.across),)
+        blocks = [Block(*whole, up)]
+    else:
+        blocks = [_block(scene, np.zeros((1, 2)), part, up, False, sign) for sign, part in _union(scene.body)]
+    if scene.above is not None and scene.along is not None:
+        for foot in scene.feet:
+            span = {z: graded for z, graded in scene.above.items() if foot.bottom_m <= z <= foot.top_m}
+            up, alone = interval_count(span, scene.along), foot.below is None
+            own = [_block(scene, foot.centres, part, up, alone, sign) for sign, part in _union(foot.rectangles)]
+            own += [_block(scene, foot.centres, part, 0, False, -sign) for sign, part in _shared(foot)]
+            blocks += own * scene.faces
+    return BoxCounts(order, tuple(blocks))
+
+
+def _shared(foot: Foot) -> Iterator[tuple[int, FloatArray]]:
+    """Signs and rectangles of the faces that prisms share with others that they stand on."""
+    for sign, part in _union(foot.rectangles):
+        for other, below in _union(np.empty((0, 4)) if foot.below is None else foot.below):
+            x0, y0 = np.maximum(part[::2], below[::2])
+            x1, y1 = np.minimum(part[1::2], below[1::2])
+            if x0 < x1 and y0 < y1:
+                yield sign * other, np.array([x0, x1, y0, y1])
+
+
+def _union(rectangles: FloatArray) -> Iterator[tuple[int, FloatArray]]:
+    """Signs and rectangles whose signed sum covers the union of rectangles (r, 4) once."""
+    for count in range(1, len(rectangles) + 1):
+        for members in combinations(rectangles, count):
+            shared = np.array(members)
+            x0, x1, y0, y1 = shared[:, 0].max(), shared[:, 1].min(), shared[:, 2].max(), shared[:, 3].min()
+            if x0 <= x1 and y0 <= y1:
+                yield (-1) ** (count + 1), np.array([x0, x1, y0, y1])
+
+
+def _block(scene: Scene, centres: FloatArray, part: FloatArray, up: int, stands: bool, sign: int) -> Block:
+    x = _counts(scene.x, centres[:, 0], part[:2], scene.across)
+    return Block(x, _counts(scene.y, centres[:, 1], part[2:], scene.across), up, stands, sign)
+
+
+def _counts(breaks: dict[float, bool], centres: FloatArray, side: FloatArray, grading: Grading) -> tuple[int, ...]:
+    """Elements that a side about each column of centres takes along one axis; a mirror or the plate's edge may cut it."""
+    low, high = min(breaks), max(breaks)
+    slack = SAME * (high - low)
+    counts = []
+    for centre in sorted(set(centres.tolist())):
+        start, end = max(low, centre + side[0]) - slack, min(high, centre + side[1]) + slack
+        within = {place: graded for place, graded in breaks.items() if start <= place <= end}
+        if within:
+            counts.append(interval_count(within, grading))
+    return tuple(counts)

@@ -1,0 +1,218 @@
+"""How a finite plate is cut into rectangular panels: grid lines, the pillar of each panel, and equal panels counted once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import ceil
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.layout import Design, Pillar
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A rectangular panel of plate from (x0, y0) to (x1, y1), lengths in m, with a pillar's centre or None.
+
+    `halved` lists the axes along which only the half beyond the panel's middle is meshed (its mirrors), `free` the
+    sides (x-, x+, y-, y+) to which nothing is attached. `pillar` names the one that stands there where rows differ.
+    """
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+    foot: tuple[float, float] | None = None
+    halved: tuple[int, ...] = ()
+    free: tuple[str, ...] = ()
+    pillar: Pillar | None = None
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Centre of the panel, m."""
+        return ((self.low[0] + self.high[0]) / 2.0, (self.low[1] + self.high[1]) / 2.0)
+
+
+Signature = tuple[float | str | Pillar, ...]
+DIGITS = 9  # of a length in m: panels that agree to a nanometre are the same
+
+
+@dataclass(frozen=True)
+class Tiling:
+    """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
+
+    mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
+    rows of pillars differ. periodic: the tiling repeats along x and y, and no side of it is free. lines_m: y where parts of the
+    touch face meet.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    feet: dict[tuple[int, int], tuple[float, float]]
+    mirrored: bool = True
+    pillars: Mapping[int, Pillar] = field(default_factory=dict)
+    periodic: bool = False
+    lines_m: tuple[float, ...] = ()
+
+    def panel(self, i: int, j: int) -> Panel:
+        """Panel in column i, row j, halved along every axis about which it is its own mirror image.
+
+        The outer sides of a panel with a pillar are left free: its foot may stand flush with the plate's edge, where
+        no polynomial follows it. Bare panels keep all four sides, so that one reduction serves inside and at the edge.
+        """
+        low, high = (float(self.x[i]), float(self.y[j])), (float(self.x[i + 1]), float(self.y[j + 1]))
+        foot = self.feet.get((i, j))
+        whole = Panel(low, high, foot)
+        free = self.free_sides(i, j)
+        centred = [
+            foot is None or (self.mirrored and abs(foot[axis] - whole.middle[axis]) < 10.0**-DIGITS) for axis in (0, 1)
+        ]
+        even = [(f"{axis}-" in free) == (f"{axis}+" in free) for axis in "xy"]
+        halved = tuple(axis for axis in (0, 1) if centred[axis] and even[axis])
+        return Panel(low, high, foot, halved, free, self.pillars.get(j) if foot else None)
+
+    def representatives(self, whole: bool) -> list[tuple[int, int]]:
+        """Panels (i, j) that stand for the others: those with middle x >= 0 and y >= 0, or all."""
+        nx, ny = len(self.x) - 1, len(self.y) - 1
+        first = (0, 0) if whole else (nx // 2, ny // 2)
+        return [(i, j) for i in range(first[0], nx) for j in range(first[1], ny)]
+
+    def free_sides(self, i: int, j: int) -> tuple[str, ...]:
+        """Sides of panel (i, j) to which nothing is attached and nothing need be."""
+        if self.periodic or (i, j) not in self.feet:
+            return ()
+        ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}
+        return tuple(side for side, at_end in ends.items() if at_end)
+
+
+def lattice_panel(design: Design) -> Panel:
+    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one)."""
+    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
+
+
+def signature(panel: Panel) -> Signature:
+    """What a panel's reduction depends on: its edges, where in it which pillar stands, and its free sides."""
+    size = (panel.high[0] - panel.low[0], panel.high[1] - panel.low[1])
+    offset = (panel.foot[0] - panel.middle[0], panel.foot[1] - panel.middle[1]) if panel.foot else (np.inf, np.inf)
+    own = (panel.pillar,) if panel.pillar else ()
+    return (*(round(v, DIGITS) + 0.0 for v in (*size, *offset)), *panel.free, *own)
+
+
+def tile(design: Design, max_edge_m: float) -> Tiling:
+    """Cut a plate: one piece per pillar, bare panels no longer than `max_edge_m` elsewhere."""
+    x, y = grid(design, max_edge_m)
+    if not design.rows:
+        return Tiling(x, y, {}, design.is_mirrored, lines_m=design.touch_lines_m)
+    feet_rows = design.row_places()
+    places = (np.searchsorted(y, feet_rows) - 1).tolist()
+    pillars = dict(zip(places, (*design.graded[::-1], *design.graded), strict=True)) if design.graded else {}
+    numbered = zip(feet_rows.tolist(), design.row_numbers, strict=True)
+    centres = [(row, design.column_centres(number)) for row, number in numbered]
+    return Tiling(x, y, _feet(x, y, centres), design.is_mirrored, pillars, lines_m=design.touch_lines_m)
+
+
+def tightest_panels(design: Design) -> list[Panel]:
+    """The panel of every row whose foot comes nearest to a side: that of its last column."""
+    if not design.rows:
+        return []
+    x, y = grid(design, design.thickness_m)
+    pillars = (*design.graded[::-1], *design.graded) or (None,) * len(design.row_places())
+    panels = []
+    for row, number, pillar in zip(design.row_places().tolist(), design.row_numbers, pillars, strict=True):
+        column = float(design.column_centres(number)[-1])
+        i, j = int(np.searchsorted(x, column)) - 1, int(np.searchsorted(y, row)) - 1
+        panels.append(
+            Panel((float(x[i]), float(y[j])), (float(x[i + 1]), float(y[j + 1])), (column, row), pillar=pillar)
+        )
+    return panels
+
+
+def grid(design: Design, max_edge_m: float) -> tuple[FloatArray, FloatArray]:
+    """The grid lines of `tile`, x (nx + 1) and y (ny + 1), m."""
+    columns, pitch = design.column_centres() if design.rows else np.empty(0), design.pitch_x_m
+    if design.is_staggered:
+        columns, pitch = np.sort(np.concatenate([columns, design.column_centres(1)])), pitch / 2.0
+    half_x = design.length_m / 2.0
+    x = _lines_about(columns, pitch, half_x, max_edge_m) if len(columns) else _bare(-half_x, half_x, max_edge_m)
+    rows = design.row_places() if design.rows else np.empty(0)
+    return x, _refined(_cuts(design) if design.zones == 1 else _cuts_between(design), rows, max_edge_m)
+
+
+def _cuts_between(design: Design) -> FloatArray:
+    """Lines across a plate of several zones: its ends, and those of every row's strip, a strip no wider than leaves each zone
+    its middle; without rows the zones' borders.
+    """
+    half, middles = design.width_m / 2.0, design.zone_centres_m
+    ends = [-design.half_span_m, design.half_span_m]
+    if not design.rows:
+        borders = np.concatenate([middles - half, middles + half])
+        return _distinct([*ends, *borders])
+    for row in design.row_places():
+        for end in (row - design.pitch_y_m / 2.0, row + design.pitch_y_m / 2.0):
+            middle = middles[int(np.argmin(np.abs(middles - end)))]
+            toward = np.sign(row - middle)
+            end = end if (end - middle) * toward > half / 4.0 else middle + toward * half / 2.0
+            ends.append(min(max(float(end), ends[0]), ends[1]))
+    lines = _distinct(ends)
+    return lines[np.concatenate([[True], np.diff(lines) > 10.0**-DIGITS])]
+
+
+def _cuts(design: Design) -> FloatArray:
+    """The same of a plate of one zone, whose rows may differ in width."""
+    inner, outer, rows = design.width_m / 2.0, design.half_span_m, design.row_centres() if design.rows else np.empty(0)
+    upper = [inner, outer]
+    if len(rows):
+        reach = design.row_pitches_m / 2.0
+        starts = rows - reach
+        starts[0] = starts[0] if starts[0] > inner / 4.0 else inner / 2.0
+        upper = [*starts, min(rows[-1] + reach[-1], outer)]
+        if outer - upper[-1] > 10.0**-DIGITS:
+            upper.append(outer)
+    return _distinct([-c for c in upper] + upper)
+
+
+def _distinct(places_m: Iterable[float]) -> FloatArray:
+    """Places in ascending order, each once, not rounded: a square panel stays one; numpy.unique would load masked arrays."""
+    return np.array(sorted({round(float(place), DIGITS + 3) + 0.0: float(place) + 0.0 for place in places_m}.values()))
+
+
+def _lines_about(centres: FloatArray, pitch: float, end: float, longest: float) -> FloatArray:
+    """Lines half-way between pillars; the last panel reaches the plate's end, cut again when it is much longer."""
+    between = (centres[1:] + centres[:-1]) / 2.0
+    reach = min(centres[-1] + pitch / 2.0, end)
+    lines = [-reach, *between, reach]
+    if end - reach > 10.0**-DIGITS:
+        tail = _bare(reach, end, longest)[1:]
+        lines = [*(-tail[::-1]), *lines, *tail]
+    return np.array(lines)
+
+
+def _bare(low: float, high: float, longest: float) -> FloatArray:
+    return np.linspace(low, high, 1 + max(1, ceil((high - low) / longest - 1e-9)))
+
+
+def _refined(cuts: FloatArray, feet: FloatArray, longest: float) -> FloatArray:
+    """Cut every interval without a pillar into panels no longer than `longest`, the middle one into an even number."""
+    lines = [cuts[:1]]
+    for low, high in pairwise(cuts.tolist()):
+        if ((feet > low) & (feet < high)).any():
+            lines.append(np.array([high]))
+            continue
+        count = max(1, ceil((high - low) / longest - 1e-9))
+        if low < 0.0 < high:
+            count += count % 2
+        lines.append(np.linspace(low, high, count + 1)[1:])
+    return np.concatenate(lines)
+
+
+def _feet(
+    x: FloatArray, y: FloatArray, rows: list[tuple[float, FloatArray]]
+) -> dict[tuple[int, int], tuple[float, float]]:
+    """The panel of each pillar, from y of every row and x of its pillars."""
+    return {
+        (int(i), int(np.searchsorted(y, cy)) - 1): (float(cx), cy)
+        for cy, columns in rows
+        for i, cx in zip(np.searchsorted(x, columns) - 1, columns, strict=True)
+    }

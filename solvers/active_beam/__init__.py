@@ -1,1 +1,0 @@
-"""Velocity feedback on a beam."""

@@ -1,0 +1,337 @@
+"""What several patches of one plate do together: zones driven in turn, the flow of power, the table that shaping works on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from math import pi
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from geometry.elements import ComplexArray, FloatArray
+from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
+from solvers.errors import SolverError
+from solvers.measures.confinement import peak_hz, ratio_db, wanted_shape, zone_parts
+from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.patched_plate import PatchedPlate
+from solvers.piezo.responses import face_motion, resonances_hz
+from solvers.shaping.modal_table import ModalTable
+from solvers.superelement.cell import Cell
+from solvers.superelement.plate import WHOLE
+
+# -- zones -------------------------------------------------------------------------------------------------------------
+# Several zones of one plate: the motion of every zone while one of them is driven.
+# Integrals of u_z^2 over one zone couple symmetry classes: in the quarter's points the motion at an image is the sum
+# of the classes, each with the signs of its mirrors, and a zone takes from every image what of it lies in the zone.
+
+
+@dataclass(frozen=True)
+class Zones:
+    """A driven plate's zones: rms of u_z over each and over the passive face, from Gram matrices over all columns, per m2.
+
+    grams (zones + 1, columns, columns): the last is the passive face's; its area may be 0, and its mean then NaN. shapes
+    (zones, columns): means of u_z times the wanted shape of root mean square 1.
+    """
+
+    forced: ForcedPlate
+    grams: FloatArray
+    shapes: FloatArray
+
+    def rms(self, volts: FloatArray, frequency_hz: FloatArray) -> FloatArray:
+        """rms of |u_z|, (n, zones + 1), m per volt, of patches fed with volts (patches,)."""
+        a = self._amplitudes(volts, frequency_hz)
+        return np.sqrt(np.maximum(np.einsum("it,zit->tz", a.conj(), self.grams @ a).real, 0.0))
+
+    def mac(self, volts: FloatArray, frequency_hz: float, zone: int) -> float:
+        """MAC of a zone's motion with the wanted shape."""
+        a = self._amplitudes(volts, np.array([frequency_hz]))[:, 0]
+        return float(abs(self.shapes[zone] @ a) ** 2 / (a.conj() @ self.grams[zone] @ a).real)
+
+    def _amplitudes(self, volts: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+        """Coefficients of the columns at every frequency, (columns, n)."""
+        plate = self.forced.driven_by(np.asarray(volts, dtype=complex))
+        at = plate.plate.scale.eigenvalue(frequency_hz)
+        fed = plate.volts_over(at)
+        return np.concatenate([basis.amplitudes(at, plate.loss, fed) for basis in plate.modes], axis=1).T
+
+    @property
+    def has_passive(self) -> bool:
+        """Whether something of the touch face lies in no zone."""
+        return not bool(np.isnan(self.grams[-1]).any())
+
+    def peak_hz(self, volts: FloatArray, zone: int) -> float:
+        """Where the zone moves most within the band, Hz."""
+        forced = self.forced
+        return peak_hz(
+            lambda tones: self.rms(volts, tones)[:, zone], resonances_hz(forced), forced.band_hz, forced.loss
+        )
+
+
+def zones_of(forced: ForcedPlate) -> Zones:
+    """The zones of a patched plate's design."""
+    design, fields = forced.design, [basis.group.touch(basis.columns) for basis in forced.modes]
+    first = fields[0][0]
+    whole = forced.modes[0].group.symmetries == (WHOLE,)
+    flips = [(1.0, 1.0)] if whole else list(product((1.0, -1.0), repeat=2))
+    count = sum(basis.columns.shape[1] for basis in forced.modes)
+    grams, areas = np.zeros((design.zones + 1, count, count)), np.zeros(design.zones + 1)
+    shapes, norms = np.zeros((design.zones, count)), np.zeros(design.zones)
+    for flip in flips:
+        values = np.hstack(
+            [_added(basis.group.symmetries, own, flip) for basis, own in zip(forced.modes, fields, strict=True)]
+        )
+        weights = first.weights / len(flips)
+        points = first.points * flip
+        wanted = wanted_shape(design, np.column_stack([points[:, 0], design.from_zone_m(points[:, 1])]))
+        for place, part in enumerate(zone_parts(design, points[:, 1])):
+            grams[place] += values[part].T @ (weights[part, None] * values[part])
+            areas[place] += weights[part].sum()
+            if place < design.zones:
+                shapes[place] += (weights[part] * wanted[part]) @ values[part]
+                norms[place] += weights[part] @ wanted[part] ** 2
+    known = areas > 1e-9 * areas.max()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        means = np.where(known[:, None, None], grams / areas[:, None, None], np.nan)
+    return Zones(forced, means, shapes / np.sqrt(norms * areas[:-1])[:, None])
+
+
+def _added(symmetries: tuple[str, ...], fields: list, flip: tuple[float, ...]) -> FloatArray:
+    """u_z of a group's columns at the images of its points, (points, columns)."""
+    signs = [
+        np.prod([-1.0 if mark == "A" and side < 0.0 else 1.0 for mark, side in zip(symmetry, flip, strict=False)])
+        for symmetry in symmetries
+    ]
+    return np.sum([sign * field.values for sign, field in zip(signs, fields, strict=True)], axis=0)
+
+
+def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
+    """Voltages (zones, patches) that drive one zone each: its own drivers at +-1 V, as the wanted shape has them in phase."""
+    design = forced.design
+    volts = np.zeros((design.zones, len(centres_m)))
+    for zone, middle in enumerate(design.zone_centres_m):
+        local = centres_m - np.array([0.0, middle])
+        own = [i for i in forced.drivers if abs(local[i, 1]) < design.width_m / 2.0]
+        volts[zone, own] = np.where(wanted_shape(design, local[own]) < 0.0, -1.0, 1.0)
+    return volts
+
+
+def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray, known: Doubts | None) -> FloatArray:
+    """Half-widths of the error bars of every zone's rms while each is driven.
+
+    Parameters
+    ----------
+    zones : Zones
+        The zones of a driven plate.
+    volts : ndarray, shape (driven, patches)
+        Voltages that drive one zone each.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies in Hz.
+    known : Doubts or None
+        What the plate's resonances and loads may be off by.
+
+    Returns
+    -------
+    ndarray, shape (driven, zones, n)
+        In m/V; NaN without an estimate.
+    """
+    forced, count = zones.forced, zones.forced.design.zones
+    if known is None:
+        return np.full((len(volts), count, len(frequency_hz)), np.nan)
+
+    return rms_bars(known, forced, zones.grams[:count], frequency_hz, volts[:, forced.drivers].astype(complex))
+
+
+def peak_half_widths(zones: Zones, fed: FloatArray, zone: int, peak_hz: float, known: Doubts | None) -> dict[str, Any]:
+    """Half-widths of the error bars of what one driven zone shows at its peak, by the names of its figures.
+
+    `rms_error_m_per_V` and `level_error_db` (zones,), `passive_error_db` and `mac_error`; NaN without an estimate.
+    """
+    forced, count = zones.forced, zones.forced.design.zones
+    parts = count + zones.has_passive
+    grams = np.concatenate([zones.grams[:parts], [np.outer(zones.shapes[zone], zones.shapes[zone])]])
+
+    def figures(squares: ComplexArray) -> FloatArray:
+        each = rms(squares)
+        return np.concatenate([each[:-1], ratio_db(each[:-1], each[zone]), each[-1:] ** 2 / each[zone] ** 2])
+
+    half = np.full(2 * parts + 1, np.nan)
+    if known is not None:
+        half = with_peak(known, forced, grams, peak_hz, fed[forced.drivers].astype(complex), figures)
+    return {
+        "rms_error_m_per_V": half[:count],
+        "level_error_db": half[parts : parts + count],
+        "passive_error_db": float(half[parts + count]) if zones.has_passive else None,
+        "mac_error": float(half[-1]),
+    }
+
+
+# -- power flow --------------------------------------------------------------------------------------------------------
+# Where the patches' power goes along a driven plate: what flows through a section x, and what is lost on the way.
+# Power in = Re(V* I)/2 patch by patch with I = j omega (theta' u + C V). Only the modes are damped, in proportion to
+# their strain: a panel loses omega/(2 Q) u' K u of their motion u, a patch on it likewise. Modes extrapolated from
+# two meshes of the patches store L = diag(eigenvalues), not the U' K U of the finer mesh: u = U S q with S' (U' K U)
+# S = L, so that what is lost everywhere is what the modes lose, omega/(2 Q) q' L q. The flow through a section is
+# what comes in left of it less what is lost there: it ends at 0 beyond the last patch.
+
+
+@dataclass(frozen=True)
+class PowerFlow:
+    """Means over a period, W: what each patch gives (patches,), negative where it takes; the flow towards +x (n,) through the
+    sections x_m (n,) that no patch straddles; what the plate and its patches lose.
+    """
+
+    patches_w: FloatArray
+    x_m: FloatArray
+    flow_w: FloatArray
+    lost_w: float
+
+
+def power_flow(forced: ForcedPlate, frequency_hz: float) -> PowerFlow:
+    """The flow of a patched plate as it is fed (`ForcedPlate.driven_by`), sections at the edges of its panels."""
+    plate = forced.plate
+    if not isinstance(plate, PatchedPlate):
+        raise SolverError("a power flow along the plate needs patches that drive it")
+    eigenvalue, omega = plate.scale.eigenvalue(frequency_hz), 2.0 * pi * frequency_hz
+    volts = forced.volts(eigenvalue)
+    charge = np.sum([basis.receptance(eigenvalue, forced.loss) for basis in forced.modes], axis=0) @ volts
+    current = 1j * omega * (charge * plate.stiffness_unit + plate.capacitance_f * volts)
+    given = 0.5 * (volts.conj() * current).real
+    motions = [_modal(basis, eigenvalue, forced.loss, volts) for basis in forced.modes]
+    x, energy = _panels(forced, motions)
+    lost = 0.5 * omega * forced.loss * plate.stiffness_unit * np.concatenate([energy, _on_patches(forced, motions)])
+    spans = np.array([(patch.points[:, 0].min(), patch.points[:, 0].max()) for patch in plate.patches])
+    places = np.concatenate([x, spans.mean(axis=1)])
+    edges = np.unique(np.round(forced.modes[0].group.plates[0].tiling.x, 12))
+    clear = np.array([not ((spans[:, 0] < edge) & (edge < spans[:, 1])).any() for edge in edges])
+    sections = edges[clear]
+    flow = [float(given[spans[:, 1] <= edge + 1e-9].sum() - lost[places < edge].sum()) for edge in sections]
+    return PowerFlow(given, sections, np.array(flow), float(lost.sum()))
+
+
+def _modal(basis: GroupModes, eigenvalue: float, loss: float, volts: ComplexArray) -> list[Any]:
+    """The damped part of the motion, with the strain energy of the modes that are solved, class by class of the group."""
+    count = len(basis.frequency_hz)
+    amplitudes = basis.amplitudes(eigenvalue, loss, volts)[:count]
+    modes = basis.columns[:, :count]
+    motion: Any = modes @ (_as_stiff(basis, modes) @ amplitudes)
+    return list(basis.group.split(motion))
+
+
+_KNOWN: WeakKeyDictionary[GroupModes, FloatArray] = WeakKeyDictionary()  # one plate is driven in several ways
+
+
+def _as_stiff(basis: GroupModes, modes: FloatArray) -> FloatArray:
+    """S = A^(-1/2) L^(1/2), so that S' A S = L: stiffness A (k, k) in modes, eigenvalues L (k,), none of them rigid."""
+    if basis not in _KNOWN:
+        meshed = modes.T @ np.asarray(basis.group.pencil.stiffness @ modes)
+        values, vectors = np.linalg.eigh((meshed + meshed.T) / 2.0)
+        _KNOWN[basis] = np.asarray((vectors / np.sqrt(values)) @ vectors.T * np.sqrt(basis.eigenvalue))
+    return _KNOWN[basis]
+
+
+def _panels(forced: ForcedPlate, motions: list[list[Any]]) -> tuple[FloatArray, FloatArray]:
+    """Middles x (n,) in m of the whole plate's panels and u' K u of each, scaled.
+
+    In mirrored coordinates a panel's image moves as the sum of the classes, each with the sign of its mirrors; a panel on a
+    mirror line is its own image, and its share is counted at both.
+    """
+    places: list[float] = []
+    energies: list[FloatArray] = []
+    for cell, x, copies, classes in _placed(forced, motions):
+        flips = [(1.0, 1.0)] if classes[0][0] == WHOLE else list(product((1.0, -1.0), repeat=2))
+        moved = np.array([np.sum([_sign(name, flip) * field for name, field in classes], axis=0) for flip in flips])
+        energies.append(np.einsum("fi,ij,fj->f", moved.conj(), cell.stiffness, moved).real * copies / len(flips))
+        places += [flip[0] * x for flip in flips]
+    return np.array(places), np.concatenate(energies)
+
+
+def _placed(forced: ForcedPlate, motions: list[list[Any]]) -> Iterator[tuple[Cell, float, int, list[tuple[str, Any]]]]:
+    """Each assembled panel: its cell, middle x, copies, and its motion in every class that is driven."""
+    plates = [
+        (plate, motion)
+        for basis, parts in zip(forced.modes, motions, strict=True)
+        for plate, motion in zip(basis.group.plates, parts, strict=True)
+    ]
+    for cells in zip(*(plate.placed_cells for plate, _ in plates), strict=True):
+        pairs = zip(cells, plates, strict=True)
+        moved = [(plate.symmetry, plate.cell_vectors(cell, motion[:, None])[:, 0]) for cell, (plate, motion) in pairs]
+        yield cells[0].cell, float(cells[0].middle[0]), cells[0].copies, moved
+
+
+def _sign(symmetry: str, flip: tuple[float, ...]) -> float:
+    marks = zip(symmetry, flip, strict=False)
+    return float(np.prod([-1.0 if mark == "A" and side < 0.0 else 1.0 for mark, side in marks]))
+
+
+def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:
+    """u' K u of the patches themselves, scaled, (patches,)."""
+    plate = forced.plate
+    assert isinstance(plate, PatchedPlate)
+    energies = np.zeros(len(plate.bonds))
+    for number, bond in enumerate(plate.bonds):
+        pairs = zip(forced.modes, motions, strict=True)
+        moved = np.sum([plate.motion(b.group.plates, number) @ np.concatenate(m) for b, m in pairs], axis=0)
+        energies[number] = (np.conj(moved) @ bond.finest.stiffness @ moved).real
+    return energies
+
+
+# -- modal table -------------------------------------------------------------------------------------------------------
+# A driven plate's own modes as the table that shaping works on: sensors open, drivers fed by voltages.
+# With E = C + R_ss (clamped capacitance and quasi-static residual of the sensors) and modes r of the plate with
+# closed circuits, gains g_rp = phi_r' theta_p, open sensors stiffen the modes: (diag(lambda) + g_s E^-1 g_s') x = mu
+# x. The damping that couples the modes mu is left out, of the order of the electromechanical coupling over Q. u_z and
+# u_s then follow from V_s = -E^-1 (R_sd V_d + g_s' q); residuals are those at one frequency.
+
+
+def plate_table(
+    forced: ForcedPlate, points_m: FloatArray, frequency_hz: float, rows: list[FloatArray] | None = None
+) -> ModalTable:
+    """The modes about the band over points (p, 2) of the touch face, in SI: actuators are the drivers, in the order of
+    `forced.drivers`, sensors those that listen, V. Residuals are those at the frequency.
+
+    rows: `motion_at` of the points, where it is known. SolverError for drivers that are fed a charge, or without sensors.
+    """
+    if forced.circuit != "short" or not forced.sensors:
+        raise SolverError("shaping needs drivers that a voltage feeds and at least one patch that listens")
+    plate, d, s = forced.plate, forced.drivers, forced.sensors
+    scale, unit = plate.scale, plate.stiffness_unit
+    eigenvalue = scale.eigenvalue(frequency_hz)
+    values = np.concatenate([basis.eigenvalue for basis in forced.modes])
+    gain = np.concatenate([basis.gain for basis in forced.modes])
+    residual = np.sum([basis.residual(eigenvalue) for basis in forced.modes], axis=0)
+    moves, beyond = _motion(forced, motion_at(forced, points_m) if rows is None else rows, eigenvalue)
+    clamped = np.diag(plate.capacitance_f[s]) / unit + residual[np.ix_(s, s)]
+    heard = np.linalg.solve(clamped, gain[:, s].T)  # -V_s per modal coordinate, (sensors, modes)
+    at_once = np.linalg.solve(clamped, residual[np.ix_(s, d)])  # -V_s per volt of a driver
+    mu, vectors = np.linalg.eigh(np.diag(values) + gain[:, s] @ heard)
+    elastic = np.einsum("rm,r,rm->m", vectors, values, vectors)
+    size = 1.0 / np.sqrt(scale.mass_kg)  # of a mode of 1 kg
+    return ModalTable(
+        frequencies_hz=np.asarray(scale.frequency(mu)),
+        quality_factor=np.asarray(mu / (elastic * forced.loss)),
+        actuators=vectors.T @ (gain[:, d] - heard.T @ residual[np.ix_(s, d)]) * scale.angular**2 / size,
+        sensors=-(vectors.T @ heard.T) * size,
+        field=vectors.T @ (moves - beyond[:, s] @ heard).T * size,
+        points_m=points_m,
+        sensor_residual=-at_once,
+        field_residual=beyond[:, d] - beyond[:, s] @ at_once,
+    )
+
+
+def motion_at(forced: ForcedPlate, points_m: FloatArray) -> list[FloatArray]:
+    """u_z at points (p, 2) of the touch face per unit of each column, group by group."""
+    return [np.asarray(face_motion(basis.group, points_m) @ basis.columns) for basis in forced.modes]
+
+
+def _motion(forced: ForcedPlate, known: list[FloatArray], eigenvalue: float) -> tuple[FloatArray, FloatArray]:
+    """u_z at points per modal coordinate, (points, modes), and per volt beyond the modes, (points, patches)."""
+    moves, beyond = [], np.zeros((len(known[0]), len(forced.plate.patches)))
+    for basis, rows in zip(forced.modes, known, strict=True):
+        count, patches = len(basis.frequency_hz), beyond.shape[1]
+        moves.append(rows[:, :count])
+        residual, slope = rows[:, count : count + patches], rows[:, count + patches :]
+        beyond += residual + (eigenvalue - basis.middle) * slope
+    return np.hstack(moves), beyond

@@ -1,0 +1,232 @@
+"""Memory and operations of a modal solve, estimated before anything is assembled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from solvers.fem.block_lanczos import basis_size, fits, slice_of
+from solvers.fem.factor.choice import preferred
+
+# -- fill of nested dissection -----------------------------------------------------------------------------------------
+# What a nested dissection of a regular grid leads to: entries of the factor and operations, without a matrix
+# (george1973).
+# A box of elements is cut in halves by a plane of nodes until one element is left. Eliminating m degrees of freedom
+# that b others surround fills m (m + 1)/2 + m b entries and takes m^3/3 + m^2 b + m b^2 operations.
+
+Ends = tuple[bool, bool]  # whether the planes at the lower and the upper end belong to the box itself
+T = TypeVar("T")
+Dofs = Callable[[list[int], list[int]], float]
+
+
+@dataclass(frozen=True)
+class Fill:
+    """Entries of L, operations (a multiplication with an addition), and the largest front's entries."""
+
+    entries: float = 0.0
+    operations: float = 0.0
+    front: float = 0.0
+
+    def __add__(self, other: Fill) -> Fill:
+        return Fill(self.entries + other.entries, self.operations + other.operations, max(self.front, other.front))
+
+    def times(self, count: int) -> Fill:
+        """The same for `count` bodies."""
+        return Fill(count * self.entries, count * self.operations, self.front)
+
+
+def eliminated(inside: float, around: float) -> Fill:
+    """One front: `inside` degrees of freedom eliminated, `around` left."""
+    m, b = inside, around
+    return Fill(m * (m + 1.0) / 2.0 + m * b, m**3 / 3.0 + m * m * b + m * b * b, (m + b) ** 2)
+
+
+def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | None = None) -> Fill:
+    """The fill of a grid of elements (any number of axes); `ends` tells which end planes are the grid's own (all).
+
+    `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
+    """
+    return _Dissection(dofs).fill(elements, ends or ((True, True),) * len(elements))
+
+
+def nodal(order: int, a_node: int = 3) -> Dofs:
+    """Degrees of freedom of hexahedra of an order, `a_node` a node."""
+
+    def dofs(lines: list[int], gaps: list[int]) -> float:
+        total = float(a_node)
+        for line, gap in zip(lines, gaps, strict=True):
+            total *= line + (order - 1) * gap
+        return total
+
+    return dofs
+
+
+def panelled(vertex: int, side: int, inner: float) -> Dofs:
+    """Degrees of freedom of reduced panels in a plane: so many a vertex line, a side, and within each."""
+
+    def dofs(lines: list[int], gaps: list[int]) -> float:
+        corners, sides = lines[0] * lines[1], lines[0] * gaps[1] + lines[1] * gaps[0]
+        return float(vertex * corners + side * sides + inner * gaps[0] * gaps[1])
+
+    return dofs
+
+
+class _Dissection:
+    """The recursion, each kind of box computed once."""
+
+    def __init__(self, dofs: Dofs) -> None:
+        self.dofs = dofs
+        self.known: dict[tuple[tuple[int, ...], tuple[Ends, ...]], Fill] = {}
+
+    def fill(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
+        key = (elements, ends)
+        if key not in self.known:
+            self.known[key] = self._fill(elements, ends)
+        return self.known[key]
+
+    def _fill(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
+        own = self._own(elements, ends)
+        around = self._own(elements, ((True, True),) * len(elements)) - own
+        longest = [axis for axis, count in enumerate(elements) if count > 1]
+        if not longest:
+            return eliminated(own, around)
+        planes = {axis: self._plane(elements, ends, axis) for axis in longest}
+        axis = min(longest, key=lambda each: planes[each])
+        half, (low, high) = elements[axis] // 2, ends[axis]
+        lower = self.fill(_put(elements, axis, half), _put(ends, axis, (low, False)))
+        upper = self.fill(_put(elements, axis, elements[axis] - half), _put(ends, axis, (False, high)))
+        return eliminated(planes[axis], around) + lower + upper
+
+    def _own(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> float:
+        lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
+        return self.dofs(lines, list(elements))
+
+    def _plane(self, elements: tuple[int, ...], ends: tuple[Ends, ...], axis: int) -> float:
+        lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
+        gaps = list(elements)
+        lines[axis], gaps[axis] = 1, 0
+        return self.dofs(lines, gaps)
+
+
+def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:
+    return (*values[:axis], value, *values[axis + 1 :])
+
+
+# -- solves ------------------------------------------------------------------------------------------------------------
+# What a modal solve takes, told before anything is assembled: bytes of its stages, and operations.
+# Bytes follow from the arrays that `assembly`, `solid` and `eigen` hold at once, counted in entries; those of a
+# factorisation from the fill above with measured factors (`studies/benchmarks/foresight.py`).
+
+LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second copy of their matrices
+ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
+STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
+# bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
+FACTOR = {"rslab": (30.0, 15.0), "pardiso": (30.0, 15.0), "superlu": (75.0, 60.0)}
+ANALYSIS, COPY = 60, 30  # bytes of an entry of the matrix: the analysis, what of it stays beside the factor
+VECTORS = 8  # copies of the modes' vectors while they are proven
+DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
+FACTORISATIONS = 4  # of one band: both ends, the shift, one more where it is halved
+SOLVES = 3.0  # a mode
+BASIS = 2.5  # vectors of the basis a pair, when Lanczos has converged
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage of a computation and the bytes that it holds at its peak."""
+
+    name: str
+    bytes: float
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Stages one after another, operations, and the degrees of freedom of the largest system solved at once."""
+
+    stages: tuple[Stage, ...] = ()
+    operations: float = 0.0
+    dofs: int = 0
+
+    @property
+    def peak(self) -> Stage:
+        """The stage that takes most."""
+        return max(self.stages, key=lambda stage: stage.bytes, default=Stage("nothing", 0.0))
+
+    def then(self, other: Cost, kept_bytes: float = 0.0) -> Cost:
+        """Another computation after this one, while `kept_bytes` of this one stay."""
+        later = tuple(Stage(stage.name, stage.bytes + kept_bytes) for stage in other.stages)
+        operations = self.operations + other.operations
+        return Cost(self.stages + later, operations, max(self.dofs, other.dofs))
+
+
+@dataclass(frozen=True)
+class MeshCounts:
+    """Elements with `corners` nodes each, nodes, ordered pairs of nodes that share an element, and the factor's fill."""
+
+    elements: float
+    corners: int
+    nodes: float
+    pairs: float
+    fill: Fill
+
+    @property
+    def dofs(self) -> float:
+        """Displacements before any constraint."""
+        return 3.0 * self.nodes
+
+    @property
+    def mesh_bytes(self) -> float:
+        """Nodes and elements."""
+        return 24.0 * self.nodes + 8.0 * self.elements * self.corners
+
+
+def assembly(mesh: MeshCounts) -> Cost:
+    """Meshing, and K and M by `assembly.assemble`."""
+    entries = mesh.elements * mesh.corners**2
+    making = Stage("meshing", mesh.mesh_bytes + 48.0 * mesh.elements * mesh.corners)
+    summing = Stage("assembling the matrices", mesh.mesh_bytes + 20.0 * entries + (STIFFNESS + 24.0) * mesh.pairs)
+    return Cost((making, summing), 30.0 * entries, round(mesh.dofs))
+
+
+def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
+    """`times` factorisations of a matrix with so many entries, one kept at a time."""
+    peak, _ = FACTOR[preferred(round(dofs))]
+    stages = (
+        Stage("analysing the factorisation", ANALYSIS * entries),
+        Stage("factorising", peak * fill.entries + COPY * entries),
+    )
+    return Cost(stages, times * fill.operations / DENSE_GAIN, round(dofs))
+
+
+def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
+    """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
+    kept = FACTOR[preferred(round(dofs))][1] * fill.entries + COPY * entries
+    most = slice_of(max(round(dofs), 1))
+    at_once = modes if near else min(modes, most)
+    if modes >= dofs - 1.0:
+        return Cost((Stage("a dense eigen-solve", 6.0 * 8.0 * dofs**2),), 10.0 * dofs**3, round(dofs))
+    size, count = round(dofs), max(1, round(1.1 * at_once) + 4)
+    block = min(basis_size(size, count), BASIS * count + 64.0)
+    basis = 16.0 * size * block if fits(size, count) else 8.0 * size * (3.0 * count + 32.0)
+    slices = max(1.0, modes / most) if not near else 1.0
+    stages = (
+        Stage("the Lanczos vectors", kept + basis + 16.0 * size * modes),
+        Stage("the modes' vectors", ENTRY * entries + VECTORS * 8.0 * size * modes),
+    )
+    solves = SOLVES * modes + 40.0 * slices
+    sweeps = 8.0 * fill.entries * solves + 4.0 * size * (2.5 * count) ** 2 * slices
+    shifts = FACTORISATIONS + 2.0 * (slices - 1.0)
+    return factorisation(dofs, entries, fill, shifts).then(Cost(stages, sweeps, size))
+
+
+def solid_modes(mesh: MeshCounts, classes: int, modes: float, near: bool = False) -> Cost:
+    """Modes of a meshed body: `classes` symmetry classes one after another, so many modes each."""
+    large = mesh.dofs > LARGE
+    mesh_and_matrices = mesh.mesh_bytes + (STIFFNESS * (1 if large else 2) + MASS + ENTRY) * mesh.pairs
+    restricted = Stage("taking the free degrees of freedom", mesh.mesh_bytes + (3 * STIFFNESS + ENTRY) * mesh.pairs)
+    solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, modes, near)
+    whole = assembly(mesh).then(Cost((restricted,)))
+    shifted = STIFFNESS * mesh.pairs
+    kept = (classes - 1) * 8.0 * mesh.dofs * modes
+    cost = whole.then(solve, mesh_and_matrices + shifted + kept)
+    return Cost(cost.stages, classes * solve.operations + whole.operations, cost.dofs)

@@ -1,0 +1,440 @@
+"""The error of a mesh, from coarser meshes nested in it or, for tetrahedra, from its own recovered stresses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import factorial, inf, pi
+from typing import Generic, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.scenes import HexSettings
+from geometry.materials import Material
+from geometry.mesh import AnyMesh, Mesh, jacobians
+from solvers.analytic.edge_singularity import (
+    Wedge,
+    antiplane_exponent,
+    clamped_edge_exponent,
+    edge_exponent,
+    rim_error,
+    rim_wedges,
+)
+from solvers.fem.assembly import Scale, elasticity
+from solvers.fem.eigen import SymmetricPencil, factor_near
+from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.solid import Pencil, SolidModel
+
+# -- nested meshes -----------------------------------------------------------------------------------------------------
+# The error of a mesh, told by two coarser ones nested in it: one without the innermost layer, one of an order less.
+# Where displacements go as r^a at an edge, the finer mesh still errs by a share of what the innermost layer brought
+# that follows from a, the order and the layers (babuska1981); away from the edge the last order brought more than any
+# further one will, but for motions of a parity to which it brought nothing: lower modes of the class tell what those
+# hide. Of a body meshed whole no coarser modes are searched: one inverse iteration about an s amid the modes u of the
+# finer mesh solves (K_c - s M_c) v = P' M u, P what carries the coarser mesh's fields to the finer one, and leaves
+# little of modes that lie further off than they; Rayleigh's quotients on the span of all v are the coarser
+# eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
+
+BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
+SMOOTH, CLAMPED_SMOOTH = (
+    0.035,
+    0.02,
+)  # of what the last order brought away from the edge: more than further ones bring there
+SHADE = (
+    0.5  # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
+)
+# of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
+# Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
+LONG = 0.6
+ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
+# of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
+# finite elements about wedges tell (tests/solvers/analytic/test_rim_by_elements.py)
+OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
+# of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
+# err least with 0.65 to 0.85, and round pillars that twist have next to none of it
+ACROSS = 0.7
+# half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
+RANGES = {3: 0.15, 4: 1.1}
+UNRESOLVED = (
+    0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
+)
+# of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
+UNLOCKED = 0.5
+LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
+DEGREES = 12  # of a layer's degrees beyond the order, whose energies fall faster than a geometric series
+HIDDEN = 0.5  # of the largest half-width by short waves of the modes below it: so much one of them may hide
+# of the share: one radial function stands for the whole of an edge
+RIM_ROUGH, CLAMPED_ROUGH, LONG_ROUGH = 0.1, 0.3, 0.15
+
+
+@dataclass(frozen=True)
+class Shares:
+    """Share of the layer's change that is left, its uncertainty, and what the order changes at the edge beside the layer.
+
+    doubt: of the share of what the layer brings beyond what the order's change lets the edge have; order: of the mesh, 0 where
+    no order less was meshed; waves: of the order's change away from the edge what is of short waves.
+    """
+
+    taken: float = 0.0
+    spread: float = 0.0
+    edge: float = 0.0
+    smooth: float = SMOOTH
+    doubt: float = 0.0
+    order: int = 0
+    waves: float = 1.0
+
+    @property
+    def rim(self) -> float:
+        """What of the layer's change is uncertain."""
+        return self.spread + SHADE * self.smooth * self.edge
+
+    def half_width(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """Half-width of a figure's error from what the mesh without the layer and that of one order less change it by."""
+        return np.asarray(self.at_edge(layer, order) + self.away(layer, order))
+
+    def of_modes(self, values: FloatArray, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The same of modes of a class, or of waves at a wavevector, with eigenvalues (k,): the last order may bring one
+        nothing, but waves as short as those of lower ones are missed in it, too.
+        """
+        away, upwards = self.away(layer, order), np.argsort(values)
+        shown = np.maximum.accumulate(away[upwards])
+        away[upwards] = np.maximum(away[upwards], HIDDEN * shown)
+        return np.asarray(self.at_edge(layer, order) + away)
+
+    def at_edge(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The part of the half-width that the edge has."""
+        half = self.rim * np.abs(layer)
+        if not self.doubt:
+            return np.asarray(half)
+        return np.asarray(half + self.doubt * self.taken * np.maximum(np.abs(layer) - np.abs(order) / self.edge, 0.0))
+
+    def away(self, layer: FloatArray, order: FloatArray) -> FloatArray:
+        """The part that waves have away from it."""
+        return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
+
+
+def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:
+    """What a mesh of order p misses away from edges of frequencies that order p - 1 misses `change` more of, relative: `share`
+    of it, or more where waves, which make so much of it, are short for the elements.
+
+    Order p misses C_p (k h)^(2p) of an eigenvalue, C_p = (p! / (2p)!)^2 / (2p + 1) (ainsworth2004): a change s tells
+    w C_p / 2 (2 s / w C_(p-1))^(p/(p-1)) of a frequency, w = UNRESOLVED.
+    """
+    size = np.abs(change)
+    if order < 2:
+        return np.asarray(share * size)
+    own, less = ((factorial(p) / factorial(2 * p)) ** 2 / (2 * p + 1) for p in (order, order - 1))
+    told = UNRESOLVED * own / 2.0 * (2.0 * waves * size / (UNRESOLVED * less)) ** (order / (order - 1))
+    return np.asarray(np.maximum(share * size, told))
+
+
+def largest(half_widths: FloatArray) -> float | None:
+    """Largest half-width of some bars; None where there is none, or where one of them is not known (NaN)."""
+    return None if not half_widths.size or np.isnan(half_widths).any() else float(half_widths.max())
+
+
+Rim = tuple[Material, Material]  # the wider part's material, and that of the narrower one that stands on it
+
+
+def rim_shares(plate: Material, pillar: Material, mesh: HexSettings, *more: Rim, wall: float = pi / 2.0) -> Shares:
+    """Shares at the rims of a foot and of `more` like it, between the exponents of displacements normal to them and along
+    them (williams1952); wall: the angle in rad that the pillar fills above its foot.
+    """
+    edges = (*_edges(rim_wedges(plate, pillar, wall)), *_rim_edges(*more))
+    return replace(_shares(edges, mesh, RIM_ROUGH, RANGES.get(mesh.order, 1.0)), doubt=SHADE)
+
+
+def clamped_shares(material: Material, mesh: HexSettings, *more: Rim, thickness_m: float = inf) -> Shares:
+    """Shares where a clamped face, so thick, meets free ones, and at the rims of `more` (williams1952)."""
+    edges = (Edge(clamped_edge_exponent(material), OUTER_ACROSS, 1.0), *_rim_edges(*more))
+    is_long = mesh.size_m > thickness_m
+    shares = replace(_shares(edges, mesh, LONG_ROUGH if is_long else CLAMPED_ROUGH), smooth=CLAMPED_SMOOTH)
+    if not is_long:
+        return shares
+    shares = replace(shares, waves=UNLOCKED)
+    return replace(shares, taken=LONG * shares.taken, spread=LONG * shares.spread) if mesh.layers else shares
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A singularity: its exponent, what elements beside the innermost one count, and its weight among others."""
+
+    exponent: float
+    outer: float
+    weight: float
+
+
+def _rim_edges(*rims: Rim) -> tuple[Edge, ...]:
+    return tuple(edge for rim in rims for edge in _edges(rim_wedges(*rim)))
+
+
+def _edges(wedges: tuple[Wedge, ...]) -> tuple[Edge, Edge]:
+    """In the plane across an edge and along it, both exponents a little below the 1 of what is not singular."""
+    across, along = (min(each(wedges), ALMOST_SMOOTH) for each in (edge_exponent, antiplane_exponent))
+    return Edge(across, OUTER_ACROSS, ACROSS), Edge(along, OUTER_ALONG, 1.0 - ACROSS)
+
+
+def _shares(edges: tuple[Edge, ...], mesh: HexSettings, rough: float, ranges: float = 1.0) -> Shares:
+    """Of singularities as they weigh; uncertain by so many half-ranges between them and a rough part."""
+    left, order, less = [], [], replace(mesh, order=mesh.order - 1)
+    for edge in edges:
+        own, coarse, lower = (
+            rim_error(edge.exponent, each.order, each.factor, each.layers - each.skipped, edge.outer)
+            for each in (mesh, mesh.coarser if mesh.layers else less, less)
+        )
+        left.append(own / (coarse - own))
+        order.append((lower - own) / (coarse - own))
+    middle, at_edge = (float(np.average(each, weights=[edge.weight for edge in edges])) for each in (left, order))
+    spread = ranges * (max(left) - min(left)) / 2.0 + rough * middle
+    taken = middle if mesh.layers else 0.0  # without layers nothing tells what the edge's share of the change is
+    return Shares(taken, spread + middle - taken, at_edge, order=mesh.order)
+
+
+Body = TypeVar("Body")
+
+
+@dataclass(frozen=True)
+class Nested(Generic[Body]):
+    """A body on a coarser mesh, and the matrix (fine nodes, coarse nodes) that carries its fields to the finer one."""
+
+    body: Body
+    transfer: sp.csr_array
+
+
+@dataclass(frozen=True)
+class CoarserMeshes:
+    """The mesh without the innermost layer, the mesh of one order less, and what their changes tell.
+
+    A mesh without layers has no `layer`: all that the order changes counts as the edge's.
+    """
+
+    layer: Nested[SolidModel] | None
+    order: Nested[SolidModel]
+    shares: Shares
+
+    def errors(
+        self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
+        frequencies are to be lowered, and the half-width of the bar that is left.
+        """
+        layer, order = (
+            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
+            / 2.0
+            for each in (self.layer or self.order, self.order)
+        )
+        return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
+
+
+def layer_share(reach: float, order: int, steps: int = 1) -> float:
+    """What a mesh of order p leaves of a layer exp(-a s) along elements of length h over what its last `steps` orders brought,
+    reach = a h / 2.
+
+    Degree n has (2n + 1) i_n(a h / 2)^2 of the strain's energy, i_n the modified spherical Bessel function, and order p all
+    degrees below p. Higher a leave more: the slowest layers, which reach farthest, carry most of the energy.
+    """
+    from scipy.special import spherical_in  # slow to import
+
+    degrees = np.arange(order - steps, order + DEGREES)
+    energy = (2 * degrees + 1) * spherical_in(degrees, reach) ** 2
+    return float(energy[steps:].sum() / energy[:steps].sum())
+
+
+def regular_share(order: int) -> float:
+    """The same of a motion no smoother than the order's full rate needs, whose error goes as p^(-2p) (babuska1981)."""
+    return 1.0 / ((order / (order - 1.0)) ** (2 * order) - 1.0)
+
+
+@dataclass(frozen=True)
+class LowerOrders:
+    """Meshes of one and of two orders less of a body without singular edges, and what their changes tell.
+
+    Waves inside, edges and their layers, which end within the body's smallest dimension d, leave a share of what the last
+    order brought: waves by their length, edges by the order's own rate, layers by the length of an element over d. Across d a
+    single element has odd and even motions: the last order serves one kind only, the last two both.
+    along, across: longest element in the plane and across d, over d.
+    """
+
+    order: Nested[SolidModel]
+    lower: Nested[SolidModel]
+    degree: int
+    along: float
+    across: float
+
+    def errors(
+        self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """As `CoarserMeshes.errors`; nothing is taken from the frequencies."""
+        one, two = (
+            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
+            / 2.0
+            for each in (self.order, self.lower)
+        )
+        return np.zeros_like(values), self.half_width(one, two)
+
+    def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
+        """Half-width of a frequency's error from what meshes of one and two orders less change it by, relative."""
+        share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
+        hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
+        return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
+
+
+def coarser_eigenvalues(
+    fine: Pencil, coarse: Pencil, transfer: sp.csr_array, vectors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """Eigenvalues (k,) on the coarser mesh of M-orthonormal modes (dof, k) with eigenvalues (k,) on the finer one, in the
+    scale of `fine`.
+
+    transfer (fine nodes, coarse nodes); both pencils have the same supports and mirrors.
+    """
+    prolonged = sp.csr_array(sp.kron(transfer, sp.eye_array(3), format="csr"))[np.flatnonzero(fine.free)]
+    return prolonged_eigenvalues(fine, coarse, prolonged[:, np.flatnonzero(coarse.free)], vectors, values)
+
+
+def prolonged_eigenvalues(
+    fine: SymmetricPencil, coarse: SymmetricPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
+    from scipy.optimize import linear_sum_assignment  # slow to import
+
+    unit = (fine.scale.angular / coarse.scale.angular) ** 2
+    factor, _ = factor_near(coarse, amid(values) * unit, Factoriser())
+    moved, _ = np.linalg.qr(factor.solve(np.ascontiguousarray(prolonged.T @ (fine.mass @ vectors))))
+    stiffness, mass = (moved.T @ (part @ moved) for part in (coarse.stiffness, coarse.mass))
+    eigenvalues, turn = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
+    overlap = vectors.T @ (fine.mass @ (prolonged @ (moved @ turn)))
+    _, partner = linear_sum_assignment(-np.abs(overlap))
+    return np.asarray(eigenvalues[partner] / unit)
+
+
+def amid(values: FloatArray) -> float:
+    """A shift between eigenvalues above 0, or below them, next to their middle and clear of each."""
+    known = np.sort(values)
+    between = np.concatenate([BELOW * known[:1], (known[1:] + known[:-1]) / 2.0])
+    clear = np.abs(between[:, None] / known - 1.0).min(axis=1)
+    chosen = between[clear >= min(APART, float(clear.max()))]
+    return float(chosen[np.argmin(np.abs(chosen - (known[0] + known[-1]) / 2.0))])
+
+
+# -- recovered stresses ------------------------------------------------------------------------------------------------
+# The error of a mesh of tetrahedra, told by its own stresses: continuous ones stand for the true ones.
+# Of the continuous fields s* that are linear in each tetrahedron of one material, the one nearest to the computed
+# stresses s in the energy's norm loses int (s - s*) : C^-1 (s - s*) = u'Ku - b'(C x M^-1) b, with b_a = int N_a e(u)
+# of the strains e and M_ab = int N_a N_b over linear N (zienkiewicz1987). An eigenvalue lies as far above the true
+# one as the energy of the error of its mode (boffi2010), of which this loss is most.
+
+# of the loss: the error was 0.65 to 0.9 times it in bodies of one material, 0.6 to 1.6 times where plate and pillar differ,
+# and from once to 2.2 times it at clamped edges (`python -m studies.error_bars`); no more than the whole leaves K positive
+ALIKE, UNLIKE, CLAMPED = Shares(0.8, 0.25), Shares(1.0, 0.65), Shares(1.5, 0.75)
+STRAINS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+ELEMENTS = 4096  # at a time
+
+
+@dataclass(frozen=True)
+class StressRecovery:
+    """What continuous stresses tell of a mesh of tetrahedra with a material for each region, in the units of a scale.
+
+    clamped: whether faces are held, at whose edges most is missed.
+    """
+
+    mesh: AnyMesh
+    materials: dict[str, Material]
+    scale: Scale
+    clamped: bool = False
+
+    @property
+    def shares(self) -> Shares:
+        """Of the loss that is taken for the error, and what of it is uncertain."""
+        if self.clamped:
+            return CLAMPED
+        return UNLIKE if len({self.materials[name] for name in self.mesh.region_of_cells()}) > 1 else ALIKE
+
+    def energy(self, shapes: FloatArray) -> FloatArray:
+        """Energy of the continuous stresses of motions (3n, m), (m, m): u'Ku less their loss."""
+        total = np.zeros((shapes.shape[1],) * 2)
+        for elastic, strains, weights in self._projected(shapes):
+            total += sum(elastic[i, j] * (strains[i].T @ weights[j]) for i, j in zip(*np.nonzero(elastic), strict=True))
+        return total
+
+    def energies(self, shapes: FloatArray) -> FloatArray:
+        """The diagonal of the same, (m,)."""
+        return np.asarray(
+            sum(
+                np.einsum("ij,iam,jam->m", elastic, strains, weights)
+                for elastic, strains, weights in self._projected(shapes)
+            )
+        )
+
+    def errors(
+        self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Relative, (k,) each, of M-orthonormal modes (dof, k) with eigenvalues (k,) of a symmetry class: how far their
+        frequencies are to be lowered, and the half-width of the bar that is left.
+        """
+        field = pencil.expand(vectors)
+        loss = (values - self.energies(field.reshape(-1, field.shape[2]))) / (2.0 * values)
+        return self.shares.taken * loss, self.shares.spread * np.abs(loss)
+
+    def _projected(self, shapes: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+        """C (6, 6), b (6, corners, m) and M^-1 b of each material."""
+        field = shapes.reshape(len(self.mesh.nodes), 3, -1)
+        for own in self._by_material:
+            strains = np.stack([sum(part @ field[:, axis] for part, axis in own.parts(each)) for each in STRAINS])
+            yield own.elastic, strains, np.stack([own.solve(strain) for strain in strains])
+
+    @cached_property
+    def _by_material(self) -> list[_Recovered]:
+        """The elements of each material; a region of the same material goes on in the next one."""
+        by_material: dict[Material, list[IntArray]] = {}
+        for name, cells in self.mesh.region_of_cells().items():
+            by_material.setdefault(self.materials[name], []).append(cells)
+        (mesh,) = self.mesh.blocks
+        return [
+            _Recovered(mesh, np.concatenate(cells), material, self.scale) for material, cells in by_material.items()
+        ]
+
+
+class _Recovered:
+    """int N_a d/dx_k over quadratic fields (corners, n) and M over linear N, of one material's elements."""
+
+    def __init__(self, mesh: Mesh, cells: IntArray, material: Material, scale: Scale) -> None:
+        tensor = elasticity(material) / scale.young_pa
+        self.elastic = np.array([[tensor[i, k, j, m] for j, m in STRAINS] for i, k in STRAINS])
+        corners, local = np.unique(mesh.cells[cells, :4], return_inverse=True)
+        rows = local.reshape(-1, 4)
+        slope, mass = _integrals(mesh, cells, scale.length_m)
+        self.slopes = [_summed(part, rows, mesh.cells[cells], (len(corners), len(mesh.nodes))) for part in slope]
+        factor = Factoriser()(sp.csc_array(_summed(mass, rows, rows, (len(corners),) * 2)))
+        self.solve = factor.solve
+
+    def parts(self, strain: tuple[int, int]) -> Iterator[tuple[sp.csr_array, int]]:
+        """Slopes and the displacements that they act on, of a strain."""
+        first, second = strain
+        yield self.slopes[second], first
+        if first != second:
+            yield self.slopes[first], second
+
+
+def _integrals(mesh: Mesh, cells: IntArray, length_m: float) -> tuple[FloatArray, FloatArray]:
+    """Of every element (3, e, 4, nodes) int N_a dF_b/dx_k and (e, 4, 4) int N_a N_b: N linear, F the mesh's functions."""
+    rule = mesh.element.quadrature
+    linear = np.column_stack([1.0 - rule.points.sum(axis=1), rule.points])
+    _, gradient = mesh.element.shape(rule.points)
+    slopes, masses = [], []
+    for some in np.array_split(cells, -(-len(cells) // ELEMENTS)):
+        jacobian = jacobians(mesh, some, rule.points) / length_m
+        weight = np.linalg.det(jacobian) * rule.weights
+        slope = np.linalg.inv(jacobian) @ gradient.transpose(0, 2, 1)  # (e, q, 3, nodes)
+        slopes.append(np.einsum("eq,qa,eqkb->keab", weight, linear, slope, optimize=True))
+        masses.append(np.einsum("eq,qa,qb->eab", weight, linear, linear, optimize=True))
+    return np.concatenate(slopes, axis=1), np.concatenate(masses)
+
+
+def _summed(values: FloatArray, rows: IntArray, columns: IntArray, shape: tuple[int, int]) -> sp.csr_array:
+    """Element matrices (e, a, b) summed over what they share."""
+    across, down = np.broadcast_arrays(columns[:, None, :], rows[:, :, None])
+    return sp.csr_array(sp.coo_array((values.ravel(), (down.ravel(), across.ravel())), shape=shape))

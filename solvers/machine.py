@@ -1,0 +1,112 @@
+"""Threads and memory of this machine that a solve may take; read without numpy, for plans that compute nothing."""
+
+from __future__ import annotations
+
+import math
+import os
+from contextlib import suppress
+from pathlib import Path
+
+# -- threads -----------------------------------------------------------------------------------------------------------
+
+LIMIT = "ANTINODE_THREADS"
+
+
+def workers() -> int:
+    """ANTINODE_THREADS, or every core."""
+    return int(os.environ.get(LIMIT, "0")) or (os.cpu_count() or 1)
+
+
+# -- memory ------------------------------------------------------------------------------------------------------------
+# How much a factorisation may take, beside what its symbolic analysis says that it will.
+
+MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
+GROUPS = Path("/sys/fs/cgroup")
+GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
+    ("memory.max", "memory.current"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes"),
+)
+STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
+
+
+def available_bytes() -> float:
+    """Bytes that this process may still take: what the machine, its control groups and its own limits leave.
+
+    The variable ANTINODE_MEMORY_GIB states it instead.
+    """
+    with suppress(ValueError):
+        stated = float(os.environ.get(STATED, "")) * 2**30
+        if stated > 0.0:
+            return stated
+    import psutil  # slow to import
+
+    return max(0.0, min([float(psutil.virtual_memory().available), *_group_rooms(), *_process_rooms()]))
+
+
+def _group_rooms() -> list[float]:
+    """What each control group that holds this process leaves; nothing where none is limited."""
+    rooms = []
+    for folder in _groups():
+        for limit, used in GROUP_FILES:
+            with suppress(OSError, ValueError):  # no such file, or "max": no limit
+                rooms.append(float((folder / limit).read_text()) - float((folder / used).read_text()))
+    return rooms
+
+
+def _groups() -> list[Path]:
+    """Folders of this process's control groups and of those above them."""
+    groups = [GROUPS, GROUPS / "memory"]
+    with suppress(OSError):
+        for line in Path("/proc/self/cgroup").read_text().splitlines():
+            _, names, path = line.split(":", 2)
+            if names in ("", "memory"):
+                folder = (GROUPS / names) / path.strip("/")
+                groups += [folder, *(each for each in folder.parents if GROUPS in each.parents)]
+    return list(dict.fromkeys(groups))
+
+
+def _process_rooms() -> list[float]:
+    """What `ulimit -v` and `ulimit -d` leave of addresses; nothing without them, or on a system that has none."""
+    import psutil
+
+    with suppress(ImportError, OSError):
+        import resource
+
+        limits = [resource.getrlimit(kind)[0] for kind in (resource.RLIMIT_AS, resource.RLIMIT_DATA)]
+        used = psutil.Process().memory_info().vms
+        return [float(limit - used) for limit in limits if limit != resource.RLIM_INFINITY]
+    return []
+
+
+def room_bytes() -> float:
+    """Bytes a factorisation may take: a share of what is left."""
+    return MEMORY_SHARE * available_bytes()
+
+
+def memory_text(fault: MemoryError, doing: str = "") -> str:
+    """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
+    shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
+    request = ""
+    if shape is not None and kind is not None:
+        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
+    while_doing = f" in the step '{doing}'" if doing else ""
+    return (
+        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
+        "for a narrower band or fewer modes, or take solve.model = 'superelement'"
+    )
+
+
+def foresee(needed_bytes: float, dofs: int) -> int:
+    """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
+    instead = "ask for a coarser mesh, a lower order, or model = superelement"
+    check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
+    return int(needed_bytes)
+
+
+def check_room(needed_bytes: float, what: str, instead: str) -> None:
+    """TooLarge, with the estimate and what to do instead, for what would not fit into memory."""
+    from solvers.errors import TooLarge
+
+    room = room_bytes()
+    if needed_bytes > room:
+        raise TooLarge(f"{what} about {needed_bytes / 2**30:.1f} GiB, {room / 2**30:.1f} GiB are free: {instead}")

@@ -1,0 +1,295 @@
+"""Read off a forced response: motion at points, peaks, and admittance with its open-circuit resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from scipy.optimize import minimize_scalar
+
+from geometry.elements import ComplexArray, FloatArray
+from solvers.control.identification import half_power_quality_factor
+from solvers.measures.confinement import ratio_db
+from solvers.piezo.bond import Contact, displacement_at
+from solvers.piezo.forced import Curve, ForcedPlate, GroupModes
+from solvers.piezo.patched_plate import Group
+
+# -- points ------------------------------------------------------------------------------------------------------------
+# Response of a patched plate at points of its touch face, as a laser vibrometer sees it.
+
+
+def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
+    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
+    return point_responses(forced, np.array([point_m]), frequency_hz)[0]
+
+
+def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+    """The same at points (p, 2): (p, n) in m/V."""
+    rows = [_rows(basis, points_m) for basis in forced.modes]
+    out = np.zeros((len(points_m), len(frequency_hz)), dtype=complex)
+    for index, frequency in enumerate(frequency_hz):
+        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
+        volts = forced.volts(eigenvalue)
+        for basis, row in zip(forced.modes, rows, strict=True):
+            out[:, index] += row @ basis.amplitudes(eigenvalue, forced.loss, volts)
+    return out
+
+
+def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
+    """Where |u_z| of the operating shape is largest on |y| < half_width_m, (x, y) in m; the first of equals from x, y >= 0."""
+    points, values = forced.shape(frequency_hz)
+    size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
+    equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
+    best = equal[np.lexsort((points[equal, 0], points[equal].min(axis=1) < 0.0))[0]]
+    return float(points[best, 0]), float(points[best, 1])
+
+
+def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
+    """u_z at the points per unit of each column, (points, columns): the symmetry classes of the group added up."""
+    total = np.zeros((len(points_m), basis.columns.shape[1]))
+    for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
+        folded, sign = np.array(points_m), np.ones(len(points_m))
+        for axis, mark in enumerate(symmetry):
+            below = folded[:, axis] < 0.0
+            folded[below, axis] *= -1.0
+            sign[below] *= 1.0 if mark == "S" else -1.0
+        nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
+        total += sign[:, None] * field.values[nearest]
+    return total
+
+
+def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
+    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
+
+    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
+    """
+    contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
+    parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
+    return sp.csr_array(sp.hstack(parts, format="csr"))
+
+
+# -- peaks -------------------------------------------------------------------------------------------------------------
+# Peaks of a response: the wanted mode's own, and the highest of the band, which may be another mode's.
+
+PER_WIDTH = 6  # points over a resonance's half-power width about a peak
+SHARP = 1e-3  # of a half-power width: how finely a peak is found
+SAME_WIDTHS = 1.0  # half-power widths: nearer, two peaks are one
+
+
+class Driven(Protocol):
+    """What answers a sweep."""
+
+    @property
+    def loss(self) -> float:
+        """1/Q."""
+        ...
+
+    def curve(self, frequency_hz: FloatArray) -> Curve:
+        """Response at frequencies in Hz."""
+        ...
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The response at one frequency: rms |u_z| of zone and passive face (m/V, or m/N), and the curve's quality factor there.
+
+    confinement_db: 20 log10 of their ratio. None where there is no passive face, or the curve has no half-power points.
+    """
+
+    frequency_hz: float
+    zone_rms: float
+    passive_rms: float | None
+    quality_factor: float | None
+
+    @property
+    def confinement_db(self) -> float | None:
+        """20 log10 of zone over passive rms."""
+        return None if self.passive_rms is None else float(ratio_db(self.zone_rms, self.passive_rms))
+
+    def is_at(self, frequency_hz: float, loss: float) -> bool:
+        """Whether it lies within a half-power width of a frequency."""
+        return abs(self.frequency_hz - frequency_hz) <= SAME_WIDTHS * loss * frequency_hz
+
+
+def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
+    """Where the zone's response is largest, Hz: on a grid and at the resonances, finer about its top, then between points.
+
+    A resonance between two points of the grid may be narrower than they are apart: each one of the plate with its patches as
+    they are wired has to be among `resonances_hz`, within the band.
+    """
+    even = np.union1d(np.linspace(low, high, points), [] if resonances_hz is None else resonances_hz)
+    top = float(even[int(np.argmax(driven.curve(even).zone_rms_m_per_v))])
+    for reach in (2.0 * (high - low) / points, 2.0 * top * driven.loss):
+        top = _top_of(driven, max(low, top - reach), min(high, top + reach), top)
+    return _between(driven, top, low, high)
+
+
+def near_hz(driven: Driven, mode_hz: float) -> float:
+    """The peak of a mode, Hz: where the response is largest within a half-power width; its own frequency where it has no peak.
+
+    A stronger neighbour's flank rises to one end of that interval and is no peak.
+    """
+    reach = mode_hz * driven.loss
+    top = _top_of(driven, mode_hz - reach, mode_hz + reach, mode_hz)
+    inside = abs(top - mode_hz) < reach * (1.0 - 1.0 / (2.0 * PER_WIDTH))
+    return _between(driven, top, mode_hz - reach, mode_hz + reach) if inside else mode_hz
+
+
+def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
+    """The peak of a mode, Hz, as near_hz; the highest one's own frequency where both are one, each as finely as it is found."""
+    own = near_hz(driven, mode_hz)
+    return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
+
+
+def _top_of(driven: Driven, low: float, high: float, known_hz: float) -> float:
+    fine = np.append(np.linspace(low, high, 4 * PER_WIDTH + 1), known_hz)
+    return float(fine[int(np.argmax(driven.curve(fine).zone_rms_m_per_v))])
+
+
+def _between(driven: Driven, top: float, low: float, high: float) -> float:
+    """The largest response about a point of a fine grid."""
+    step = top * driven.loss / PER_WIDTH
+    ends = (max(low, top - step), min(high, top + step))
+    minimum = minimize_scalar(
+        lambda hz: -float(driven.curve(np.array([hz])).zone_rms_m_per_v[0]),
+        bounds=ends,
+        method="bounded",
+        options={"xatol": SHARP * top * driven.loss},
+    )
+    return float(minimum.x) if low < top < high else top
+
+
+def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
+    """The response on an even grid, as dense about each peak as its damping makes it narrow."""
+    tones = np.linspace(low, high, points)
+    for peak in peaks_hz:
+        reach = 2.0 * peak * driven.loss
+        fine = np.linspace(max(low, peak - reach), min(high, peak + reach), 4 * PER_WIDTH + 1)
+        tones = np.union1d(tones, np.append(fine, peak))
+    return driven.curve(tones)
+
+
+def peak_of(curve: Curve, frequency_hz: float) -> Peak:
+    """A peak as a curve has it that holds its frequency."""
+    at = int(np.argmin(np.abs(curve.frequency_hz - frequency_hz)))
+    passive = curve.passive_rms_m_per_v
+    return Peak(
+        float(curve.frequency_hz[at]),
+        float(curve.zone_rms_m_per_v[at]),
+        None if passive is None else float(passive[at]),
+        half_power_quality_factor(curve.frequency_hz, curve.zone_rms_m_per_v, at) if _is_top(curve, at) else None,
+    )
+
+
+def _is_top(curve: Curve, at: int) -> bool:
+    """Whether the curve falls to both sides: a flank has no half-power width."""
+    around = curve.zone_rms_m_per_v[max(at - 1, 0) : at + 2]
+    return 0 < at < len(curve.frequency_hz) - 1 and bool(around.max() == curve.zone_rms_m_per_v[at])
+
+
+# -- circuit -----------------------------------------------------------------------------------------------------------
+# Modes of a patched plate whose patches are open instead of short: (K + sum theta theta'/C) u = omega^2 M u.
+# An open patch carries no charge, theta' u + C V = 0, and its voltage stiffens the plate (hagood1991). Solved in the
+# space of the short modes about the band and the plate's answers to each patch, which holds what one voltage a patch
+# can add.
+
+SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
+
+
+@dataclass(frozen=True)
+class CircuitShift:
+    """The wanted mode with every patch short and with some open: Hz, and the share of it in that open mode.
+
+    coupling = (f_open^2 - f_short^2)/f_open^2, the effective coupling factor squared (ieee176).
+    """
+
+    short_hz: float
+    open_hz: float
+    share: float
+
+    @property
+    def coupling(self) -> float:
+        """Effective electromechanical coupling factor squared."""
+        return 1.0 - (self.short_hz / self.open_hz) ** 2
+
+
+def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """Frequencies in Hz, ascending, with these patches open and the others short, and unit coordinates (modes, columns).
+
+    Columns are those of the groups' modes and residuals, one group after another. Only what lies within the band
+    means something.
+    """
+    stiffness, mass, loads = _projected(forced)
+    plate = forced.plate
+    charge = loads[:, list(opened)]
+    capacitance = plate.capacitance_f[list(opened)] / plate.stiffness_unit
+    stiffness = stiffness + (charge / capacitance) @ charge.T
+    size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
+    values, basis = scipy.linalg.eigh(mass * np.outer(size, size))
+    kept = values > SAME * values[-1]
+    whiten = size[:, None] * basis[:, kept] / np.sqrt(values[kept])
+    eigenvalue, vectors = scipy.linalg.eigh(whiten.T @ stiffness @ whiten)
+    return plate.scale.frequency(eigenvalue), np.asarray((mass @ whiten @ vectors).T)
+
+
+def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
+    """What opening patches (default: all) does to the wanted mode; None when the band holds no wanted mode."""
+    place = forced.wanted_column()
+    short = forced.wanted_hz()
+    if place is None or short is None:
+        return None
+    frequency, shares = open_modes(forced, range(len(forced.plate.patches)) if opened is None else opened)
+    best = int(np.argmax(np.abs(shares[:, place])))
+    return CircuitShift(short, float(frequency[best]), float(shares[best, place] ** 2))
+
+
+def open_patches(forced: ForcedPlate) -> list[int]:
+    """Patches that no voltage holds: those that listen, and where a charge drives those that drive."""
+    return forced.sensors if forced.circuit == "short" else [*forced.drivers, *forced.sensors]
+
+
+def driven_hz(forced: ForcedPlate) -> float | None:
+    """Return the wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
+    shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
+    return shift.open_hz if shift else forced.wanted_hz()
+
+
+def resonances_hz(forced: ForcedPlate) -> FloatArray:
+    """Frequencies within the band at which the plate resonates with its patches as they are wired, ascending."""
+    low, high = forced.band_hz
+    frequency = open_modes(forced, opened)[0] if (opened := open_patches(forced)) else np.sort(forced.resonances_hz)
+    return frequency[(frequency > low) & (frequency < high)]
+
+
+def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
+    stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
+    loads = [
+        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads])
+        for basis in forced.modes
+    ]
+    return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
+
+
+def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
+    """Current per volt into the driven patches in parallel, each with its polarisation, (n,) in S; sensors stay open.
+
+    The charge of a patch is theta' u + C V with its bonded face's motion u: Y = j omega s' q over the driven ones. Dielectric
+    losses are left out.
+    """
+    signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
+    out = np.zeros(len(frequency_hz), dtype=complex)
+    for index, frequency in enumerate(frequency_hz):
+        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
+        parts = [basis.receptance(eigenvalue, forced.loss) for basis in forced.modes]
+        per_volt = np.sum(parts, axis=0) * forced.plate.stiffness_unit + np.diag(forced.plate.capacitance_f)
+        charge = per_volt[np.ix_(driven, driven)] @ signs
+        if left:
+            volts = np.linalg.solve(per_volt[np.ix_(left, left)], -per_volt[np.ix_(left, driven)] @ signs)
+            charge = charge + per_volt[np.ix_(driven, left)] @ volts
+        out[index] = 2j * np.pi * frequency * (signs @ charge)
+    return out

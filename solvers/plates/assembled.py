@@ -1,0 +1,261 @@
+"""From a design to reduced cells and the plates made of them: how fine each is meshed, which are distinct, which are kept."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import starmap
+from math import ceil
+from typing import Protocol
+
+import numpy as np
+
+from geometry.elements import FloatArray
+from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, Pillar, region_materials
+from geometry.materials import Material
+from geometry.mesh import Mesh, check_mesh
+from geometry.tiling import Panel, Signature, signature, tile
+from solvers.fem.assembly import Scale, System, assemble
+from solvers.fem.eigen import PlainPencil, SymmetricPencil
+from solvers.fem.factor.factoriser import Factoriser, side_by_side
+from solvers.fem.mesh_error import Nested, Shares, StressRecovery, rim_shares
+from solvers.fem.solid import CLASSES
+from solvers.fem.surface import Skin
+from solvers.measures.confinement import TouchField
+from solvers.superelement.cell import Cell, restricted
+from solvers.superelement.interface import ReductionSettings
+from solvers.superelement.nested import extrapolated, recovered
+from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
+from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
+from solvers.superelement.reduction import CellBuilder, Coarser, SymmetryClass, reduce_cell
+
+HIGHEST = 4  # order of hexahedra
+TETRAHEDRA = "tet"
+
+
+class Cache(Protocol):
+    """Where reduced cells are kept between runs."""
+
+    def get(self, key: str) -> Cell | None:
+        """A cell kept under this key, or None."""
+        ...
+
+    def put(self, key: str, cell: Cell) -> None:
+        """Keep a cell."""
+        ...
+
+
+Meshes = Callable[[Panel], Mesh]
+
+
+@dataclass
+class Reductions:
+    """Reduces panels of one plate; equal panels once, and none that the cache has. `fresh` counts those computed here.
+
+    `pillar` stands on panels with a foot that name none of their own. `mesher` meshes the panels with a pillar; without it,
+    and for bare panels, structured hexahedra do.
+    """
+
+    thickness_m: float
+    material: Material
+    pillar: Pillar | None
+    reduction: ReductionSettings
+    cache: Cache | None = None
+    mesher: Meshes | None = None
+    mesher_name: str = ""  # tells one mesher's cells from another's in the cache
+    fresh: int = 0
+    reused: int = 0
+
+    def cell(self, panel: Panel) -> Cell:
+        """The reduced cell of a panel."""
+        key = self._key(panel)
+        kept = self.cache.get(key) if self.cache else None
+        if kept is not None:
+            self.reused += 1
+            return kept
+        cell = self._reduce(panel)
+        self.fresh += 1
+        if self.cache:
+            self.cache.put(key, cell)
+        return cell
+
+    def _reduce(self, panel: Panel) -> Cell:
+        reduction = self.reduction
+        better: Coarser | None
+        if self.mesher and panel.foot:
+            mesh = self.mesher(panel)
+            better = self._recovered if mesh.kind == TETRAHEDRA else None
+        else:
+            mesh, better = self._mesh(panel, self.settings(panel)).mesh, self.coarser(panel)
+        cell = reduce_cell(self.system(mesh), reduction.ample, reduction.top_hz, panel.halved, panel.free, better)
+        return restricted(cell, reduction.interface) if reduction.further else cell
+
+    def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
+        """The cell less what the stresses of its tetrahedra tell of its mesh."""
+        system = builder.system
+        recovery = StressRecovery(system.mesh, region_materials(self.material, self.pillar), system.scale)
+        return recovered(cell, builder, parts, recovery)
+
+    def settings(self, panel: Panel) -> HexSettings:
+        """The hexahedra of a panel."""
+        return self._with_nodes_for_sides(panel) if panel.foot else self._bare(panel)
+
+    def _with_nodes_for_sides(self, panel: Panel) -> HexSettings:
+        """Elements of a panel with a foot, more of them where a side has fewer nodes than a polynomial of the degree along it.
+
+        Two elements at least lie along a side, whichever the foot: degrees up to twice their order need no look at the mesh.
+        """
+        settings, along = self.reduction.hexahedra, self.reduction.interface.along
+        if along > 2 * settings.order * settings.least:
+            while settings.least < along and _side_nodes(self._mesh(panel, settings).mesh, panel) <= along:
+                settings = replace(settings, least=settings.least + 1)
+        return settings
+
+    def pillar_of(self, panel: Panel) -> Pillar | None:
+        """The pillar that stands on a panel with a foot."""
+        return panel.pillar or self.pillar
+
+    def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
+        return panel_mesh(panel, self.thickness_m, self.pillar, settings)
+
+    def system(self, mesh: Mesh) -> System:
+        """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
+        check_mesh(mesh)
+        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        return assemble(mesh, region_materials(self.material, self.pillar), scale)
+
+    def coarser(self, panel: Panel) -> Coarser | None:
+        """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
+
+        Nothing is singular in a bare panel: elements of one order less tell its error, and nothing is taken away.
+        """
+        settings, reduction = self.settings(panel), self.reduction
+        at_rim = panel.foot is not None and self.pillar is not None and settings.layers > 0
+        if panel.foot and not at_rim:
+            return None
+
+        def nested(fine: PatchedMesh, other: HexSettings) -> Nested[CellBuilder]:
+            coarse = self._mesh(panel, other)
+            builder = CellBuilder(self.system(coarse.mesh), reduction.ample, panel.halved, panel.free)
+            return Nested(builder, transfer(coarse, fine))
+
+        def extrapolate(cell: Cell, fine: CellBuilder, parts: list[SymmetryClass]) -> Cell:
+            mesh = self._mesh(panel, settings)
+            meshes = [replace(settings, order=settings.order - 1), *([settings.coarser] if at_rim else [])]
+            lower, *layer = side_by_side(lambda other: nested(mesh, other), meshes)
+            if not at_rim or self.pillar is None:
+                return extrapolated(cell, (fine, parts), lower, None, Shares(order=settings.order), reduction.top_hz)
+            own = self.pillar_of(panel) or self.pillar
+            shares = rim_shares(self.material, own.material, settings, *own.joints, wall=own.wall_angle)
+            return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
+
+        return extrapolate
+
+    def _bare(self, panel: Panel) -> HexSettings:
+        """Elements of a bare panel: as many along its sides as its boundary functions need, where the waves need no more.
+
+        A polynomial of a degree needs as many nodes and one more along the side: with fewer, functions are one, and the mass
+        is singular. Elements of one order less have enough nodes, too, along the sides and through the plate. Of a panel that
+        is halved along both axes half as many are meshed.
+        """
+        settings, face = self.reduction.hexahedra, self.reduction.ample
+        order = min(max(settings.order, face.through + 1), HIGHEST)
+        along, through = ceil(face.along / (order - 1)), ceil(face.through / (order - 1))
+        least, size = (
+            ceil(along / 2) if panel.halved == (0, 1) else along,
+            self.reduction.bare_size_m or settings.size_m,
+        )
+        return replace(settings, order=order, size_m=size, least=least, through=max(least, through))
+
+    def _key(self, panel: Panel) -> str:
+        pillar = self.pillar_of(panel) if panel.foot else None
+        mesher = self.mesher_name if panel.foot else ""
+        place = signature(replace(panel, pillar=None))
+        text = repr((place, panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _side_nodes(mesh: Mesh, panel: Panel) -> int:
+    """Nodes along the side that has fewest of them, those beyond a mirror included."""
+    counts = []
+    for axis, side in ((1, "x+"), (0, "y+")):
+        along = len(np.unique(np.round(mesh.nodes[mesh.nodes_of(side), axis], 9)))
+        counts.append(2 * along - 1 if axis in panel.halved else along)
+    return min(counts)
+
+
+class PlateModel:
+    """A finite plate assembled from reduced cells, symmetry class by symmetry class; whole where it is not its own
+    mirror image. bytes_each: what reducing a panel is foreseen to take; as many are reduced at once as memory holds.
+    """
+
+    def __init__(self, design: Design, reductions: Reductions, bytes_each: float = 0.0) -> None:
+        self.tiling = tile(design, reductions.reduction.max_edge_m)
+        self.reductions = reductions
+        self._bytes_each, mirrored = bytes_each, self.tiling.mirrored
+        self.cells: dict[Signature, Cell] = {}
+        self._reduce(not mirrored)
+        order = reductions.reduction.hexahedra.order
+        self.name = "superelement tet2" if reductions.mesher else f"superelement hex{order}"
+        self.symmetries: tuple[str | None, ...] = CLASSES if mirrored else (None,)
+        self._assembled_plates: dict[str, AssembledPlate] = {}
+
+    def _reduce(self, whole: bool) -> None:
+        """Reduce the panels that a whole plate, or a symmetry class, has and that are not reduced yet."""
+        fresh: dict[Signature, Panel] = {}
+        for panel in starmap(self.tiling.panel, self.tiling.representatives(whole)):
+            if (name := signature(panel)) not in self.cells:
+                fresh.setdefault(name, panel)
+        cells = side_by_side(self.reductions.cell, fresh.values(), self._bytes_each)
+        self.cells |= dict(zip(fresh, cells, strict=True))
+
+    @cached_property
+    def _grid(self) -> Grid:
+        """What the symmetry classes share; a whole plate has every panel's own numbers."""
+        return Grid(self.tiling, self.cells, False)
+
+    def assembled(self, symmetry: str | None) -> AssembledPlate:
+        """The assembled cells of one symmetry class, of the whole plate for None."""
+        name = symmetry or WHOLE
+        if name not in self._assembled_plates:
+            if name == WHOLE:  # a panel at a mirrored plate's lower end may be none of its classes'
+                self._reduce(True)
+            grid = None if name == WHOLE else self._grid
+            self._assembled_plates[name] = AssembledPlate(self.tiling, self.cells, name, grid)
+        return self._assembled_plates[name]
+
+    def pencil(self, symmetry: str | None) -> PlainPencil:
+        """K and M of one symmetry class."""
+        return self.assembled(symmetry).pencil()
+
+    def mode_errors(self, symmetry: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+        """How far the reduction may put each of these modes of the class's pencil too high."""
+        return mode_errors(self.assembled(symmetry), pencil, vectors)
+
+    def more_below(
+        self,
+        symmetry: str | None,
+        pencil: SymmetricPencil,
+        edge_hz: float,
+        reduced: int | None = None,
+        factorise: Factoriser | None = None,
+        degrees: float = 0.0,
+    ) -> int | None:
+        """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
+        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced, factorise, degrees)
+
+    def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
+        """u_z on the touch face."""
+        return self.assembled(symmetry).touch(vectors)
+
+    def pillar_share(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
+        """Share of the pillars in the kinetic energy, (k,)."""
+        return self.assembled(symmetry).pillar_share(vectors)
+
+    def skin(self, symmetry: str | None, vectors: FloatArray) -> Skin:
+        """Outer skin of the quarter x, y >= 0, or of the whole plate."""
+        return self.assembled(symmetry).skin(vectors)

@@ -1,0 +1,402 @@
+"""One column of reduced cells across the plate, repeated along x with a phase, and the error bars of its modes and levels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import inf, isnan, log, pi
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from geometry.layout import Design
+from geometry.tiling import DIGITS, Panel, tile
+from solvers.errors import SolverError
+from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
+from solvers.measures.mode_mixing import Overlaps
+from solvers.plates.assembled import Reductions
+from solvers.superelement.cell import Cell
+from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh
+from solvers.threads import one_thread
+from solvers.waves.complex_bands import Row
+
+# -- levels within bars of frequencies ---------------------------------------------------------------------------------
+# Error bars of levels over frequency: what a level may change by while frequencies lie anywhere within their bars.
+# A cell whose frequencies err by at most e, relative, has at f the level that the exact one has somewhere from f (1 -
+# e) to f (1 + e): the bar is the largest change over that interval, which near an edge or a resonance is not the
+# slope times its width.
+
+BENT = 0.5  # of the larger of two neighbouring steps: where they differ by more, samples do not tell the curve between them
+FLAT_DB = 1e-3
+ENDS = (-1.0, 1.0)  # of the interval, where the level is looked up: computed for a curve that bends
+Level = Callable[[float], float | None]
+
+
+def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | None, level: Level) -> list[float | None]:
+    """Bound the error of levels by the relative error of frequencies.
+
+    Parameters
+    ----------
+    frequency_hz, level_db : ndarray, shape (n,)
+        The samples, ascending; NaN for no level.
+    error : float or None
+        Relative half-width of the bars of frequencies; None without an estimate.
+    level : callable
+        The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
+
+    Returns
+    -------
+    list of float or None
+        Half-widths in dB; None where there is no level or no estimate.
+    """
+    if error is None or not np.isfinite(error):
+        return [None] * len(level_db)
+    bent = _bent(level_db)
+    return [
+        None if np.isnan(own) else _bar(frequency_hz, level_db, index, error, level if bent[index] else None)
+        for index, own in enumerate(level_db)
+    ]
+
+
+def _bent(level_db: FloatArray) -> BoolArray:
+    """Samples next to which the curve bends, (n,): its steps differ there, or it has no neighbour to tell."""
+    if len(level_db) < 3:
+        return np.ones(len(level_db), dtype=bool)
+    step = np.diff(level_db)
+    larger = np.maximum(np.abs(step[1:]), np.abs(step[:-1]))
+    there = np.isnan(larger) | ((np.abs(np.diff(step)) > BENT * larger) & (larger > FLAT_DB))
+    bent = np.concatenate([[there[0]], there, [there[-1]]])
+    return np.asarray(bent | np.append(bent[1:], False) | np.append(False, bent[:-1]))
+
+
+def _bar(frequency_hz: FloatArray, level_db: FloatArray, index: int, error: float, level: Level | None) -> float | None:
+    own, at = float(level_db[index]), float(frequency_hz[index])
+    inside = level_db[np.abs(frequency_hz - at) <= error * at]
+    ends = [at * (1.0 + end * error) for end in ENDS]
+    if level is None:
+        others = [_extrapolated(frequency_hz, level_db, end) for end in ends]
+    else:
+        others = [np.nan if (found := level(end)) is None else found for end in ends]
+    changes = np.abs(np.concatenate([inside, others]) - own)
+    return None if np.isnan(changes).any() else float(changes.max())
+
+
+def _extrapolated(frequency_hz: FloatArray, level_db: FloatArray, at_hz: float) -> float:
+    """The level between samples, and on the line through the last two beyond them."""
+    index = int(np.clip(np.searchsorted(frequency_hz, at_hz) - 1, 0, len(frequency_hz) - 2))
+    share = (at_hz - frequency_hz[index]) / (frequency_hz[index + 1] - frequency_hz[index])
+    return float(level_db[index] + share * (level_db[index + 1] - level_db[index]))
+
+
+# -- errors of a column ------------------------------------------------------------------------------------------------
+# Error bars of a column of cells: of its modes' frequencies, and of the level of its forced motion.
+# Frequencies: as those of an assembled plate (`plate_error`), summed over the column's cells. Levels: the exact
+# stiffness differs from the column's by d with |d_jj| <= 2 e_j l_j, l_j the eigenvalue of mode j and e_j the relative
+# bar of its frequency, and |d_ij| <= 2 e_j w_i w_j. Each d_jj changes the modal amplitude s_j = f_j / (l_j (1 + i/Q)
+# - l), by much near a resonance; each d_ij adds d_ij s_j / (l_i (1 + i/Q) - l) to that of mode i, of which a
+# calibrated share is expected.
+
+DECIBELS = 20.0 / log(10.0)
+MOST = 0.45  # relative: eigenvalues stay positive
+
+
+def mode_errors(
+    column: Assembly, pencil: tuple[ComplexArray, ComplexArray], value: FloatArray, vectors: ComplexArray
+) -> ModeErrors:
+    """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
+
+    What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
+    sides brought bounds the next ones.
+    """
+    modes = np.zeros_like(value)
+    for place in column.placed_cells:
+        local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
+        with np.errstate(invalid="ignore"):
+            growth = place.cell.residual.growth(value)
+            modes += 0.5 * value * growth * _energy(local, place.row.flexibility @ local)
+    modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
+    along, layer = (_brought(column, pencil, value, vectors, part) for part in (_last_bubbles, _last_layer))
+    return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))
+
+
+def _brought(
+    column: Assembly,
+    pencil: Sequence[ComplexArray],
+    value: FloatArray,
+    vectors: ComplexArray,
+    part: Callable[[Row], IntArray],
+) -> FloatArray:
+    """Relative rise of each frequency without some functions of every row, to first order, (k,)."""
+    where = np.unique(np.concatenate([place.dofs[part(place.row)] for place in column.placed_cells]))
+    where = where[where >= 0]
+    stiff, heavy = (_energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
+    moving, rise = value > 0.0, np.zeros_like(value)
+    rise[moving] = np.maximum(stiff - value * heavy, 0.0)[moving] / (2.0 * value[moving])
+    return rise
+
+
+def _last_layer(row: Row) -> IntArray:
+    """The functions of the highest degree through the thickness, among [lower, upper, inner]."""
+    face = row.cell.interface
+    return np.flatnonzero(np.arange(2 * row.edge + face.side_block) // 3 % face.layers == face.through)
+
+
+def _last_bubbles(row: Row) -> IntArray:
+    """The bubbles of the highest degree on a row's lower and upper edge and on the side within, among [lower, upper, inner]."""
+    face = row.cell.interface
+    own = np.arange(-3 * face.layers, 0)
+    return np.concatenate([own + row.edge, own + 2 * row.edge, own + 2 * row.edge + face.side_block])
+
+
+def _energy(vectors: ComplexArray, images: ComplexArray) -> FloatArray:
+    """u^H v of each pair of columns, (k,)."""
+    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
+
+
+def forced_bars(
+    parts: Sequence[tuple[Any, Any]],
+    force: ComplexArray,
+    value: FloatArray,
+    moved: FloatArray,
+    quality_factor: float,
+    error: FloatArray,
+    mixed: float,
+) -> FloatArray:
+    """Half-widths of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
+
+    Parameters
+    ----------
+    parts : two of (weights (q,), values (q, k))
+        The faces whose rms are compared: areas of their points, and the modes there.
+    force, value, error : ndarray, shape (k,)
+        Modal forces, scaled eigenvalues, and relative half-widths of the bars of the frequencies.
+    moved : ndarray, shape (t,)
+        Scaled eigenvalues of the driving frequencies.
+    quality_factor : float
+    mixed : float
+        Expected share of the bound on what modes mix.
+
+    Returns
+    -------
+    ndarray, shape (t,)
+    """
+    lossy = 1.0 + 1j / quality_factor
+    stiff, error = value[:, None] * lossy, np.minimum(error, MOST)
+    share = force[:, None] / (stiff - moved)
+    projected = [values.conj().T @ (weights[:, None] * (values @ share)) for weights, values in parts]
+    own = [np.einsum("q,qk->k", weights, np.abs(values) ** 2)[:, None] for weights, values in parts]
+    squares = [np.maximum(np.einsum("kt,kt->t", share.conj(), each).real, 1e-300) for each in projected]
+    single = np.zeros_like(moved)
+    for sign in (-1.0, 1.0):
+        change = force[:, None] / ((1.0 + sign * error[:, None]) ** 2 * stiff - moved) - share
+        grown = [
+            np.maximum(1.0 + (2.0 * (change.conj() * each).real + np.abs(change) ** 2 * norm) / whole, 1e-12)
+            for each, norm, whole in zip(projected, own, squares, strict=True)
+        ]
+        single = np.maximum(single, DECIBELS / 2.0 * np.abs(np.log(grown[0] / grown[1])).sum(axis=0))
+    source = 2.0 * error[:, None] * np.sqrt(np.abs(value))[:, None] * np.abs(share)
+    others = np.sqrt(np.maximum((source**2).sum(axis=0) - source**2, 0.0))
+    added = np.sqrt(np.abs(value))[:, None] * others / np.abs(stiff - moved)
+    unlike = np.abs(projected[0] / squares[0] - projected[1] / squares[1])
+    return np.asarray(single + mixed * DECIBELS * np.linalg.norm(added * unlike, axis=0))
+
+
+# -- column ------------------------------------------------------------------------------------------------------------
+# One column of reduced cells across the plate, repeated along x with a phase: the plate as the wanted wave sees it.
+# K(k) and M(k) of the column are the cells' own, their sides x-, x+ tied by exp(i k p_x), their edges shared along y;
+# the mirror y = 0 halves it where the plate has one zone. What it leaves out is the plate's two ends; it costs one
+# column instead of all.
+
+
+@dataclass(frozen=True)
+class ColumnModes:
+    """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
+
+    frequency_hz: FloatArray
+    confinement: Confinement
+
+
+@dataclass(frozen=True)
+class Driven:
+    """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for.
+
+    errors: estimates those of the modes' frequencies. bar_db: gives the half-widths (n,) of the bars of the levels from
+    relative half-widths (k,) of those frequencies and the expected share of the bound on the modes' mixing; mixing_db: bounds
+    what mixing moves a mode's own level by, from its number and the relative half-width of its frequency's.
+    """
+
+    modes: ColumnModes
+    confinement_db: FloatArray
+    errors: Callable[[], ModeErrors]
+    bar_db: Callable[[FloatArray, float], FloatArray]
+    mixing_db: Callable[[int, float], float]
+
+
+@dataclass(frozen=True)
+class _PlacedCell:
+    """A panel's row of cells, the y of its middle (m), its degrees of freedom among the column's (-1 where nothing moves)."""
+
+    row: Row
+    middle: float
+    dofs: IntArray
+    copies: int = 1
+
+    @property
+    def cell(self) -> Cell:
+        """The cell of the row."""
+        return self.row.cell
+
+
+class Column:
+    """The panels of one pitch along x, assembled at a wavenumber along x in rad/m: with y >= 0 of a plate of one zone, all with
+    several.
+    """
+
+    def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
+        self.design, self.kx = design, kx_per_m
+        self.panels = column_panels(design, reductions.reduction.max_edge_m)
+        alike = [_centred(panel) for panel in self.panels]
+        rows = {panel: Row(reductions.cell(panel), kx_per_m) for panel in dict.fromkeys(alike)}
+        self.rows = [rows[panel] for panel in alike]
+        self.placed_cells, self.dof = self._places()
+        self.scale = self.rows[0].cell.scale
+
+    def _places(self) -> tuple[list[_PlacedCell], int]:
+        """Numbers of [lower edge, upper edge, inner] of every panel; edges are shared."""
+        edge, placed = self.rows[0].edge, []
+        lower = np.arange(edge)
+        if self.design.zones == 1:
+            lower[1::3] = -1  # u_y vanishes on the mirror
+        if "y-" in self.panels[0].free:
+            lower[self.rows[0].cell.interface.vertex_block :] = -1
+        lower[lower >= 0] = np.arange(np.count_nonzero(lower >= 0))
+        start = int(np.count_nonzero(lower >= 0))
+        for panel, row in zip(self.panels, self.rows, strict=True):
+            upper = start + np.arange(edge)
+            if "y+" in panel.free:  # what would follow a foot flush with the plate's edge carries nothing
+                upper[row.cell.interface.vertex_block :] = -1
+            start += int(np.count_nonzero(upper >= 0))
+            inner = start + np.arange(row.inner)
+            start += row.inner
+            placed.append(_PlacedCell(row, (panel.low[1] + panel.high[1]) / 2.0, np.concatenate([lower, upper, inner])))
+            lower = upper
+        return placed, start
+
+    def pencil(self) -> tuple[ComplexArray, ComplexArray]:
+        """Hermitian K and M, (dof, dof) each."""
+        stiffness, mass = (np.zeros((self.dof,) * 2, dtype=complex) for _ in range(2))
+        for place in self.placed_cells:
+            live = np.flatnonzero(place.dofs >= 0)
+            here = np.ix_(place.dofs[live], place.dofs[live])
+            stiffness[here] += place.row.stiffness[np.ix_(live, live)]
+            mass[here] += place.row.mass[np.ix_(live, live)]
+        return stiffness, mass
+
+    def modes(self, low_hz: float, high_hz: float) -> ColumnModes:
+        """Every mode with low <= f <= high, Hz, and how well it is confined. Errors as solve."""
+        frequency_hz, vectors = self.solve(low_hz, high_hz)
+        return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
+
+    def zones(self, low_hz: float, high_hz: float, quality_factor: float) -> DrivenZones:
+        """Zones of a plate of several driven in turn at their peaks within a window, by its modes and those somewhat beyond.
+        Errors as solve and drive_zones.
+        """
+        frequency_hz, vectors = self.solve(BESIDE[0] * low_hz, BESIDE[1] * high_hz)
+        return drive_zones(self.design, frequency_hz, self.profile(vectors), (low_hz, high_hz), quality_factor)
+
+    def cell_vectors(self, placed_cell: _PlacedCell, vectors: ComplexArray) -> ComplexArray:
+        """A cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
+        live = placed_cell.dofs[:, None] >= 0
+        return np.asarray(placed_cell.row.transform @ np.where(live, vectors[np.maximum(placed_cell.dofs, 0)], 0.0))
+
+    def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
+        """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
+
+        SolverError as solve.
+        """
+        tones_hz, vectors = self.solve(-1.0, inf)
+        own = self.profile(vectors)
+        pressed = np.where(np.abs(own.y_m) < self.design.width_m / 2.0, own.weights * own.shape, 0.0)
+        force = own.values.conj().T @ pressed
+        stiff, moved = (np.array([self.scale.eigenvalue(f) for f in tones]) for tones in (tones_hz, frequencies_hz))
+        shares = force[:, None] / (stiff[:, None] * (1.0 + 1j / quality_factor) - moved)
+        forced = measure_profile(replace(own, values=own.values @ shares), self.design)
+        active = np.abs(own.y_m) < self.design.width_m / 2.0
+        parts = [(own.weights[part], own.values[part]) for part in (active, ~active)]
+
+        def bar_db(error: FloatArray, mixed: float) -> FloatArray:
+            return forced_bars(parts, force, stiff, moved, quality_factor, error, mixed)
+
+        def mixing_db(index: int, error: float) -> float:
+            return Overlaps.between(parts).mixing_db(tones_hz, index, error)
+
+        modes = ColumnModes(tones_hz, measure_profile(own, self.design))
+        errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
+        return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
+
+    def solve(self, low_hz: float, high_hz: float) -> tuple[FloatArray, ComplexArray]:
+        """Frequencies (k,) in Hz within a window (all of them from below 0 to inf) and their vectors (dof, k); a dense solve
+        misses none.
+
+        SolverError where the mass is not positive.
+        """
+        stiffness, mass = self.pencil()
+        every = low_hz < 0.0 and high_hz == inf
+        window = {"subset_by_value": [self.scale.eigenvalue(low_hz), self.scale.eigenvalue(high_hz)], "driver": "gvx"}
+        try:
+            with one_thread():
+                values, vectors = eigh(stiffness, mass, **({} if every else window))
+        except np.linalg.LinAlgError as fault:
+            raise SolverError(
+                "the column's cells hold more boundary functions than their meshes can tell apart"
+            ) from fault
+        return self.scale.frequency(values), np.asarray(vectors)
+
+    def profile(self, vectors: ComplexArray) -> Profile:
+        """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there, y from the nearest zone."""
+        places, weights, values, shapes = [], [], [], []
+        for place in self.placed_cells:
+            touch = place.row.cell.touch.rule([line - place.middle for line in self.design.touch_lines_m])
+            local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
+            motion = place.row.transform @ local
+            values.append(touch.values(motion.real) + 1j * touch.values(motion.imag))
+            y = touch.points[:, 1] + place.middle
+            places.append(y)
+            weights.append(touch.weights)
+            across = np.cos(pi * self.design.from_zone_m(y) / self.design.width_m)
+            shapes.append(np.exp(1j * self.kx * touch.points[:, 0]) * across)
+        y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
+        return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
+
+
+def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
+    """The panels of one column along y, of one zone from its middle outwards. SolverError unless these part at y = 0."""
+    width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
+    lines, one = tile(design, max_edge_m).y.tolist(), design.zones == 1
+    if one:
+        lines = [y for y in lines if y > -(10.0**-DIGITS)]
+    if one and lines[0] > 10.0**-DIGITS:
+        raise SolverError("the plate's panels do not part at its middle line: a column cannot be halved there")
+    feet = (design.row_centres() if one else design.row_places()) if design.rows else np.empty(0)
+    own = dict(zip(feet.tolist(), design.graded, strict=False))
+    panels = []
+    for low, high in pairwise(lines):
+        inside = feet[(feet > low) & (feet < high)]
+        foot = (0.0, float(inside[0])) if len(inside) else None
+        ends = {"y-": not one and low == lines[0], "y+": high == lines[-1]}
+        free = tuple(side for side, at_end in ends.items() if foot and at_end)
+        even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
+        sides = (-width / 2.0, low), (width / 2.0, high)
+        panels.append(Panel(*sides, foot, (0, 1) if even else (0,), free, own.get(foot[1]) if foot else None))
+    return panels
+
+
+def _centred(panel: Panel) -> Panel:
+    """The same panel with its middle at the origin: equal panels are then equal."""
+    middle = panel.middle[1]
+    low, high = (round(edge - middle, 12) for edge in (panel.low[1], panel.high[1]))
+    foot = (0.0, round(panel.foot[1] - middle, 12)) if panel.foot else None
+    return replace(panel, low=(panel.low[0], low), high=(panel.high[0], high), foot=foot)

@@ -1,1 +1,0 @@
-"""Resonators on beams and strips: impedance, scattering, stop bands."""

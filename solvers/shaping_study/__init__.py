@@ -1,1 +1,0 @@
-"""The thesis' clamped beams under shaping."""

@@ -1,0 +1,1 @@
+"""The models of the thesis: circuit, resonators on beams, velocity feedback, shaped beams, the amplitude loop."""

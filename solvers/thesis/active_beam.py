@@ -1,0 +1,425 @@
+"""Velocity feedback at points of a free-free beam: its waves and modes, its forced motion, and stability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise, permutations
+from math import inf, isfinite, pi, sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from geometry.elements import ComplexArray, FloatArray
+from geometry.materials import Material
+from solvers.analytic.beams import free_free_mode
+from solvers.errors import SolverError, checked_frequencies
+
+# -- free beam ---------------------------------------------------------------------------------------------------------
+# A free-free Euler-Bernoulli beam answering point forces: exact waves at any complex frequency, and modes; e^{st}.
+# Losses are Kelvin and Voigt's, E (1 + s theta), so that waves, modes and time stepping speak of one beam.
+
+ASYMPTOTIC = 20  # number of shapes whose wavenumbers are solved for
+UNBOUNDED = 1e9  # receptances this many times 1/(4 EI |beta|^3) are a resonance met to nine digits
+EXACTLY = "a lossless resonance is hit exactly: give the beam a loss or move the frequency"
+
+
+@dataclass(frozen=True)
+class FreeBeam:
+    """length_m L, bending_n_m2 EI, mass_kg_m rho A, viscosity_s theta of E (1 + s theta): loss factor omega theta."""
+
+    length_m: float
+    bending_n_m2: float
+    mass_kg_m: float
+    viscosity_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        sizes = (self.length_m, self.bending_n_m2, self.mass_kg_m)
+        if not all(isfinite(size) and size > 0.0 for size in sizes) or not 0.0 <= self.viscosity_s < inf:
+            raise SolverError(f"{self}: sizes must be finite and above 0, the viscosity 0 or more")
+
+    def wavenumber_per_m(self, omega: ArrayLike) -> FloatArray:
+        """beta = (rho A omega^2/EI)^(1/4) without losses, rad/m, shape of omega."""
+        return np.asarray((self.mass_kg_m * checked_frequencies(omega) ** 2 / self.bending_n_m2) ** 0.25)
+
+    def point_stiffness_n_m(self, omega: float) -> float:
+        """4 EI beta^3, N/m: what an endless beam opposes to a point force, up to a factor of modulus sqrt(2)."""
+        return float(4.0 * self.bending_n_m2 * self.wavenumber_per_m(omega) ** 3)
+
+    def natural_rad_s(self, modes: int) -> FloatArray:
+        """Natural frequencies of the first `modes` shapes, the two rigid ones included, rad/s, ascending."""
+        kappas = (np.arange(modes) - 0.5) * pi  # 1/cosh(kappa) off, nothing in double precision from ASYMPTOTIC on
+        kappas[:ASYMPTOTIC] = [free_free_mode(nodes).kappa for nodes in range(min(modes, ASYMPTOTIC))]
+        return np.asarray(kappas**2 / self.length_m**2 * sqrt(self.bending_n_m2 / self.mass_kg_m))
+
+    def shapes(self, x_m: ArrayLike, modes: int) -> FloatArray:
+        """Shapes with mean square 1 (modal mass rho A L), shape (points, modes)."""
+        s = self._inside(x_m) / self.length_m
+        return np.stack([free_free_mode(nodes).shape(s) for nodes in range(modes)], axis=1)
+
+    def receptance(self, x_m: ArrayLike, source_m: ArrayLike, s: ArrayLike) -> ComplexArray:
+        """Deflection at x of a unit force at `source`, exact, shape (*s.shape, points, sources), m/N.
+
+        EI (1 + s theta) w'''' + rho A s^2 w = delta(x - source), w'' = w''' = 0 at both ends. With p the two fourth roots
+        of -rho A s^2/(EI (1 + s theta)) in the left half plane: w = sum of e^{p|x - source|}/(4 EI (1 + s theta) p^3) plus
+        what the ends send back, e^{p x} and e^{p (L - x)}; nothing overflows. SolverError for s = 0, for places off the
+        beam, at a lossless resonance. Source: graff1975.
+        """
+        x, sources, at = self._inside(x_m), self._inside(source_m), np.asarray(s, dtype=complex)
+        stiff = self.bending_n_m2 * (1.0 + self.viscosity_s * at)
+        if np.any(at == 0.0) or np.any(stiff == 0.0) or not np.all(np.isfinite(at)):
+            raise SolverError("frequencies must be finite and other than 0")
+        roots = self._decaying(at)[..., None, :]  # one for all places
+        size = np.abs(roots[..., 0])
+        ends = [(np.array([end]), side, n) for end, side in ((0.0, -1.0), (self.length_m, 1.0)) for n in (2, 3)]
+        matrix = np.concatenate([self._waves(roots, end, n) / size[..., None] ** n for end, _, n in ends], axis=-2)
+        sent = np.stack([side**n * _direct(roots, end - sources, n) / size**n for end, side, n in ends], axis=-2)
+        try:
+            echoes = np.linalg.solve(matrix, -sent)
+        except np.linalg.LinAlgError:
+            raise SolverError(EXACTLY) from None
+        distances = x[:, None] - sources[None, :]
+        response = _direct(roots[..., None, :], distances, 0) + self._waves(roots, x, 0) @ echoes
+        _check_bounded(response, size[..., None], at)
+        return np.asarray(response / stiff[..., None, None])
+
+    def _decaying(self, s: ComplexArray) -> ComplexArray:
+        """The two roots that decay to the right, last axis 2."""
+        fourth = -self.mass_kg_m * s**2 / (self.bending_n_m2 * (1.0 + self.viscosity_s * s))
+        four = (fourth**0.25)[..., None] * np.array([1.0, -1.0, 1.0j, -1.0j])
+        order = np.argsort(four.real, axis=-1, kind="stable")[..., :2]
+        return np.asarray(np.take_along_axis(four, order, axis=-1))
+
+    def _waves(self, roots: ComplexArray, x: FloatArray, derivative: int) -> ComplexArray:
+        """Derivatives of e^{p x} and e^{p (L - x)} at every x, shape (..., points, 4)."""
+        left = roots**derivative * np.exp(roots * x[:, None])
+        right = (-roots) ** derivative * np.exp(roots * (self.length_m - x[:, None]))
+        return np.concatenate([left, right], axis=-1)
+
+    def _inside(self, x_m: ArrayLike) -> FloatArray:
+        x = np.atleast_1d(np.asarray(x_m, dtype=float))
+        if not np.all((x >= 0.0) & (x <= self.length_m)):
+            raise SolverError(f"places must lie on the beam, 0 to {self.length_m:g} m")
+        return x
+
+
+def strip(
+    length_m: float, width_m: float, thickness_m: float, material: Material, viscosity_s: float = 0.0
+) -> FreeBeam:
+    """A flat strip: EI = E b h^3/12, rho A = rho b h."""
+    bending = material.young_pa * width_m * thickness_m**3 / 12.0
+    return FreeBeam(length_m, bending, material.density_kg_m3 * width_m * thickness_m, viscosity_s)
+
+
+def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000) -> FloatArray:
+    """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
+    x = np.linspace(0.0, beam.length_m, steps + 1)
+    size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
+    inner = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
+    return np.asarray(x[1:-1][inner])
+
+
+def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> ComplexArray:
+    """Derivatives outwards of sum e^{p|d|}/(4 p^3), the shape of distance."""
+    d = np.abs(np.asarray(distance))[..., None]
+    return np.asarray(np.sum(roots**derivative * np.exp(roots * d) / (4.0 * roots**3), axis=-1))
+
+
+def _check_bounded(response: ComplexArray, size: FloatArray, s: ComplexArray) -> None:
+    """SolverError when an answer is rounding noise over the zero of a lossless resonance."""
+    peaks = np.ravel(np.max(np.abs(response) * size**3, axis=(-2, -1), initial=0.0))
+    if not np.all(peaks <= UNBOUNDED / 4.0):
+        worst = abs(np.ravel(s)[int(np.argmax(np.nan_to_num(peaks, nan=np.inf)))])
+        raise SolverError(f"{EXACTLY} (near {worst / (2.0 * pi):.9g} Hz)")
+
+
+# -- feedback ----------------------------------------------------------------------------------------------------------
+# Velocity feedback at points of a beam under a harmonic force; e^{+j omega t}, phasors W = W_d + j W_q.
+# The law in displacement form: f = -j K' C W, that is F_d = K' W_q and F_q = -K' W_d, which is a damper of K'/omega.
+# Its gain on velocity is K = -K'/omega < 0.
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where loops act and listen: points_m (p,), spread (p, loops) of a loop's signal over the points, pick (loops, p).
+
+    Dual when pick is spread transposed: every loop then takes power out at any gain.
+    """
+
+    name: str
+    points_m: tuple[float, ...]
+    spread: tuple[tuple[float, ...], ...]
+    pick: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        spread, pick = np.array(self.spread, dtype=float), np.array(self.pick, dtype=float)
+        points = len(self.points_m)
+        if not points or len(set(self.points_m)) < points:
+            raise SolverError("feedback needs at least one point, all different")
+        if spread.ndim != 2 or spread.shape[0] != points or pick.shape != spread.shape[::-1]:
+            raise SolverError(f"feedback {self.name}: spread must be (points, loops), pick (loops, points)")
+
+    @property
+    def dual(self) -> bool:
+        """True when what a loop senses is what its forces do work on."""
+        return bool(np.array_equal(np.array(self.pick), np.array(self.spread).T))
+
+    @property
+    def region_m(self) -> tuple[float, float]:
+        """Outermost points, m: the stretch that the loops shall confine to."""
+        return min(self.points_m), max(self.points_m)
+
+
+def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
+    """Loops about `left` and, mirrored, on the other side; all but the first have two points `apart` from each other.
+
+    point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed forces
+    of their relative velocity, a couple. opposed: two, each with its own, the inner ones with the sign turned over: not dual.
+    """
+    half = apart_m / 2.0
+    two, four = (
+        (left_m, length_m - left_m),
+        (left_m - half, left_m + half, length_m - left_m - half, length_m - left_m + half),
+    )
+    relative = ((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 1.0))
+    return (
+        Layout("point", two, _diagonal(1.0, 1.0), _diagonal(1.0, 1.0)),
+        Layout("pair", four, _diagonal(*(1.0,) * 4), _diagonal(*(1.0,) * 4)),
+        Layout("couple", four, tuple(zip(*relative, strict=True)), relative),
+        Layout("opposed", four, _diagonal(1.0, -1.0, -1.0, 1.0), _diagonal(*(1.0,) * 4)),
+    )
+
+
+def _diagonal(*values: float) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in np.diag(values).tolist())
+
+
+@dataclass(frozen=True)
+class ForcedBeam:
+    """Steady state: deflection phasors at x (n,) per newton of excitation, loop signals (loops,), point forces (p,).
+
+    Powers in W for an excitation of 1 N peak: given by it, taken by the loops.
+    """
+
+    x_m: FloatArray
+    deflection: ComplexArray
+    signals: ComplexArray
+    forces: ComplexArray
+    given_w: float
+    taken_w: float
+
+
+def forced(
+    beam: FreeBeam, layout: Layout, gain_n_m: complex, omega: float, x_m: FloatArray, source_m: float
+) -> ForcedBeam:
+    """Beam under 1 N at `source` with the loops closed: f = -(I + H C G B)^-1 H C g, H = j K'.
+
+    gain_n_m is K' (0: open loop), complex where the loops answer late: K' e^{-j omega delay}.
+    SolverError for a gain that is not finite, a frequency not above 0, a lossless resonance hit exactly, a singular loop.
+    """
+    if not np.isfinite(gain_n_m):
+        raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
+    omega = float(checked_frequencies(omega))
+    points, spread, pick = np.array(layout.points_m), np.array(layout.spread), np.array(layout.pick)
+    field = beam.receptance(x_m, np.append(points, source_m), 1j * omega)
+    at = beam.receptance(np.append(points, source_m), np.append(points, source_m), 1j * omega)
+    law = 1j * gain_n_m
+    loop = np.eye(pick.shape[0]) + law * pick @ at[:-1, :-1] @ spread
+    try:
+        signals = np.asarray(-np.linalg.solve(loop, law * pick @ at[:-1, -1]), dtype=np.complex128)
+    except np.linalg.LinAlgError:
+        raise SolverError(EXACTLY) from None
+    forces = spread @ signals
+    moved = at @ np.append(forces, 1.0)
+    return ForcedBeam(
+        x_m=x_m,
+        deflection=field @ np.append(forces, 1.0),
+        signals=signals,
+        forces=forces,
+        given_w=_power_w(1.0, moved[-1], omega),
+        taken_w=-float(sum(_power_w(f, w, omega) for f, w in zip(forces, moved[:-1], strict=True))),
+    )
+
+
+def _power_w(force: complex, deflection: complex, omega: float) -> float:
+    """Mean power of a force on a moving point, Re(F conj(j omega W))/2."""
+    return float(0.5 * np.real(force * np.conj(1j * omega * deflection)))
+
+
+@dataclass(frozen=True)
+class Confinement:
+    """Amplitudes over a region and beyond it, m/N: largest and root mean square; ratio of the two rms values."""
+
+    inside_max: float
+    outside_max: float
+    inside_rms: float
+    outside_rms: float
+
+    @property
+    def ratio(self) -> float:
+        """rms inside over rms outside."""
+        return self.inside_rms / self.outside_rms
+
+
+def confinement(x_m: FloatArray, deflection: ComplexArray, region_m: tuple[float, float]) -> Confinement:
+    """Amplitudes within `region` and beyond it; x evenly spaced. SolverError when a side holds no point."""
+    inside = (x_m > region_m[0]) & (x_m < region_m[1])
+    size = np.abs(deflection)
+    if not inside.any() or inside.all():
+        raise SolverError("the region to confine to must hold some of the beam and leave some of it out")
+    rms = [float(np.sqrt(np.mean(size[part] ** 2))) for part in (inside, ~inside)]
+    return Confinement(float(size[inside].max()), float(size[~inside].max()), *rms)
+
+
+# -- stability ---------------------------------------------------------------------------------------------------------
+# Stability of velocity feedback on a free-free beam: poles, characteristic loci, margins of delay and of gain.
+
+Filter = Callable[[FloatArray], ComplexArray]
+HIGHEST_HZ = 1e12
+MODES = 40  # of the pole calculation: 1e-3 of the whole beam's poles
+
+
+def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> ComplexArray:
+    """Poles of the first `modes` modes under f = -c C w', 1/s, shape (2 modes,), without delay.
+
+    q'' + (theta Omega^2 + c P' B C P/m) q' + Omega^2 q = 0 with P the shapes at the points, B spread, C pick, m = rho A L.
+    """
+    shapes, square = beam.shapes(np.array(layout.points_m), modes), beam.natural_rad_s(modes) ** 2
+    feedback = shapes.T @ np.array(layout.spread) @ np.array(layout.pick) @ shapes
+    damping = np.diag(beam.viscosity_s * square) + damper_n_s_m / (beam.mass_kg_m * beam.length_m) * feedback
+    unit = float(np.sqrt(square[-1])) or 1.0  # one size for displacement and velocity
+    state = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(square) / unit**2, -damping / unit]])
+    return np.asarray(np.linalg.eigvals(state) * unit)
+
+
+def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> tuple[float, float]:
+    """Largest real part of the poles other than rigid drift, 1/s, and that pole's frequency, Hz; above 0 is unstable."""
+    poles = closed_loop_poles(beam, layout, damper_n_s_m, modes)
+    moving = poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]]
+    worst = moving[np.argmax(moving.real)]
+    return float(worst.real), float(abs(worst.imag) / (2.0 * pi))
+
+
+@dataclass(frozen=True)
+class Loci:
+    """Eigenvalues of the return ratio per unit damper over n frequencies, (n, loops), followed from one to the next.
+
+    omega_rad_s (n,) from the carrier's neighbourhood to the upper end. Gain and delay are common to all loops, so that
+    these eigenvalues' distance from -1 gives their margins exactly.
+    """
+
+    omega_rad_s: FloatArray
+    values: ComplexArray
+
+
+def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float, low_hz: float = 1.0) -> Loci:
+    """Eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from low_hz to high_hz."""
+    omega = _grid(beam, 2.0 * pi * low_hz, 2.0 * pi * high_hz)
+    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
+    loci = 1j * omega[:, None, None] * (pick @ beam.receptance(points, points, 1j * omega) @ spread)
+    values = np.linalg.eigvals(loci)
+    orders = [list(order) for order in permutations(range(values.shape[1]))]
+    for i in range(1, len(values)):
+        candidates = values[i][np.array(orders)]
+        values[i] = candidates[np.argmin(np.sum(np.abs(candidates - values[i - 1]), axis=1))]
+    return Loci(omega, values)
+
+
+def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
+    """A frequency, Hz, above which no loop of this damper has a gain of 1: |lambda| falls as omega^-1/2, and faster with
+    losses.
+    """
+    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
+    high = 1e5
+    while high < HIGHEST_HZ:
+        s = 2j * pi * high
+        if damper_n_s_m * np.abs(np.linalg.eigvals(s * pick @ beam.receptance(points, points, s) @ spread)).max() < 0.5:
+            break
+        high *= 2.0
+    return high
+
+
+def _grid(beam: FreeBeam, low: float, high: float) -> FloatArray:
+    """Logarithmic, with clusters at the natural frequencies as wide as their damping, as long as that is below half."""
+    top = min(high, 1.0 / beam.viscosity_s) if beam.viscosity_s > 0.0 else high
+    count = 3
+    while beam.natural_rad_s(count)[-1] < top:
+        count += max(4, count // 4)
+    tones = beam.natural_rad_s(count)[2:]
+    tones = tones[tones < top]
+    widths = np.maximum(0.5 * beam.viscosity_s * tones**2, 1e-9 * tones)
+    offsets = np.sinh(np.linspace(-8.0, 8.0, 121)) / 4.0
+    clusters = (tones[:, None] + widths[:, None] * offsets).ravel()
+    every = np.concatenate([np.geomspace(low, high, 2000), clusters])
+    return np.unique(every[(every >= low) & (every <= high)])
+
+
+def delay_margin_s(loci: Loci, damper_n_s_m: float) -> tuple[float, float]:
+    """Largest pure delay that the loop bears, s, and the frequency that limits it, Hz; (inf, nan) without a crossing.
+
+    The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is refused.
+    """
+    size = damper_n_s_m * np.abs(loci.values)
+    if np.any(size[-1] > 1.0):
+        raise SolverError("the loop gain is above 1 at the upper end of the frequencies: widen them")
+    worst = (inf, float("nan"))
+    for k in range(size.shape[1]):
+        level = np.log(size[:, k])
+        for i in np.flatnonzero((level[:-1] < 0.0) != (level[1:] < 0.0)):
+            share = level[i] / (level[i] - level[i + 1])
+            omega = loci.omega_rad_s[i] + share * (loci.omega_rad_s[i + 1] - loci.omega_rad_s[i])
+            value = loci.values[i, k] + share * (loci.values[i + 1, k] - loci.values[i, k])
+            delay = float(((np.angle(value) + pi) % (2.0 * pi)) / omega)
+            worst = min(worst, (delay, float(omega / (2.0 * pi))))
+    return worst
+
+
+def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
+    """Largest damper c that a law c H(omega) bears, N s/m, and the frequency of the instability, Hz; (inf, nan) without.
+
+    The least 1/|lambda H| where lambda H crosses the negative real axis: sure for a plant that is stable by itself.
+    """
+    values = loci.values * filtered(loci.omega_rad_s)[:, None]
+    worst = (inf, float("nan"))
+    for k in range(values.shape[1]):
+        v = values[:, k]
+        turned = (v.imag[:-1] < 0.0) != (v.imag[1:] < 0.0)
+        for i in np.flatnonzero(turned):
+            share = v.imag[i] / (v.imag[i] - v.imag[i + 1])
+            real = v.real[i] + share * (v.real[i + 1] - v.real[i])
+            if real < 0.0:
+                omega = loci.omega_rad_s[i] + share * (loci.omega_rad_s[i + 1] - loci.omega_rad_s[i])
+                worst = min(worst, (float(-1.0 / real), float(omega / (2.0 * pi))))
+    return worst
+
+
+def delayed(delay_s: float) -> Filter:
+    """e^{-j omega delay}: a velocity loop that answers late."""
+    return lambda omega: np.exp(-1j * omega * delay_s)
+
+
+def demodulated(carrier_rad_s: float, window_s: float, delay_s: float = 0.0) -> Filter:
+    """A loop on demodulated amplitudes: their mean over a window, then a delay, the carrier's own phase made good.
+
+    H = (h(omega - carrier) - h(omega + carrier)) carrier/omega, h(d) = sinc(d window/2) e^{-j d (window/2 + delay)}: the
+    second part is the image at minus the carrier; carrier/omega because displacement stands for velocity.
+    """
+
+    def mean(d: FloatArray) -> ComplexArray:
+        return np.asarray(np.sinc(d * window_s / (2.0 * pi)) * np.exp(-1j * d * (window_s / 2.0 + delay_s)))
+
+    return lambda omega: (mean(omega - carrier_rad_s) - mean(omega + carrier_rad_s)) * carrier_rad_s / omega
+
+
+def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float, modes: int = MODES) -> float:
+    """Least damper c up to `high` at which some pole crosses into growth, N s/m; inf when none does on a fine scan."""
+
+    def growth(damper: float) -> float:
+        return growth_per_s(beam, layout, damper, modes)[0]
+
+    scan = np.geomspace(1e-9 * high_n_s_m, high_n_s_m, 91)
+    for low, high in pairwise(scan):
+        if growth(float(high)) > 0.0:
+            return float(brentq(growth, low, high, rtol=1e-6)) if growth(float(low)) < 0.0 else float(low)
+    return inf

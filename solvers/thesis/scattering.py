@@ -1,0 +1,289 @@
+"""Flexural waves on an infinite beam that meet resonators, or one point force or moment; e^{-i omega t}."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+from geometry.elements import ComplexArray, FloatArray
+from solvers.errors import SolverError, checked_frequencies
+
+# -- resonators on a beam ----------------------------------------------------------------------------------------------
+# Flexural waves on an infinite beam that carries resonators: reflection, transmission, stop bands; e^{-i omega t}.
+# The incident wave is e^{i beta x}. Near fields are kept exactly, between resonators too.
+
+
+@dataclass(frozen=True)
+class HostBeam:
+    """The infinite Euler-Bernoulli beam: EI in N m2, rho A in kg/m."""
+
+    bending_n_m2: float
+    mass_kg_m: float
+
+    def wavenumber_per_m(self, omega: ArrayLike) -> FloatArray:
+        """beta = (rho A omega^2/EI)^(1/4), rad/m; SolverError unless every frequency is finite and above 0."""
+        w = np.atleast_1d(checked_frequencies(omega))
+        return np.asarray((self.mass_kg_m * w**2 / self.bending_n_m2) ** 0.25)
+
+
+@dataclass(frozen=True)
+class Scattering:
+    """Far-field amplitudes over n frequencies: reflected r e^{-i beta x}, transmitted t e^{i beta x}, shape (n,).
+
+    loads: force and moment on the host at every resonator for a unit incident wave, shape (n, resonators, 2), N and N m.
+    """
+
+    reflection: ComplexArray
+    transmission: ComplexArray
+    loads: ComplexArray
+
+    @property
+    def absorbed(self) -> FloatArray:
+        """1 - |r|^2 - |t|^2, the share of power that the resonators keep, shape (n,)."""
+        return np.asarray(1.0 - np.abs(self.reflection) ** 2 - np.abs(self.transmission) ** 2)
+
+
+def strengths(host_beam: HostBeam, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
+    """Dimensionless force and moment strengths K_ww/(4 EI beta^3), K_tt/(4 EI beta) of a foot, each shape (n,)."""
+    beta, ei = host_beam.wavenumber_per_m(omega), host_beam.bending_n_m2
+    return feet[:, 0, 0] / (4.0 * ei * beta**3), feet[:, 1, 1] / (4.0 * ei * beta)
+
+
+def scatter(host_beam: HostBeam, feet: ComplexArray, places_m: Sequence[float], omega: ArrayLike) -> Scattering:
+    """Waves of one or several resonators of foot stiffness `feet` (n, 2, 2) standing at places_m; near fields kept.
+
+    w = e^{i beta x} + sum of F_j g(x - x_j) - M_j g'(x - x_j), g = (i e^{i beta|x|} - e^{-beta|x|})/(4 EI beta^3), and
+    (F_j, M_j) = -K (w, w_x) at x_j. SolverError for no place, two resonators at one place or a singular system.
+    Source: graff1975.
+    """
+    beta, places = host_beam.wavenumber_per_m(omega), np.asarray(places_m, dtype=float)
+    if places.size == 0 or np.unique(places).size < places.size or not np.all(np.isfinite(places)):
+        raise SolverError("places of the resonators must be finite, at least one, all different")
+    loads = np.stack([_loads(host_beam, k, foot, places) for k, foot in zip(beta, feet, strict=True)])
+    phase = np.exp(1j * beta[:, None] * places)
+    force, moment = loads[..., 0] / (4.0 * host_beam.bending_n_m2), loads[..., 1] / (4.0 * host_beam.bending_n_m2)
+    cubed, squared = beta[:, None] ** 3, beta[:, None] ** 2
+    reflection = np.sum((1j * force / cubed - moment / squared) * phase, axis=1)
+    transmission = 1.0 + np.sum((1j * force / cubed + moment / squared) * phase.conj(), axis=1)
+    return Scattering(reflection, transmission, loads)
+
+
+def field(
+    host_beam: HostBeam, scattering: Scattering, places_m: Sequence[float], omega: ArrayLike, x_m: ArrayLike
+) -> ComplexArray:
+    """Deflection of the host for a unit incident wave, shape (n, points)."""
+    beta, x = host_beam.wavenumber_per_m(omega), np.asarray(x_m, dtype=float)
+    rows = []
+    for k, loads in zip(beta, scattering.loads, strict=True):
+        g = _green(host_beam, k, x[:, None] - np.asarray(places_m, dtype=float))
+        rows.append(np.exp(1j * k * x) + g[0] @ loads[:, 0] - g[1] @ loads[:, 1])
+    return np.stack(rows)
+
+
+def _green(host_beam: HostBeam, beta: float, x: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """g, g' and g'' of a unit point force at 0."""
+    wave, near, sign = np.exp(1j * beta * np.abs(x)), np.exp(-beta * np.abs(x)), np.sign(x)
+    scale = 1.0 / (4.0 * host_beam.bending_n_m2 * beta**3)
+    return scale * (1j * wave - near), scale * beta * sign * (near - wave), -scale * beta**2 * (near + 1j * wave)
+
+
+def _loads(host_beam: HostBeam, beta: float, foot: ComplexArray, places: FloatArray) -> ComplexArray:
+    """Forces and moments of every resonator, shape (resonators, 2): (1 + G K) u = incident, load = -K u."""
+    count = places.size
+    g, slope, curve = _green(host_beam, beta, places[:, None] - places[None, :])
+    mobility = np.empty((count, 2, count, 2), dtype=complex)
+    mobility[:, 0, :, 0], mobility[:, 0, :, 1] = g, -slope
+    mobility[:, 1, :, 0], mobility[:, 1, :, 1] = slope, -curve
+    incident = np.exp(1j * beta * places)[:, None] * np.array([1.0, 1j * beta])
+    scale = np.array([1.0, beta])  # w and w_x/beta: both equations of one size
+    matrix = np.eye(2 * count) + np.einsum("iajb,bc->iajc", mobility, foot).reshape(2 * count, 2 * count)
+    matrix = matrix * np.tile(scale, count)[None, :] / np.tile(scale, count)[:, None]
+    try:
+        motion = np.linalg.solve(matrix, (incident / scale).ravel())
+    except np.linalg.LinAlgError:
+        raise SolverError("the resonators and the beam form a singular system at this frequency") from None
+    return np.asarray(-(motion.reshape(count, 2) * scale) @ foot.T)
+
+
+def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, omega: float) -> ComplexArray:
+    """State (w, w_x/beta, w_xx/beta^2, w_xxx/beta^3) just before one resonator to just before the next, shape (4, 4).
+
+    T = free beam over the pitch times the jump of moment and shear at the foot (2, 2).
+    """
+    beta, ei = float(host_beam.wavenumber_per_m(omega)[0]), host_beam.bending_n_m2
+    s, c = np.sin(beta * pitch_m), np.cos(beta * pitch_m)
+    sh, ch = np.sinh(beta * pitch_m), np.cosh(beta * pitch_m)
+    even, odd = (ch + c) / 2.0, (sh + s) / 2.0
+    minus_even, minus_odd = (ch - c) / 2.0, (sh - s) / 2.0
+    free = np.array(
+        [
+            [even, odd, minus_even, minus_odd],
+            [minus_odd, even, odd, minus_even],
+            [minus_even, minus_odd, even, odd],
+            [odd, minus_even, minus_odd, even],
+        ]
+    )
+    jump = np.eye(4, dtype=complex)
+    jump[2, :2] = foot[1] * np.array([1.0, beta]) / (ei * beta**2)
+    jump[3, :2] = -foot[0] * np.array([1.0, beta]) / (ei * beta**3)
+    return np.asarray(free @ jump)
+
+
+def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, omega: ArrayLike) -> FloatArray:
+    """Decay in decibels per resonator of the least attenuated Bloch wave of an endless row, shape (n,).
+
+    The eigenvalues of T come in pairs lambda, 1/lambda whose sums follow from two traces: 20 log10 of the smaller outer one.
+    """
+    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    decays = []
+    for value, foot in zip(w, feet, strict=True):
+        matrix = transfer_matrix(host_beam, foot, pitch_m, float(value))
+        trace = np.trace(matrix)
+        second = (trace**2 - np.trace(matrix @ matrix)) / 2.0
+        root = np.sqrt(trace**2 - 4.0 * (second - 2.0) + 0j)
+        sums = np.array([(trace + root) / 2.0, (trace - root) / 2.0])  # lambda + 1/lambda of each pair
+        outer = np.sqrt(sums**2 - 4.0 + 0j)
+        larger = np.maximum(np.abs(sums + outer), np.abs(sums - outer)) / 2.0
+        decays.append(20.0 * np.log10(larger.min()))
+    return np.array(decays)
+
+
+def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, float] | None:
+    """Ends, by linear interpolation, of the widest stretch of frequencies with |t|^2 <= 1/2; None without any."""
+    below = np.concatenate([[False], np.asarray(transmitted) <= 0.5, [False]])
+    edges = np.flatnonzero(np.diff(below.astype(int)))
+    if edges.size == 0:
+        return None
+    starts, ends = edges[::2], edges[1::2] - 1
+    i = int(np.argmax(omega[ends] - omega[starts]))
+
+    def crossing(inside: int, outside: int) -> float:
+        if not 0 <= outside < len(omega):
+            return float(omega[inside])
+        share = (0.5 - transmitted[inside]) / (transmitted[outside] - transmitted[inside])
+        return float(omega[inside] + share * (omega[outside] - omega[inside]))
+
+    return crossing(int(starts[i]), int(starts[i]) - 1), crossing(int(ends[i]), int(ends[i]) + 1)
+
+
+def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, resonance_rad_s: float) -> float:
+    """Where an undamped vertical oscillator lets nothing through: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
+
+    def excess(omega: float) -> float:
+        added = mass_kg * float(host_beam.wavenumber_per_m(omega)[0]) / (4.0 * host_beam.mass_kg_m)
+        return omega**2 - resonance_rad_s**2 * (1.0 + added)
+
+    high = resonance_rad_s
+    while excess(high) < 0.0:
+        high *= 2.0
+    return float(brentq(excess, resonance_rad_s, high, xtol=1e-12 * high)) if high > resonance_rad_s else high
+
+
+def moment_total_reflection_rad_s(
+    host_beam: HostBeam, foot_of: Callable[[float], ComplexArray], clamped_rad_s: float
+) -> float:
+    """Where a lossless pillar acting by its foot's moment lets nothing through: K_tt = -4 EI beta, below clamped_rad_s.
+
+    K_tt falls from 0 to minus infinity as the frequency rises to the pillar's clamped resonance (Foster), so there is one.
+    """
+
+    def excess(omega: float) -> float:
+        return float(strengths(host_beam, foot_of(omega), omega)[1][0].real) + 1.0
+
+    return float(brentq(excess, 1e-3 * clamped_rad_s, (1.0 - 1e-9) * clamped_rad_s, xtol=1e-12 * clamped_rad_s))
+
+
+# -- one force or moment -----------------------------------------------------------------------------------------------
+# A flexural wave on an endless beam met by one point force or moment: total reflection and what falls short of it;
+# e^{-iwt}.
+# Everything in units of the incident amplitude and of the wavelength; the beam's data drop out.
+
+PINNED = 1e9  # s that stands for infinity: |t|^2 = 1/2 to a billionth
+SPAN = 2.0  # wavelengths shown on each side
+
+
+@dataclass(frozen=True)
+class ScatteringCase:
+    """One resonator: deflection phasor (n,) along the beam, shares of power transmitted, reflected and absorbed."""
+
+    name: str
+    deflection: ComplexArray
+    transmitted: float
+    reflected: float
+    absorbed: float
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
+
+    x_over_wavelength: FloatArray
+    cases: tuple[ScatteringCase, ...]
+
+    def of(self, name: str) -> ScatteringCase:
+        """The case of a name. SolverError without one."""
+        for case in self.cases:
+            if case.name == name:
+                return case
+        raise SolverError(f"no case {name!r}: there are {', '.join(case.name for case in self.cases)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """A plain document: amplitudes and powers in shares of the incident ones."""
+        return {
+            "x_over_wavelength": self.x_over_wavelength.tolist(),
+            "cases": [
+                {
+                    "name": case.name,
+                    "transmitted": case.transmitted,
+                    "reflected": case.reflected,
+                    "absorbed": case.absorbed,
+                    "abs": np.abs(case.deflection).tolist(),
+                }
+                for case in self.cases
+            ],
+        }
+
+
+def point_force(points: int = 801) -> PointForce:
+    """Spring s = 1, pinned point, damper of the printed condition s = -i, moment s = -1, and the printed force by itself.
+
+    s = K_ww/(4 EI beta^3) of a force -K w(0), or K_tt/(4 EI beta) of a moment -K w'(0). Total reflection takes the force
+    +4 i EI beta^3 W_p, which the spring's is; the printed -4 i EI beta^3 W_p doubles the wave instead. SolverError for
+    fewer than two points.
+    """
+    if points < 2:
+        raise SolverError(f"points = {points}: must be 2 or more")
+    x = np.linspace(-SPAN, SPAN, points)
+    cases = [_scattering_case(name, s, axis, x) for name, s, axis in KINDS]
+    beta_x = 2.0 * pi * x
+    green = (1j * np.exp(1j * np.abs(beta_x)) - np.exp(-np.abs(beta_x))) / 4.0
+    force = -4j  # over EI beta^3 W_p
+    back = 1j * force / 4.0
+    there = 1.0 + back
+    powers = abs(there) ** 2, abs(back) ** 2
+    driven = ScatteringCase("printed force", np.exp(1j * beta_x) + force * green, *powers, 1.0 - sum(powers))
+    return PointForce(x, (*cases, driven))
+
+
+KINDS = (("spring", 1.0, 0), ("pinned", PINNED, 0), ("printed damper", -1j, 0), ("moment", -1.0, 1))
+
+
+def _scattering_case(name: str, strength: complex, axis: int, x: FloatArray) -> ScatteringCase:
+    host_beam, omega = HostBeam(1.0, 1.0), np.array([4.0 * pi**2])  # beta = 2 pi: lengths in wavelengths
+    beta = float(host_beam.wavenumber_per_m(omega)[0])
+    foot = np.zeros((1, 2, 2), dtype=complex)
+    foot[0, axis, axis] = 4.0 * strength * beta ** (3 - 2 * axis)
+    scattered = scatter(host_beam, foot, [0.0], omega)
+    return ScatteringCase(
+        name,
+        field(host_beam, scattered, [0.0], omega, x)[0],
+        float(abs(scattered.transmission[0]) ** 2),
+        float(abs(scattered.reflection[0]) ** 2),
+        float(scattered.absorbed[0]),
+    )

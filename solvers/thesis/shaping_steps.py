@@ -1,0 +1,196 @@
+"""The steps of the shaping study on one beam: confinement, travelling waves, errors, mode pairs, resonators beside patches."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log, pi
+
+import numpy as np
+
+from geometry.elements import ComplexArray, FloatArray
+from solvers.shaping.contrast import (
+    REGIONS,
+    PassiveActive,
+    attach_oscillators,
+    best_contrast,
+    confinement,
+    contrast,
+    region_points,
+    region_target,
+)
+from solvers.shaping.inversion import Errors, drive_voltages, monte_carlo
+from solvers.shaping.modal_table import ModalTable
+from solvers.shaping.travelling_wave import (
+    ModePair,
+    best_travelling_drive,
+    inner_window,
+    travelling_pair,
+    travelling_wave_ratio,
+    two_wave_fit,
+    wave_target,
+)
+from solvers.thesis.shaped_beam import LINE, ShapedBeam, Signal
+
+TARGETS = {"in phase": False, "alternating": True}
+NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is evaluated
+MICROMETRE = 1e-6
+
+
+@dataclass(frozen=True)
+class Confinement:
+    """A region asked for at its two sensors and zero at the others: ratios of the whole field, and what it takes.
+
+    volts_per_um: largest voltage for 1 um asked; beyond_to_inside: largest voltage of the actuators outside the region over
+    those inside; limited_*: the same 1 um with the voltage limit kept. best_*: the largest contrast of any voltages.
+    """
+
+    beam: str
+    signal: Signal
+    frequency_hz: float
+    region: str
+    target: str
+    peak_ratio: float
+    contrast_db: float
+    volts_per_um: float
+    beyond_to_inside: float
+    limited_error: float
+    limited_peak_ratio: float
+    best_peak_ratio: float
+    best_contrast_db: float
+
+
+def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: float) -> list[Confinement]:
+    """Left, middle and right, both target patterns, at one frequency."""
+    field, matrix, count = model.field(frequency_hz), model.matrix(frequency_hz, signal), len(model.places_m)
+    levels = []
+    for region in REGIONS:
+        inside = region_points(region, model.places_m, model.line_m)
+        best = contrast(field @ best_contrast(field, inside), inside)
+        for name, alternate in TARGETS.items():
+            target = region_target(region, count, alternate)
+            drive = drive_voltages(matrix, target)
+            limited = drive_voltages(matrix, MICROMETRE * target, limit_v=limit_v)
+            size, chosen = np.abs(drive.voltages), target != 0.0
+            got, kept = contrast(field @ drive.voltages, inside), contrast(field @ limited.voltages, inside)
+            levels.append(
+                Confinement(
+                    model.name, signal, frequency_hz, region, name, got.peak_ratio, got.contrast_db,
+                    float(size.max()) * MICROMETRE, float(size[~chosen].max() / size[chosen].max()), limited.error,
+                    kept.peak_ratio, best.peak_ratio, best.contrast_db,
+                )
+            )  # fmt: skip
+    return levels
+
+
+@dataclass(frozen=True)
+class Travelling:
+    """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, and by the two-wave fit, evaluated over window_m.
+
+    best_twr, best_fit, best_residual: amplitude and phase of all actuators free; best_volts: its relative voltages.
+    """
+
+    beam: str
+    signal: Signal
+    frequency_hz: float
+    window_m: tuple[float, float]
+    free_wavelength_m: float
+    wavelengths_m: FloatArray
+    twr: FloatArray
+    fitted_twr: FloatArray
+    best_twr: float
+    best_fit: float
+    best_residual: float
+    best_voltages: ComplexArray
+
+    @property
+    def peak(self) -> int:
+        """Index of the wavelength with the largest TWR."""
+        return int(np.argmax(self.twr))
+
+
+def sweep(
+    model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """TWR by amplitudes and by the two-wave fit, (n,) each, for waves of n lengths asked for at the sensors."""
+    k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
+    inside = inner_window(model.line_m, *travel_window(model, frequency_hz))
+    x, field, matrix = model.line_m[inside], model.field(frequency_hz)[inside], model.matrix(frequency_hz, signal)
+    waves = [
+        field @ drive_voltages(matrix, wave_target(model.places_m, float(length))).voltages for length in wavelengths_m
+    ]
+    fits = [two_wave_fit(x, wave, k).twr for wave in waves]
+    return np.array([travelling_wave_ratio(wave) for wave in waves]), np.array(fits)
+
+
+def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m: FloatArray) -> Travelling:
+    """Travelling waves at one frequency, evaluated where the ends' near field has fallen to a tenth."""
+    k = 2.0 * pi / model.free_wavelength_m(frequency_hz)
+    window = travel_window(model, frequency_hz)
+    inside = inner_window(model.line_m, *window)
+    x, field = model.line_m[inside], model.field(frequency_hz)[inside]
+    twr, fitted = sweep(model, signal, frequency_hz, wavelengths_m)
+    voltages, best = best_travelling_drive(field, x, k)
+    fit = two_wave_fit(x, field @ voltages, k)
+    return Travelling(
+        model.name, signal, frequency_hz, window, 2.0 * pi / k, wavelengths_m,
+        twr, fitted, best, fit.twr, fit.residual, voltages / np.abs(voltages).max(),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ErrorTrials:
+    """Trials (n,) of the left region's peak ratio, of a travelling wave's TWR, and of the pattern's error."""
+
+    peak_ratio: FloatArray
+    twr: FloatArray
+    pattern_error: FloatArray
+
+
+def error_trials(
+    model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
+) -> ErrorTrials:
+    """What measurement errors do to the left region and to a wave of one length."""
+    matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
+    inside = region_points("left", model.places_m, model.line_m)
+    left = monte_carlo(matrix, region_target("left", len(matrix)), errors)
+    wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), replace(errors, seed=errors.seed + 1))
+    window = inner_window(model.line_m, *travel_window(model, frequency_hz))
+    return ErrorTrials(
+        np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages]),
+        np.array([travelling_wave_ratio(field[window] @ v) for v in wave.voltages]),
+        left.error,
+    )
+
+
+def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:
+    """Where the ends' near field has fallen to a tenth, at most up to 0.4 and from 0.6 of the length, m."""
+    margin = min(-log(NEAR_FIELD) / (2.0 * pi) * model.free_wavelength_m(frequency_hz), 0.4 * model.beam.length_m)
+    return margin, model.beam.length_m - margin
+
+
+def line_table(model: ShapedBeam) -> ModalTable:
+    """The beam's table over the points along it alone."""
+    table, residual = model.table, model.table.field_residual
+    line = None if residual is None else residual[:LINE]
+    return replace(table, field=table.field[:, :LINE], points_m=table.points_m[:LINE], field_residual=line)
+
+
+def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:
+    """Neighbouring modes whose quarter-period sum travels best inside a zone when contrast, both below a frequency."""
+    table = line_table(model)
+    inside = inner_window(table.points_m, *zone_m)
+    last = int(np.searchsorted(table.frequencies_hz, highest_hz))
+    pairs = [travelling_pair(table, (n, n + 1), inside, others=others) for n in range(max(last - 1, 1))]
+    return max(pairs, key=lambda pair: pair.twr)
+
+
+def resonators_and_patches(
+    model: ShapedBeam, zone_m: tuple[float, float], places_m: FloatArray, mass_kg: float, frequency_hz: float
+) -> PassiveActive:
+    """The zone held by oscillators at places (tuned to the frequency), by patches, by both; driven from inside the zone."""
+    bare = line_table(model)
+    inside = inner_window(bare.points_m, *zone_m)
+    nearest = np.argmin(np.abs(bare.points_m[:, 0] - places_m[:, None]), axis=1)
+    passive = attach_oscillators(bare, nearest, mass_kg, frequency_hz, model.beam.quality_factor)
+    driver = int(np.argmin(np.abs(model.places_m - sum(zone_m) / 2.0)))
+    return PassiveActive(*(confinement(table, frequency_hz, inside, driver) for table in (bare, passive)))

@@ -1,0 +1,361 @@
+"""Shaping by actuators and sensors on the thesis' clamped beams as a whole, and as a plain document."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import ComplexArray, FloatArray
+from solvers.analytic.beams import frequency_hz, roots
+from solvers.errors import SolverError
+from solvers.shaping.contrast import PassiveActive
+from solvers.shaping.inversion import Errors, LowPass, filter_for, quantiles
+from solvers.shaping.modal_table import Conditioning, Scan, conditioning, operating_frequencies, scan, sensor_matrix
+from solvers.shaping.travelling_wave import ModePair, forward_energy_share, net_flux_share
+from solvers.thesis.shaped_beam import (
+    LINE,
+    PatchedBeam,
+    ShapedBeam,
+    Signal,
+    charge_table,
+    evenly,
+    patched,
+    pointed,
+    section,
+)
+from solvers.thesis.shaping_steps import (
+    Confinement,
+    ErrorTrials,
+    Travelling,
+    best_pair,
+    confine,
+    error_trials,
+    resonators_and_patches,
+    sweep,
+    travel,
+)
+
+ASSUMPTIONS = (
+    "patches: Pz26, each actuator in the middle of an equal share of the beam, its two sensor strips beside it as one sensor",
+    "quality factor 50 for every mode; perfect clamps; layered Euler-Bernoulli beam, extension without inertia",
+    "sensors open; voltages positive when they stretch a patch; 20 modes and the static residual of the others",
+    "point beams: the same bare beams with point forces and deflection sensors, without residual, as the text simulates them",
+    "a region is a third of the sensors and the points nearest to them; a travelling wave is judged where the ends' near "
+    "field has fallen to a tenth",
+    "oscillators beside the zone: four, tuned to the frequency of use, 0.5 g each",
+)
+SCANNED = 221  # frequencies of the conditioning scan
+
+
+@dataclass(frozen=True)
+class ShapingData:
+    """What is computed and with what. The thesis gives the beams, the patches' sizes, 2.2 and 2.4 kHz and 5.9 to 7.4 cm.
+
+    calibrate_near_hz: the standing wave for the sensors; wavelengths_m: first, last, number; limit_v: a half-bridge's
+    amplitude; errors: standard deviations; oscillator_kg: mass of each resonator beside the middle third.
+    """
+
+    beam: PatchedBeam = field(default_factory=PatchedBeam)
+    short: PatchedBeam = field(default_factory=lambda: PatchedBeam(length_m=0.100, centres_m=evenly(0.100, 6)))
+    modes: int = 20
+    frequencies_hz: tuple[float, ...] = (2200.0, 2400.0)
+    band_hz: tuple[float, float] = (100.0, 4500.0)
+    calibrate_near_hz: float = 2200.0
+    wavelengths_m: tuple[float, float, int] = (0.050, 0.090, 41)
+    limit_v: float = 50.0
+    errors: Errors = field(default_factory=lambda: Errors(0.01, 0.05, pi / 36.0, 0.02, trials=200))
+    pwm_hz: float = 40e3
+    oscillator_kg: float = 5e-4
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What another pitch of the patches or another loss gives at one frequency on the long beam: T, and the largest TWR."""
+
+    pitch_m: float
+    quality_factor: float
+    conditioning: dict[Signal, Conditioning]
+    peak_twr: float
+    peak_wavelength_m: float
+
+
+@dataclass(frozen=True)
+class ShapingStudy:
+    """Results by beam and signal (`calibrated` or `displacement`); scans, trials, pairs and resonators by their names."""
+
+    data: ShapingData
+    beams: tuple[ShapedBeam, ...]
+    scans: dict[tuple[str, Signal], Scan]
+    confinements: tuple[Confinement, ...]
+    travelling: tuple[Travelling, ...]
+    trials: dict[tuple[str, Signal], ErrorTrials]
+    pairs: dict[str, ModePair]
+    resonators: dict[str, PassiveActive]
+    choices: tuple[Choice, ...]
+    filter: LowPass
+    filter_error: float
+
+    def of(self, name: str) -> ShapedBeam:
+        """The beam of a name."""
+        return next(beam for beam in self.beams if beam.name == name)
+
+    def confinement(self, beam: str, signal: str, frequency: float, region: str, target: str) -> Confinement:
+        """One confinement by its names."""
+        wanted = (beam, signal, frequency, region, target)
+        return next(
+            one
+            for one in self.confinements
+            if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == wanted
+        )
+
+    def wave(self, beam: str, signal: str, frequency: float) -> Travelling:
+        """One travelling-wave sweep by its names."""
+        return next(
+            one for one in self.travelling if (one.beam, one.signal, one.frequency_hz) == (beam, signal, frequency)
+        )
+
+
+def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
+    """Sections 3.3 to 3.7 of the thesis and two steps beyond them. Raises SolverError for data that cannot be."""
+    data = ShapingData() if data is None else data
+    _check(data)
+    beams = _beams(data)
+    low, high = data.band_hz
+    grid = np.linspace(low, high, SCANNED)
+    signals = [(beam, signal) for beam in beams for signal in beam.signals]
+    scans = {(beam.name, signal): scan(partial(beam.matrix, signal=signal), grid) for beam, signal in signals}
+    last = data.frequencies_hz[-1]
+    wavelengths = np.linspace(*data.wavelengths_m)
+    low_pass, filter_error = _filter(data)
+    return ShapingStudy(
+        data=data,
+        beams=beams,
+        scans=scans,
+        confinements=tuple(
+            one
+            for beam, signal in signals
+            for f in _used(data, scans, beam, signal)
+            for one in confine(beam, signal, f, data.limit_v)
+        ),
+        travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
+        trials={(beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors) for beam, signal in signals},
+        pairs={beam.name: best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
+        resonators={beam.name: _resonators(beam, data) for beam in beams},
+        choices=choices(data, last),
+        filter=low_pass,
+        filter_error=filter_error,
+    )
+
+
+def _check(data: ShapingData) -> None:
+    low, high = data.band_hz
+    if not 0.0 < low < high:
+        raise SolverError(f"band = {low:g} ... {high:g} Hz: must ascend and be above 0")
+    if not data.frequencies_hz or any(not (np.isfinite(f) and f > 0.0) for f in data.frequencies_hz):
+        raise SolverError(f"frequencies = {list(data.frequencies_hz)} Hz: at least one, each a finite number above 0")
+    if data.modes < 8:
+        raise SolverError(f"modes = {data.modes}: must be 8 or more for frequencies up to a few kHz")
+
+
+def _beams(data: ShapingData) -> tuple[ShapedBeam, ...]:
+    beams = []
+    for beam in (data.beam, data.short):
+        name = f"{1e3 * beam.length_m:g} mm"
+        beams.append(patched(f"{name}, patches", beam, data.modes, data.calibrate_near_hz))
+        beams.append(pointed(f"{name}, points", beam, data.modes))
+    return tuple(beams)
+
+
+def _used(data: ShapingData, scans: dict[tuple[str, Signal], Scan], beam: ShapedBeam, signal: Signal) -> list[float]:
+    """The given frequencies, and the one of the scan at which T is conditioned best."""
+    best = operating_frequencies(scans[beam.name, signal], 1)
+    return sorted({*data.frequencies_hz, *best.tolist()})
+
+
+def _zone(beam: PatchedBeam) -> tuple[float, float]:
+    return beam.length_m / 3.0, 2.0 * beam.length_m / 3.0
+
+
+def _resonators(model: ShapedBeam, data: ShapingData) -> PassiveActive:
+    """Two oscillators beside each end of the middle third, at the last of the frequencies."""
+    places = model.beam.length_m * np.array([0.30, 0.34, 0.66, 0.70])
+    return resonators_and_patches(model, _zone(model.beam), places, data.oscillator_kg, data.frequencies_hz[-1])
+
+
+def _filter(data: ShapingData) -> tuple[LowPass, float]:
+    """The filter of an actuator, and the largest error of a compensation that takes the patch as a plain capacitor."""
+    beam = data.beam
+    low_pass = filter_for(beam.capacitance_f(beam.actuator_width_m), data.band_hz[1], data.pwm_hz)
+    charges = charge_table(beam, data.modes)
+    missed = [
+        low_pass.compensation(f) * low_pass.loaded_response(f, sensor_matrix(charges, f)) - np.eye(len(beam.centres_m))
+        for f in data.frequencies_hz
+    ]
+    return low_pass, float(max(np.linalg.norm(one, 2) for one in missed))
+
+
+def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
+    """Natural frequencies of the beam without its patches, Hz, shape (count,)."""
+    _, _, bending, mass = section(beam, False)
+    kappas = roots(*beam.ends, count)
+    return frequency_hz(np.array(kappas), beam.length_m, bending, mass)
+
+
+def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
+    """Pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200; TWR of waves asked for in displacement."""
+    length = data.beam.length_m
+    variants = [(length / share, quality_factor) for share in (6.0, 6.5, 7.0) for quality_factor in (20.0, 50.0, 200.0)]
+    drives = []
+    for pitch, quality_factor in variants:
+        beam = replace(
+            data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality_factor=quality_factor
+        )
+        model = patched("variant", beam, data.modes, data.calibrate_near_hz)
+        wavelengths = np.linspace(*data.wavelengths_m)
+        twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
+        matrices = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
+        best = int(np.argmax(twr))
+        drives.append(Choice(pitch, quality_factor, matrices, float(twr[best]), float(wavelengths[best])))
+    return tuple(drives)
+
+
+# -- document ----------------------------------------------------------------------------------------------------------
+
+
+def document(study: ShapingStudy) -> dict[str, Any]:
+    """Everything the study holds, in SI; complex numbers as {abs, phase_rad}."""
+    data = study.data
+    return {
+        "schema": 1,
+        "assumptions": list(ASSUMPTIONS),
+        "errors_assumed": asdict(data.errors),
+        "limit_v": data.limit_v,
+        "beams": [_beam(one) for one in study.beams],
+        "conditioning": [
+            {
+                "beam": name,
+                "signal": signal,
+                "best_hz": operating_frequencies(scan).tolist(),
+                "frequencies_hz": scan.frequencies_hz.tolist(),
+                "condition": scan.condition.tolist(),
+                "coupling": scan.coupling.tolist(),
+                "independence": (1.0 - scan.coupling).tolist(),
+            }
+            for (name, signal), scan in study.scans.items()
+        ],
+        "choices": [_choice(one) for one in study.choices],
+        "confinement": [asdict(one) for one in study.confinements],
+        "travelling": [_travelling(one) for one in study.travelling],
+        "errors": [
+            {"beam": name, "signal": signal, **{key: quantiles(values) for key, values in vars(trials).items()}}
+            for (name, signal), trials in study.trials.items()
+        ],
+        "filter": _filter_document(study),
+        "mode_pairs": _pairs(study),
+        "passive_and_active": [{"beam": name, **one.to_dict()} for name, one in study.resonators.items()],
+    }
+
+
+def _filter_document(study: ShapingStudy) -> dict[str, Any]:
+    data = study.data
+    return {
+        "inductance_h": study.filter.inductance_h,
+        "resistance_ohm": study.filter.resistance_ohm,
+        "capacitance_f": study.filter.capacitance_f,
+        "corner_hz": study.filter.corner_hz,
+        "pwm_ripple": abs(study.filter.response(data.pwm_hz)),
+        "compensation": [
+            {"frequency_hz": f, **_complex(np.array(study.filter.compensation(f)))} for f in data.frequencies_hz
+        ],
+        "compensation_error_of_moving_patches": study.filter_error,
+    }
+
+
+def _pairs(study: ShapingStudy) -> list[dict[str, Any]]:
+    return [
+        {
+            "beam": name,
+            "modes": [pair.modes[0] + 1, pair.modes[1] + 1],
+            "frequency_hz": pair.frequency_hz,
+            "twr": pair.twr,
+            "twr_of_the_two_modes_alone": pair.alone,
+            "wavenumber_rad_m": pair.wavenumber,
+            "voltages_relative": _complex(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
+        }
+        for name, pair in study.pairs.items()
+    ]
+
+
+def _beam(model: ShapedBeam) -> dict[str, Any]:
+    beam, table = model.beam, model.table
+    shape = table.field[:8, :LINE]
+    peaks = (np.abs(shape[:, 1:-1]) > np.abs(shape[:, :-2])) & (np.abs(shape[:, 1:-1]) >= np.abs(shape[:, 2:]))
+    calibration = model.calibration
+    return {
+        "name": model.name,
+        "length_m": beam.length_m,
+        "width_m": beam.width_m,
+        "thickness_m": beam.thickness_m,
+        "material": beam.material.name,
+        "piezo": beam.piezo.name,
+        "centres_m": list(beam.centres_m),
+        "quality_factor": beam.quality_factor,
+        "modes_hz": table.frequencies_hz[:8].tolist(),
+        "antinodes": peaks.sum(axis=1).tolist(),
+        "bare_modes_hz": bare_modes_hz(beam, 8).tolist(),
+        "calibration": None
+        if calibration is None or model.calibrated_on is None
+        else {
+            "mode_hz": float(table.frequencies_hz[model.calibrated_on]),
+            "m_per_v": _complex(calibration.factor),
+            "common_phase_rad": calibration.common_phase,
+        },
+    }
+
+
+def _choice(one: Choice) -> dict[str, Any]:
+    return {
+        "pitch_m": one.pitch_m,
+        "quality_factor": one.quality_factor,
+        "peak_twr": one.peak_twr,
+        "peak_wavelength_m": one.peak_wavelength_m,
+        **{
+            signal: {"condition": coupling.condition, "independence": coupling.independence}
+            for signal, coupling in one.conditioning.items()
+        },
+    }
+
+
+def _travelling(one: Travelling) -> dict[str, Any]:
+    ratio = float(one.twr[one.peak])
+    return {
+        "beam": one.beam,
+        "signal": one.signal,
+        "frequency_hz": one.frequency_hz,
+        "window_m": list(one.window_m),
+        "free_wavelength_m": one.free_wavelength_m,
+        "wavelengths_m": one.wavelengths_m.tolist(),
+        "twr": one.twr.tolist(),
+        "swr": (1.0 - one.twr).tolist(),
+        "fitted_twr": one.fitted_twr.tolist(),
+        "peak": {
+            "wavelength_m": float(one.wavelengths_m[one.peak]),
+            "twr": ratio,
+            "forward_energy_share": forward_energy_share(ratio),
+            "net_flux_over_forward": net_flux_share(ratio),
+        },
+        "free": {
+            "twr": one.best_twr,
+            "fitted_twr": one.best_fit,
+            "near_field_share": one.best_residual,
+            "voltages_relative": _complex(one.best_voltages),
+        },
+    }
+
+
+def _complex(values: ComplexArray) -> dict[str, Any]:
+    return {"abs": np.abs(values).tolist(), "phase_rad": np.angle(values).tolist()}

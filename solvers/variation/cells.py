@@ -1,0 +1,333 @@
+"""Families of cells for pillars that are taller, wider or moved, and a plate's reductions by them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations, product
+from typing import Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from geometry.elements import FloatArray, IntArray
+from geometry.hex.moved import FLUSH_M, PillarChange, VariedPanel
+from geometry.hex.scenes import HexSettings
+from geometry.layout import PLAIN, Pillar, region_materials
+from geometry.materials import Material
+from geometry.mesh import Mesh, check_mesh
+from geometry.tiling import Panel, Signature, signature
+from solvers.errors import SolverError
+from solvers.fem.assembly import Scale, System, assemble
+from solvers.plates.assembled import Reductions
+from solvers.superelement.cell import Cell
+from solvers.superelement.interface import Interface
+from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
+
+# -- families ----------------------------------------------------------------------------------------------------------
+# A pillar's cell as a function of its pillar: K_r and M_r for another height, side and place of the foot.
+# The mesh keeps its topology: its nodes move with the foot and with the pillar's height, the cell's own sides stay. u
+# = Psi(p) b + Phi(p) m, with the constraint shapes of the moved mesh and Phi(p) = K_II^-1 M_II Phi_0 Lambda_0, one
+# inverse iteration there on the unmoved mesh's fixed-interface modes, node by node, made orthonormal: modes of their
+# own but for the second order, and smooth in p whatever modes cross. K_r(p) and M_r(p) are interpolated between such
+# reductions by quadratic Lagrange polynomials on {-reach, 0, reach}: height and side together, each coordinate of the
+# foot for itself, and the products of a coordinate with every other parameter from the one reduction where both are a
+# reach off. A further reduction of a pillar that is off in every way at once tells what this misses.
+
+HEIGHT, SIDE, X, Y = range(4)  # the parameters of a pillar, m
+CHECKED = 2.0 / 3.0  # of the reach of every parameter: where interpolation is compared with a reduction
+Node = tuple[int, int, int, int]  # -1, 0 or 1 reaches along each parameter
+Pair = tuple[FloatArray, FloatArray]
+
+
+@dataclass(frozen=True)
+class CellFamily:
+    """A cell and what K_r and M_r change by at the nodes of the interpolation, in the cell's degrees of freedom and scale.
+
+    reach_m (4,): how far height, side, x and y go from the nominal pillar on either side; 0 where nothing varies. missed: what
+    a reduction at `checked_m` has more than is interpolated there, of K_r and of M_r.
+    """
+
+    cell: Cell
+    reach_m: FloatArray
+    nodes: tuple[Node, ...]
+    stiffness: FloatArray
+    mass: FloatArray
+    missed: Pair
+
+    @property
+    def checked_m(self) -> FloatArray:
+        """The pillar whose reduction was compared with what is interpolated, (4,) m from the nominal one."""
+        return CHECKED * self.reach_m
+
+    def weights(self, change_m: FloatArray) -> FloatArray:
+        """Factors (..., nodes) of the nodes' changes for pillars (..., 4) in m. SolverError beyond the reach."""
+        reach = np.where(self.reach_m > 0.0, self.reach_m, 1.0)
+        t = np.asarray(change_m) / reach
+        if (np.abs(t) > 1.0 + 1e-9).any() or (np.asarray(change_m)[..., self.reach_m == 0.0] != 0.0).any():
+            raise SolverError(
+                f"a pillar differs by {change_m} m from the nominal one: interpolated up to {self.reach_m}"
+            )
+        lagrange = {-1: t * (t - 1.0) / 2.0, 0: 1.0 - t * t, 1: t * (t + 1.0) / 2.0}
+        columns = []
+        for node in self.nodes:
+            off = [axis for axis in range(4) if node[axis]]
+            if is_product(node):
+                columns.append(np.prod(t[..., off], axis=-1))
+                continue
+            used = [HEIGHT, SIDE] if off[0] in (HEIGHT, SIDE) else off
+            columns.append(np.prod([lagrange[node[axis]][..., axis] for axis in used], axis=0))
+        return np.stack(columns, axis=-1) if columns else np.zeros((*t.shape[:-1], 0))
+
+    def at(self, change_m: FloatArray) -> Pair:
+        """K_r and M_r of one pillar, (4,) in m from the nominal one."""
+        weights = self.weights(change_m)
+        return (
+            self.cell.stiffness + np.tensordot(weights, self.stiffness, axes=1),
+            self.cell.mass + np.tensordot(weights, self.mass, axes=1),
+        )
+
+
+def nodes_of(reach_m: FloatArray) -> tuple[Node, ...]:
+    """Nodes besides the nominal one: height and side on a grid, x and y each on its own line, then those of the products."""
+    steps = [(-1, 0, 1) if reach > 0.0 else (0,) for reach in reach_m]
+    grid = [(a, b, 0, 0) for a in steps[HEIGHT] for b in steps[SIDE] if (a, b) != (0, 0)]
+    lines: list[Node] = [(0, 0, a, 0) for a in steps[X] if a]
+    lines += [(0, 0, 0, a) for a in steps[Y] if a]
+    varied = [axis for axis in range(4) if reach_m[axis] > 0.0]
+    pairs = [pair for pair in combinations(varied, 2) if pair != (HEIGHT, SIDE)]
+    return (*grid, *lines, *(_node(pair) for pair in pairs))
+
+
+def is_product(node: Node) -> bool:
+    """Whether a node stands for the product of two parameters, one of them a place of the foot."""
+    return sum(map(bool, node)) == 2 and bool(node[X] or node[Y])
+
+
+def _node(ones: Sequence[int]) -> Node:
+    """The node one reach off in these parameters."""
+    a, b, c, d = (int(axis in ones) for axis in range(4))
+    return a, b, c, d
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What every panel of a plate shares: thickness (m), materials, pillar, boundary functions, modes' limit, mesh."""
+
+    thickness_m: float
+    material: Material
+    pillar: Pillar
+    interface: Interface
+    top_hz: float
+    hexahedra: HexSettings
+
+
+def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None) -> CellFamily:
+    """Reduce a panel at every node. SolverError for a pillar that cannot grow as a whole, MeshError for one that reaches out of
+    its panel.
+
+    `coarser` takes the mesh's error from the nominal cell; what varies keeps that of its mesh, which it hardly changes.
+    """
+    if not setting.pillar.is_plain or panel.foot is None:
+        raise SolverError(f"only {PLAIN} can be varied")
+    sampler = _Sampler(setting, panel)
+    reach = np.asarray(reach_m, dtype=float)
+    nodes = nodes_of(reach)
+    zero = sampler.matrices(np.zeros(4))
+    for one, other in zip(zero, (sampler.cell.stiffness, sampler.cell.mass), strict=True):
+        if np.abs(one - other).max() > 1e-8 * np.abs(other).max():
+            raise SolverError("the unvaried pillar's cell is not the nominal one")
+    changes: dict[Node, Pair] = {}
+    for node in nodes:
+        changes[node] = sampler.change(node, reach, changes)
+    size = sampler.cell.dof
+    stacked = [np.array([pair[i] for pair in changes.values()]).reshape(len(nodes), size, size) for i in (0, 1)]
+    none = np.zeros_like(zero[0]), np.zeros_like(zero[1])
+    family = CellFamily(sampler.cell, reach, nodes, stacked[0], stacked[1], none)
+    checked = zip(sampler.matrices(family.checked_m), family.at(family.checked_m), strict=True)
+    stiffer, heavier = (own - interpolated for own, interpolated in checked)
+    cell = coarser(sampler.cell, sampler.build, sampler.parts) if coarser else sampler.cell
+    return replace(family, cell=cell, missed=(stiffer, heavier))
+
+
+class _Sampler:
+    """Reductions of one piece on moved meshes, in the degrees of freedom of its nominal cell."""
+
+    def __init__(self, setting: Setting, panel: Panel) -> None:
+        self.setting, self.panel = setting, panel
+        nominal = self._system(self._varied(()).still)
+        self.build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
+        self.parts = self.build.classes(setting.top_hz)
+        self.cell: Cell = self.build.join(self.parts)
+        self.nodes = nominal.mesh.nodes
+
+    def change(self, node: Node, reach_m: FloatArray, before: dict[Node, Pair]) -> Pair:
+        """K_r and M_r at a node less the nominal ones, at a product's less what either of its parameters changes alone, too.
+
+        A foot moved back is the mirror image of one moved on.
+        """
+        height, side, x, y = node
+        if is_product(node):
+            alone = [before[_node([axis])] for axis in range(4) if node[axis]]
+            both = self._difference(node, reach_m)
+            return both[0] - alone[0][0] - alone[1][0], both[1] - alone[0][1] - alone[1][1]
+        for axis, moved, twin in ((0, x, (height, side, -x, y)), (1, y, (height, side, x, -y))):
+            if moved and twin in before and axis in self.panel.halved:
+                return self._mirrored(before[twin], axis)
+        return self._difference(node, reach_m)
+
+    def _difference(self, node: Node, reach_m: FloatArray) -> Pair:
+        varied = self.matrices(np.array(node) * reach_m)
+        return varied[0] - self.cell.stiffness, varied[1] - self.cell.mass
+
+    def _mirrored(self, pair: Pair, axis: int) -> Pair:
+        where, sign = self.cell.interface.mirror(axis)
+        modes = np.arange(len(where), self.cell.dof)
+        where = np.concatenate([where, modes])
+        sign = np.concatenate([sign, self.cell.fixed_parity[:, axis]])
+        one, two = (matrix[np.ix_(where, where)] * np.outer(sign, sign) for matrix in pair)
+        return one, two
+
+    def matrices(self, change_m: FloatArray) -> Pair:
+        """K_r and M_r over [boundary degrees of freedom, the nominal cell's fixed-interface modes]."""
+        kept = tuple(axis for axis in self.panel.halved if change_m[X + axis] == 0.0)
+        opened = [axis for axis in self.panel.halved if axis not in kept]
+        varied = self._varied(opened)
+        still, moved = varied.still, self._system(varied.moved(PillarChange(*np.asarray(change_m, dtype=float))))
+        build = CellBuilder(moved, self.setting.interface, kept, self.panel.free)
+        stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
+        for signs in product((1, -1), repeat=len(kept)):
+            wanted = dict(zip(kept, signs, strict=True))
+            modes, fixed = self._fixed(still, opened, wanted)
+            stiff, heavy = self._of_class(build, wanted, modes, fixed)
+            stiffness += stiff
+            mass += heavy
+        return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
+
+    def _of_class(
+        self, build: CellBuilder, signs: dict[int, int], modes: IntArray, fixed: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """K_r and M_r of one symmetry class, whose factor and shapes end here: `modes` of the nominal cell, shapes (3n, m)."""
+        moved, cell = build.system, self.cell
+        clamped, eigenvalue = build.clamp(signs), moved.scale.eigenvalue(1.0) * cell.fixed_hz[modes] ** 2
+        carried = _prolonged_modes(build, clamped, fixed, eigenvalue)
+        gram = build.copies / self.build.copies * weighted(carried, moved.mass)
+        shapes = np.hstack([clamped.shapes, carried @ _orthonormal(gram, eigenvalue)])
+        width = clamped.basis.shape[1]
+        place = np.zeros((cell.dof, shapes.shape[1]))
+        place[: len(clamped.basis), :width] = clamped.basis
+        place[cell.interface.count + modes, width + np.arange(len(modes))] = 1.0
+        stiffness = build.copies * place @ (shapes.T @ (moved.stiffness @ shapes)) @ place.T
+        return stiffness, build.copies * place @ weighted(shapes, moved.mass) @ place.T
+
+    def _varied(self, opened: Sequence[int]) -> VariedPanel:
+        setting = self.setting
+        return VariedPanel(self.panel, setting.thickness_m, setting.pillar, setting.hexahedra, tuple(opened))
+
+    def _system(self, mesh: Mesh) -> System:
+        setting = self.setting
+        check_mesh(mesh)
+        scale = Scale(setting.thickness_m, setting.material.young_pa, setting.material.density_kg_m3)
+        return assemble(mesh, region_materials(setting.material, setting.pillar), scale)
+
+    def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[IntArray, FloatArray]:
+        """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
+        from scipy.spatial import cKDTree  # slow to import, and a family from the cache needs none
+
+        folded = still.nodes.copy()
+        folded[:, opened] = np.abs(folded[:, opened])
+        distance, source = cKDTree(self.nodes).query(folded)
+        if distance.max() > FLUSH_M:
+            raise SolverError("an unfolded mesh is not the mirror image of its half")
+        numbers, columns, start = [], [], 0
+        for part in self.parts:
+            count = len(part.fixed_hz)
+            if all(part.signs[axis] == sign for axis, sign in signs.items()):
+                field = part.shapes[:, part.basis.shape[1] :].reshape(len(self.nodes), 3, count)[source]
+                for axis in opened:
+                    beyond = still.nodes[:, axis] < 0.0
+                    flip = np.full(3, float(part.signs[axis]))
+                    flip[axis] *= -1.0
+                    field[beyond] *= flip[None, :, None]
+                numbers.append(start + np.arange(count))
+                columns.append(field.reshape(-1, count))
+            start += count
+        return np.concatenate(numbers), np.hstack(columns)
+
+
+def _prolonged_modes(
+    build: CellBuilder, clamped: ClampedBoundaryClass, fixed: FloatArray, eigenvalue: FloatArray
+) -> FloatArray:
+    """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
+    nodes = len(build.system.mesh.nodes)
+    heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
+    return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
+
+
+def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
+    """What makes modes of this Gram matrix orthonormal, each of those below it: L^-T of G = L L^T in the order of eigenvalues.
+
+    Inverse iteration swells what a mode has of those below it and shrinks what it has of those above: lower ones stay clean.
+    """
+    upwards = np.argsort(eigenvalue, kind="stable")
+    sorted_in = np.ix_(upwards, upwards)
+    turn = np.zeros_like(gram)
+    turn[sorted_in] = solve_triangular(np.linalg.cholesky(gram[sorted_in]), np.eye(len(gram)), lower=True).T
+    return turn
+
+
+# -- reductions of a plate ---------------------------------------------------------------------------------------------
+# Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels as ever.
+
+
+class ParametricCellCache(Protocol):
+    """Where families are kept between runs."""
+
+    def get(self, key: str) -> CellFamily | None:
+        """A family kept under this key, or None."""
+        ...
+
+    def put(self, key: str, family: CellFamily) -> None:
+        """Keep a family."""
+        ...
+
+
+@dataclass
+class VariedReductions(Reductions):
+    """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
+
+    reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    parametric_cache: ParametricCellCache | None = None
+    families: dict[Signature, CellFamily] = field(default_factory=dict)
+
+    def cell(self, panel: Panel) -> Cell:
+        """The nominal cell of a panel. SolverError for pillars that cannot grow as a whole."""
+        if not panel.foot:
+            return super().cell(panel)
+        if signature(panel) not in self.families:
+            self.families[signature(panel)] = self._family(panel)
+        return self.families[signature(panel)].cell
+
+    def _family(self, panel: Panel) -> CellFamily:
+        pillar = self.pillar_of(panel)
+        if pillar is None or self.mesher is not None:
+            raise SolverError(f"only {PLAIN} meshed by hexahedra can be varied")
+        key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
+        kept = self.parametric_cache.get(key) if self.parametric_cache else None
+        if kept is not None:
+            self.reused += 1
+            return kept
+        setting = Setting(
+            self.thickness_m,
+            self.material,
+            pillar,
+            self.reduction.interface,
+            self.reduction.top_hz,
+            self.reduction.hexahedra,
+        )
+        family = cell_family(setting, panel, np.array(self.reach_m), self.coarser(panel))
+        self.fresh += 1
+        if self.parametric_cache:
+            self.parametric_cache.put(key, family)
+        return family

@@ -1,0 +1,338 @@
+"""Complex band structure of rows of cells at real frequencies, and rows between two half-plates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+
+import numpy as np
+from scipy.linalg import eig, lu_factor, lu_solve
+
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from solvers.errors import SolverError
+from solvers.superelement.cell import Cell
+
+# -- waves across rows -------------------------------------------------------------------------------------------------
+# ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
+# One row's dynamic stiffness D = K - w^2 M, less what the fixed-interface modes left out take (`ResidualModes`), is
+# condensed to its lower and upper edge; u(y + p) = lambda u(y) asks that the edges' forces balance. A row that is its
+# own mirror image splits into symmetric and antisymmetric motion, and the Cayley variable tau = (1 - lambda)/(1 +
+# lambda) turns the problem into a linear pencil in tau^2 of half the size: waves come in exact pairs k, -k, and no
+# transfer matrix is formed (mead1973, zhong1995).
+
+PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
+MIRROR = 1e-9  # relative: how far a row may be from its mirror image
+TINY = 1e-150
+MAX_KEPT = 128  # frequencies of a row that keeps its waves, the oldest let go: less than a megabyte each
+
+
+@dataclass(frozen=True)
+class RowStiffness:
+    """A row's dynamic stiffness between its lower (b) and upper (t) edge at one frequency, in the units of the cell."""
+
+    bb: ComplexArray
+    bt: ComplexArray
+    tb: ComplexArray
+    tt: ComplexArray
+
+
+@dataclass(frozen=True)
+class RowWaves:
+    """The waves that go or decay towards +y, the least decaying first.
+
+    factor (n,): lambda, |lambda| <= 1; edge (m, n): displacements of the lower edge; force (m, n): forces on it;
+    degrees of freedom (cell dof, n); flux (n,): power upwards, Im(force^H edge)/2, in scaled units over w (0 for
+    decaying waves); stiffness: the row's own between its edges.
+    """
+
+    factor: ComplexArray
+    edge: ComplexArray
+    force: ComplexArray
+    dofs: ComplexArray
+    flux: FloatArray
+    pitch_m: float
+    stiffness: RowStiffness
+
+    @property
+    def wavenumber_per_m(self) -> ComplexArray:
+        """k_y with lambda = exp(i k_y p); a decaying wave has Im k_y > 0, and |Re k_y| <= pi/p."""
+        return np.asarray(-1j * np.log(np.where(self.factor == 0.0, TINY, self.factor)) / self.pitch_m)
+
+    @property
+    def db_per_row(self) -> FloatArray:
+        """Decay over one row, -20 log10|lambda|, dB."""
+        return np.asarray(-20.0 * np.log10(np.maximum(np.abs(self.factor), TINY)))
+
+
+class Row:
+    """One cell repeated along x with a fixed phase exp(i k_x p_x); its edges y- and y+ are free to meet neighbours."""
+
+    def __init__(self, cell: Cell, kx_per_m: float) -> None:
+        self.cell, self.kx = cell, kx_per_m
+        face = cell.interface
+        self.edge = face.vertex_block + face.side_block
+        self.inner = face.side_block + len(cell.fixed_hz)
+        self.transform = self._transform(np.exp(1j * kx_per_m * cell.size_m[0]))
+
+    @cached_property
+    def stiffness(self) -> ComplexArray:
+        """Hermitian K of [lower edge, upper edge, inner]."""
+        return np.asarray(self.transform.conj().T @ (self.cell.stiffness @ self.transform))
+
+    @cached_property
+    def mass(self) -> ComplexArray:
+        """Hermitian M of the same."""
+        return np.asarray(self.transform.conj().T @ (self.cell.mass @ self.transform))
+
+    @cached_property
+    def flexibility(self) -> ComplexArray:
+        """Hermitian residual flexibility of the fixed-interface modes left out, of the same."""
+        return np.asarray(self.transform.conj().T @ (self.cell.on_boundary(self.cell.dropped) @ self.transform))
+
+    def _transform(self, phase: complex) -> ComplexArray:
+        """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
+        face, out = self.cell.interface, np.zeros((self.cell.dof, 2 * self.edge + self.inner), dtype=complex)
+        for row, (near, far, side) in enumerate(((0, 1, 2), (2, 3, 3))):
+            start = row * self.edge
+            columns = start + np.arange(face.vertex_block)
+            out[face.vertex(near), columns], out[face.vertex(far), columns] = 1.0, phase
+            out[face.side(side), start + face.vertex_block + np.arange(face.side_block)] = 1.0
+        columns = 2 * self.edge + np.arange(face.side_block)
+        out[face.side(0), columns], out[face.side(1), columns] = 1.0, phase
+        modes = np.arange(len(self.cell.fixed_hz))
+        out[face.count + modes, 2 * self.edge + face.side_block + modes] = 1.0
+        return out
+
+    @cached_property
+    def mirror_sign(self) -> FloatArray:
+        """What the mirror y -> -y does to an edge's degrees of freedom: -1 for u_y."""
+        sign = np.ones(self.edge)
+        sign[1::3] = -1.0
+        return sign
+
+    def condensed(self, frequency_hz: float) -> tuple[RowStiffness, ComplexArray]:
+        """Stiffness between the edges, and the inner degrees of freedom (inner, 2 m) per unit of the edges' motion.
+
+        Raises SolverError where the frequency falls on a resonance of the row with both edges clamped.
+        """
+        value = self.cell.scale.eigenvalue(frequency_hz)
+        dynamic = self.stiffness - value * self.mass - float(self.cell.residual.softening(value)) * self.flexibility
+        n = 2 * self.edge
+        inner, coupling = dynamic[n:, n:], dynamic[n:, :n]
+        factors = lu_factor(inner)
+        pivots = np.abs(np.diag(factors[0]))
+        if pivots.min() < 1e-13 * pivots.max():
+            raise SolverError(
+                f"{frequency_hz:.6g} Hz is a resonance of the row with its edges clamped: move it a little"
+            )
+        follow = -lu_solve(factors, coupling)
+        edges = dynamic[:n, :n] + dynamic[:n, n:] @ follow
+        edges = (edges + edges.conj().T) / 2.0
+        m = self.edge
+        return RowStiffness(edges[:m, :m], edges[:m, m:], edges[m:, :m], edges[m:, m:]), np.asarray(follow)
+
+    def waves(self, frequency_hz: float) -> RowWaves:
+        """Every wave towards +y at a frequency in Hz: as many as an edge has degrees of freedom. Errors as condensed."""
+        if not frequency_hz > 0.0:
+            raise SolverError(f"frequency = {frequency_hz} Hz: must be above 0")
+        try:
+            stiffness, follow = self.condensed(frequency_hz)
+        except SolverError:
+            stiffness, follow = self.condensed(frequency_hz * (1.0 + 1e-9))
+        factor, edge = _paired(stiffness, self.mirror_sign) if self._symmetric(stiffness) else _general(stiffness)
+        force = stiffness.bb @ edge + stiffness.bt @ (edge * factor)
+        flux = np.imag(np.einsum("ik,ik->k", force.conj(), edge)) / 2.0
+        decaying = np.abs(np.log(np.maximum(np.abs(factor), TINY))) > PROPAGATING
+        factor, edge, force, flux = _upwards(factor, edge, force, flux, decaying, stiffness, self.mirror_sign)
+        motion = np.vstack([edge, edge * factor])
+        dofs = self.transform @ np.vstack([motion, follow @ motion])
+        order = np.argsort(-np.abs(factor), kind="stable")
+        return RowWaves(
+            factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], self.cell.size_m[1], stiffness
+        )
+
+    def _symmetric(self, d: RowStiffness) -> bool:
+        sign = self.mirror_sign
+        size = np.abs(d.bb).max()
+        same = np.abs(sign[:, None] * d.bb * sign - d.tt).max() + np.abs(sign[:, None] * d.bt * sign - d.tb).max()
+        return bool(same < MIRROR * size)
+
+
+class KeptRow(Row):
+    """A row that keeps its waves by frequency: the plate beside the rows is the same whatever pillars stand on it."""
+
+    def __init__(self, cell: Cell, kx_per_m: float) -> None:
+        super().__init__(cell, kx_per_m)
+        self._known: dict[float, RowWaves] = {}
+
+    def waves(self, frequency_hz: float) -> RowWaves:
+        """As those of any row."""
+        if frequency_hz not in self._known:
+            if len(self._known) >= MAX_KEPT:
+                self._known.pop(next(iter(self._known)))
+            self._known[frequency_hz] = super().waves(frequency_hz)
+        return self._known[frequency_hz]
+
+    @property
+    def same(self) -> tuple[object, ...]:
+        """What two rows with the same waves have in common."""
+        cell = self.cell
+        matrices = (each.tobytes() for each in (cell.stiffness, cell.mass, cell.dropped))
+        return self.kx, cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *matrices
+
+
+def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """A row that is its own mirror image: eigenvalues tau^2 of a pencil of the edge's size, lambda = (1-tau)/(1+tau).
+
+    With q = (a, b) by the sign under the mirror, K_s = D_bb + D_bt S, K_t = D_bb - D_bt S, G = (K_t - K_s)_ab:
+    [K_s,aa  -G; 0  K_t,bb] (a, tau b) = tau^2 [K_t,aa  0; -G^H  K_s,bb] (a, tau b).
+    """
+    even, odd = np.flatnonzero(sign > 0), np.flatnonzero(sign < 0)
+    together, apart = d.bb + d.bt * sign, d.bb - d.bt * sign
+    coupling = apart[np.ix_(even, odd)] - together[np.ix_(even, odd)]
+    left = _blocks(together, -coupling, None, apart, even, odd)
+    right = _blocks(apart, None, -coupling.conj().T, together, even, odd)
+    scale = np.abs(left).max()
+    (alpha, beta), vectors = eig(left / scale, right / scale, homogeneous_eigvals=True)
+    root = _root(alpha, beta)
+    tau_over, one = root  # tau = tau_over / one, kept as a ratio where it is infinite
+    factor = (one - tau_over) / (one + tau_over)
+    edge = np.empty((len(sign), len(factor)), dtype=complex)
+    edge[even] = vectors[: len(even)] * tau_over
+    edge[odd] = vectors[len(even) :] * one
+    still = np.abs(tau_over) < 1e-9 * np.abs(one)  # lambda = 1: the even part cannot be had from the ratio
+    edge[np.ix_(even, np.flatnonzero(still))] = vectors[: len(even), still]
+    return factor, edge / np.linalg.norm(edge, axis=0)
+
+
+def _root(alpha: ComplexArray, beta: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """tau = sqrt(alpha/beta) with Re tau >= 0 as numerator and denominator of like size."""
+    size = np.maximum(np.abs(alpha), np.abs(beta))
+    alpha, beta = alpha / size, beta / size
+    small = np.abs(beta) < np.abs(alpha)
+    inverse = np.sqrt(np.where(small, beta / np.where(small, alpha, 1.0), 1.0))
+    direct = np.sqrt(np.where(small, 1.0, alpha / np.where(small, 1.0, beta)))
+    return np.where(small, 1.0, direct), np.where(small, inverse, 1.0)
+
+
+def _blocks(
+    first: ComplexArray,
+    upper: ComplexArray | None,
+    lower: ComplexArray | None,
+    last: ComplexArray,
+    even: IntArray,
+    odd: IntArray,
+) -> ComplexArray:
+    out = np.zeros((len(even) + len(odd),) * 2, dtype=complex)
+    out[: len(even), : len(even)] = first[np.ix_(even, even)]
+    out[len(even) :, len(even) :] = last[np.ix_(odd, odd)]
+    if upper is not None:
+        out[: len(even), len(even) :] = upper
+    if lower is not None:
+        out[len(even) :, : len(even)] = lower
+    return out
+
+
+def _general(d: RowStiffness) -> tuple[ComplexArray, ComplexArray]:
+    """Any row: the quadratic pencil (lambda^2 D_bt + lambda (D_bb + D_tt) + D_tb) q = 0, waves with |lambda| <= 1."""
+    m = len(d.bb)
+    scale = np.abs(d.bb).max()
+    zero, one = np.zeros((m, m)), np.eye(m)
+    left = np.block([[zero, one], [-d.tb / scale, -(d.bb + d.tt) / scale]])
+    right = np.block([[one, zero], [zero, d.bt / scale]])
+    (alpha, beta), vectors = eig(left, right, homogeneous_eigvals=True)
+    order = np.argsort(np.abs(alpha) / np.maximum(np.abs(beta), TINY), kind="stable")
+    inner = order[: np.count_nonzero(np.abs(alpha) <= np.abs(beta) * (1.0 + 10.0 * PROPAGATING))]
+    edge = vectors[:m, inner]
+    return alpha[inner] / beta[inner], edge / np.linalg.norm(edge, axis=0)
+
+
+def _upwards(
+    factor: ComplexArray, edge: ComplexArray, force: ComplexArray, flux: FloatArray, decaying: BoolArray, d: RowStiffness,
+    sign: FloatArray,
+) -> tuple[ComplexArray, ComplexArray, ComplexArray, FloatArray]:  # fmt: skip
+    """Of each propagating pair the one that carries energy towards +y; decaying waves keep |lambda| <= 1."""
+    flux = np.where(decaying, 0.0, flux)
+    paired = len(factor) == len(sign)
+    down = ~decaying & (flux < 0.0)
+    if not paired:
+        keep = decaying & (np.abs(factor) < 1.0) | (~decaying & (flux > 0.0))
+        return factor[keep], edge[:, keep], force[:, keep], flux[keep]
+    factor, edge, force, flux = factor.copy(), edge.copy(), force.copy(), flux.copy()
+    # the mirror image of a wave downwards goes upwards: its lower edge is the image of the upper one
+    factor[down] = 1.0 / factor[down]
+    edge[:, down] = sign[:, None] * edge[:, down] / factor[down]
+    force[:, down] = d.bb @ edge[:, down] + d.bt @ (edge[:, down] * factor[down])
+    flux[down] = np.imag(np.einsum("ik,ik->k", force[:, down].conj(), edge[:, down])) / 2.0
+    factor[~decaying] /= np.abs(factor[~decaying])
+    return factor, edge, force, flux
+
+
+# -- rows between half-plates ------------------------------------------------------------------------------------------
+# Rows between two half-plates without end: what of a wave from the zone is reflected, passed, and turned.
+# The rows are joined by their dynamic stiffness (never by transfer matrices); each half-plate answers with the waves
+# that leave: f = F Phi^-1 q. Powers of the propagating waves add up to the incoming one's (mace2005).
+
+
+@dataclass(frozen=True)
+class Scattering:
+    """Shares of the incoming power in each propagating wave of the half-plates, (n,): reflected and transmitted.
+
+    `propagating` holds the indices of those waves among the half-plate's.
+    """
+
+    propagating: list[int]
+    reflected: FloatArray
+    transmitted: FloatArray
+
+
+def stacked(row: RowStiffness, count: int) -> RowStiffness:
+    """Dynamic stiffness of `count` equal rows between the outermost edges, by doubling. SolverError unless count >= 1."""
+    if count < 1:
+        raise SolverError(f"rows = {count}: must be at least 1")
+    total: RowStiffness | None = None
+    power = row
+    while count:
+        if count & 1:
+            total = power if total is None else _joined(total, power)
+        count >>= 1
+        if count:
+            power = _joined(power, power)
+    assert total is not None
+    return total
+
+
+def chain(rows: Iterable[RowStiffness]) -> RowStiffness:
+    """Dynamic stiffness of rows that may differ between the outermost edges, the first one lowest."""
+    return reduce(_joined, rows)
+
+
+def _joined(lower: RowStiffness, upper: RowStiffness) -> RowStiffness:
+    """Two stacks sharing an edge, which carries no outer force."""
+    middle = lower.tt + upper.bb
+    follow = np.linalg.solve(middle, np.hstack([lower.tb, upper.bt]))
+    m = len(middle)
+    down, up = follow[:, :m], follow[:, m:]
+    return RowStiffness(lower.bb - lower.bt @ down, -lower.bt @ up, -upper.tb @ down, upper.tt - upper.tb @ up)
+
+
+def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int) -> Scattering:
+    """A wave of the lower half-plate, index `incoming`, meets the rows; the same plate goes on above them.
+
+    Degrees of freedom r, t of q_0 = phi + S Phi r and q_N = Phi t: -f_phi + S F r + D_bb q_0 + D_bt q_N = 0,
+    D_tb q_0 + D_tt q_N + F t = 0. Raises SolverError when the incoming wave does not propagate.
+    """
+    if not half.flux[incoming] > 0.0:
+        raise SolverError("the incoming wave carries no energy: ask above its cut-off")
+    phi, force = half.edge, half.force
+    image, image_force = sign[:, None] * phi, sign[:, None] * force
+    left = np.block([[image_force + rows.bb @ image, rows.bt @ phi], [rows.tb @ image, rows.tt @ phi + force]])
+    right = np.concatenate([force[:, incoming] - rows.bb @ phi[:, incoming], -rows.tb @ phi[:, incoming]])
+    size = np.abs(left).max(axis=0)
+    answer: ComplexArray = np.linalg.solve(left / size, right) / size
+    count = phi.shape[1]
+    going = [int(i) for i in np.flatnonzero(half.flux > 0.0)]
+    power = half.flux / half.flux[incoming]
+    reflected, transmitted = np.abs(answer[:count]) ** 2 * power, np.abs(answer[count:]) ** 2 * power
+    return Scattering(going, reflected[going], transmitted[going])

@@ -1,0 +1,160 @@
+"""One column of cells at the wanted wavenumber against the assembled plate and against exact waves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+import pytest
+
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
+from solvers.analytic.predesign import free_kx_per_m
+from solvers.fem.eigen import modes_in_band
+from solvers.measures.confinement import measure
+from solvers.measures.wanted_mode import verdict
+from solvers.plates.assembled import PlateModel, Reductions
+from solvers.plates.column import Column, column_panels
+from solvers.plates.strip import strip_modes
+from solvers.superelement.interface import Interface, ReductionSettings
+
+ALUMINIUM = MATERIALS["aluminium"]
+DESIGN = Design(40e-3, 12e-3, 2e-3, 4, ALUMINIUM, Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM), 4e-3, 4e-3, 1, 6e-3)
+REDUCTION = ReductionSettings(Interface(4, 3), 250e3, HexSettings(3, 4e-3, 0, 0.25, 3.15e-3))
+
+
+def reductions(design: Design, reduction: ReductionSettings = REDUCTION) -> Reductions:
+    return Reductions(design.thickness_m, design.material, design.pillar, reduction)
+
+
+@pytest.mark.parametrize("extension_m", [0.0, 1e-3, 6e-3])
+def test_the_pieces_fill_half_the_plate_and_hold_every_row(extension_m: float) -> None:
+    design = replace(DESIGN, rows=2, extension_m=extension_m)
+    panels = column_panels(design, 6e-3)
+    assert panels[0].low[1] == pytest.approx(0.0, abs=1e-12)
+    assert panels[-1].high[1] == pytest.approx(design.half_span_m)
+    assert all(a.high[1] == b.low[1] for a, b in pairwise(panels))
+    feet = [panel.foot[1] for panel in panels if panel.foot]
+    assert feet == pytest.approx(design.row_centres().tolist())
+
+
+def test_at_no_wavenumber_a_bare_column_is_a_free_beam() -> None:
+    """k = 0, no pillars: cylindrical bending of a free plate, first even mode within what shear takes (about 1 %)."""
+    bare = replace(DESIGN, pillar=None, rows=0)
+    span, rigidity = 24e-3, 70e9 * 2e-3**3 / 12.0 / (1.0 - 0.34**2)
+    thin = (4.730040745 / span) ** 2 / (2.0 * pi) * np.sqrt(rigidity / (2700.0 * 2e-3))
+    result = Column(bare, reductions(bare), 0.0).modes(0.7 * thin, 1.05 * thin)
+    flexural = result.frequency_hz[result.confinement.mac > 0.3]
+    assert len(flexural) == 1
+    shear = (pi / (span / 1.5)) ** 2 * (2e-3) ** 2 / 12.0 * (1.0 + 2.4 / (1.0 - 0.34))  # of k^2 (rotation and shear)
+    assert 1.0 - shear < flexural[0] / thin < 1.0
+
+
+def test_a_thin_bare_column_is_the_strip_of_plate_theory() -> None:
+    """The same free strip at the same wavenumber by thin-plate elements: two methods that share no code, 1 % apart beside
+    what rotation and shear take, k^2 h^2 / 24 (1 + 2.4 / (1 - nu)), k^2 = omega sqrt(rho h / D).
+    """
+    bare = replace(DESIGN, pillar=None, rows=0, thickness_m=0.5e-3)
+    kx = free_kx_per_m(bare)
+    thin = strip_modes(bare, 1e3, 40e3)
+    settings = HexSettings(3, 3e-3, 0, 0.25)
+    result = Column(bare, Reductions(0.5e-3, ALUMINIUM, None, replace(REDUCTION, hexahedra=settings)), kx).modes(
+        1e3, 40e3
+    )
+    flexural = [
+        float(result.frequency_hz[np.argmin(np.abs(result.frequency_hz / tone - 1.0))]) for tone in thin.frequency_hz
+    ]
+    assert len(thin.frequency_hz) >= 3
+    rigidity = 70e9 * 0.5e-3**3 / 12.0 / (1.0 - 0.34**2)
+    square = 2.0 * pi * thin.frequency_hz * np.sqrt(2700.0 * 0.5e-3 / rigidity)
+    shear = square * 0.5e-3**2 / 24.0 * (1.0 + 2.4 / (1.0 - 0.34))
+    ratio = np.array(flexural) / thin.frequency_hz
+    assert (ratio < 1.01).all() and (ratio > 0.99 - shear).all() and shear.max() < 0.02
+
+
+def test_driven_at_its_wanted_mode_the_zone_is_confined_as_the_mode() -> None:
+    """With hardly any loss the resonance alone is left: neighbours lie 1 % away or more, and are 1e-5 of it."""
+    column = Column(DESIGN, reductions(DESIGN), 3.5 * pi / DESIGN.length_m)
+    modes = column.modes(28e3, 44e3)
+    at = modes.confinement.wanted.index
+    assert at is not None
+    driven = column.driven(modes.frequency_hz[at : at + 1], 1e7)
+    assert driven.confinement_db[0] == pytest.approx(modes.confinement.confinement_db[at], abs=0.01)
+    assert column.driven(0.97 * modes.frequency_hz[at : at + 1], 1e7).confinement_db[0] != pytest.approx(
+        driven.confinement_db[0], abs=0.01
+    )
+
+
+def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
+    """Equal rows listed one by one are equal rows to the last bit; another height in the second row alone is not."""
+    assert DESIGN.pillar
+    two, other = replace(DESIGN, rows=2), replace(DESIGN.pillar, height_m=5e-3)
+    rough = replace(REDUCTION, interface=Interface(2, 2))
+    pencils = {
+        name: Column(replace(two, graded=graded), reductions(two, rough), 250.0).pencil()[0]
+        for name, graded in (("equal", ()), ("listed", (DESIGN.pillar,) * 2), ("graded", (DESIGN.pillar, other)))
+    }
+    assert (pencils["equal"] == pencils["listed"]).all()
+    assert not np.array_equal(pencils["equal"].shape, pencils["graded"].shape) or (
+        np.abs(pencils["equal"] - pencils["graded"]).max() > 0.0
+    )
+    kinds = [panel.pillar for panel in column_panels(replace(two, graded=(DESIGN.pillar, other)), 6e-3) if panel.foot]
+    assert kinds == [DESIGN.pillar, other]
+
+
+@pytest.mark.slow
+def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
+    """The plate's two ends are left out, nothing else: 2 % in frequency; what is held better there is held better here."""
+    levels = []
+    for height in (5.8e-3, 6.3e-3):
+        assert DESIGN.pillar
+        pillar = replace(DESIGN.pillar, height_m=height)
+        zone = {"length_m": 80e-3, "nodal_lines": 6, "width_m": 20e-3}
+        design = replace(DESIGN, **zone, rows=2, extension_m=8e-3, pillar=pillar)
+        column = Column(design, reductions(design), 5.5 * pi / design.length_m).modes(28e3, 44e3)
+        at = column.confinement.wanted.index
+        assert at is not None
+        around = (0.95 * column.frequency_hz[at], 1.05 * column.frequency_hz[at])
+        model = PlateModel(design, reductions(design))
+        result = modes_in_band(model.pencil("SS"), *around)
+        plate = measure(model.touch("SS", result.vectors), design, "SS")
+        best = verdict(plate.strength, plate.zone_share, plate.mac).index
+        assert best is not None
+        assert column.frequency_hz[at] == pytest.approx(result.frequency_hz[best], rel=0.02)
+        assert column.confinement.mac[at] > 0.95
+        levels.append((column.confinement.confinement_db[at], plate.confinement_db[best]))
+    assert levels[0][0] > levels[1][0] and levels[0][1] > levels[1][1]
+
+
+def test_a_bare_column_of_two_zones_is_the_column_of_one_as_wide() -> None:
+    """Borders that nothing marks: every even mode of the halved column is one of the whole column's, which has odd ones too;
+    both are polynomials of a bare plate, whose cuts lie elsewhere.
+    """
+    one = replace(DESIGN, pillar=None, rows=0, extension_m=14e-3)
+    two = replace(one, zones=2, zone_gap_m=4e-3, extension_m=6e-3)
+    assert one.half_span_m == pytest.approx(two.half_span_m)
+    kx = 3.5 * pi / one.length_m
+    half, whole = (Column(each, reductions(each), kx).solve(20e3, 60e3)[0] for each in (one, two))
+    apart = np.abs(whole[:, None] / half - 1.0).min(axis=0)
+    assert len(half) < len(whole) and apart.max() < 2e-3
+
+
+def test_zones_of_a_column_mirror_each_other_up_to_the_edges() -> None:
+    """Feet flush with both edges of the plate: what ends at one edge ends at the other."""
+    two = replace(DESIGN, zones=2, shared_rows=1, zone_gap_m=2e-3, extension_m=0.0)
+    column = Column(two, reductions(two), 3.5 * pi / two.length_m)
+    assert [panel.free for panel in column.panels if panel.free] == [("y-",), ("y+",)]
+    driven = column.zones(45e3, 75e3, 100.0)
+    assert driven.peak_hz[0] == pytest.approx(driven.peak_hz[1], rel=1e-6)
+    assert driven.level_db[0] == pytest.approx(driven.level_db[1][[1, 0, 2]], abs=1e-3)
+
+
+def test_a_zone_driven_alone_is_the_column_driven() -> None:
+    """One zone by modes about its peak and by all of them: what the others add is of order 1/Q."""
+    column = Column(DESIGN, reductions(DESIGN), 3.5 * pi / DESIGN.length_m)
+    driven = column.zones(45e3, 75e3, 300.0)
+    (level,) = column.driven(driven.peak_hz, 300.0).confinement_db
+    assert driven.confinement_db == pytest.approx(level, abs=20.0 * np.log10(1.0 + 2.0 / 300.0) * 10 ** (level / 20.0))
