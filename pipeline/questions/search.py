@@ -11,7 +11,7 @@ from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column, live
 from pipeline.search.limits import Limits
-from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range, error_of
 from pipeline.units import GRAM, KHZ, MM
 
 if TYPE_CHECKING:
@@ -62,11 +62,20 @@ class FoundDesign(Part):
     frequency_error: float | None = column(NO_ESTIMATE.format("frequency_hz", ", relative"))
     confinement_db: float | None = column("confinement", "dB", error="confinement_error_db")
     confinement_error_db: float | None = column(NO_ESTIMATE.format("confinement_db", ""), "dB")
-    extension_db: float | None = column("level of the zone over the plate beyond the rows", "dB")
+    extension_db: float | None = column(
+        "level of the zone over the plate beyond the rows", "dB", error="extension_error_db"
+    )
+    extension_error_db: float | None = column(NO_ESTIMATE.format("extension_db", ""), "dB")
     mac: float | None = column("modal assurance criterion with the target shape")
-    worst_db: float | None = column("least confinement with all heights as designed, too low and too high", "dB")
+    worst_db: float | None = column(
+        "least confinement with all heights as designed, too low and too high", "dB", error="worst_error_db"
+    )
+    worst_error_db: float | None = column(NO_ESTIMATE.format("worst_db", ""), "dB")
     band_khz: float | None = column("width of the band about the mode in which the rows take 10 dB", "kHz")
-    isolation_db: float | None = column("least level of a driven zone over another one", "dB")
+    isolation_db: float | None = column(
+        "least level of a driven zone over another one", "dB", error="isolation_error_db"
+    )
+    isolation_error_db: float | None = column(NO_ESTIMATE.format("isolation_db", ""), "dB")
     gap_mm: float | None = column("distance of two zones' borders", "mm")
     mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
     violations: list[str] = column("limits that it breaks")
@@ -92,7 +101,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     base: FoundDesign = column("the design as given, as `antinode modes` solves it")
     best: FoundDesign = column("the best design, as `antinode modes` solves it")
     gain_db: float | None = column(
-        "gain of the goal; None where a design has no target mode or the goal is no level", "dB"
+        "gain of the goal; None where a design has no target mode or the goal is no level", "dB", error="gain_error_db"
     )
     gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
     gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
@@ -178,7 +187,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         from pipeline.search.designs import in_words
 
         goal = getattr(design, self._value)
-        error = design.confinement_error_db if goal == design.confinement_db else None
+        error = getattr(design, error_of(self.goal), None)
         return in_words(goal, self._unit, error, design, design.violations)
 
     def lines(self) -> Iterator[str]:

@@ -14,7 +14,7 @@ from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_b
 from pipeline.search.fidelity import FidelityResult, frequency_slack
 from pipeline.search.limits import Limits, mass_kg
 from pipeline.search.space import Space
-from pipeline.search.terms import GOALS, LESS, PLATE, UNITS
+from pipeline.search.terms import GOALS, LESS, PLATE, UNITS, error_of
 
 EVALUATIONS = 16  # assembled plates
 VIOLATION_DB = 1000.0  # dB below any design that keeps the limits
@@ -40,6 +40,7 @@ class Evaluation:
 
     `penalised_objective` ranks designs for the next fidelity, and a local search raises it: the goal, less what a violated
     limit costs the more it is violated, without the slack that a cheap fidelity has before a limit counts as violated.
+    `goal_error_db` is the half-width of the goal's error bar; None for a goal that is no level, and without an estimate.
     """
 
     values: Values
@@ -50,17 +51,12 @@ class Evaluation:
     objective: float
     penalised_objective: float
     unit: str = "dB"
+    goal_error_db: float | None = None
 
     @property
     def keeps(self) -> bool:
         """Whether the design was evaluated and keeps every limit."""
         return self.goal_db is not None and not self.violations
-
-    @property
-    def goal_error_db(self) -> float | None:
-        """Error bar of the goal, dB, where it is the confinement."""
-        is_confinement = self.unit == "dB" and self.goal_db == self.result.confinement_db
-        return self.result.confinement_error_db if is_confinement else None
 
 
 @dataclass(frozen=True)
@@ -132,7 +128,8 @@ def rate(values: Values, result: FidelityResult, settings: Settings, design: Des
     objective = goal if not violated else -VIOLATION_DB * (1.0 + excess)
     penalised_objective = goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict))
     texts = tuple(text for text, _ in violated)
-    return Evaluation(values, result, goal, mass if mass == mass else None, texts, objective, penalised_objective, unit)
+    known, error = mass if mass == mass else None, getattr(result, error_of(settings.goal), None)
+    return Evaluation(values, result, goal, known, texts, objective, penalised_objective, unit, error)
 
 
 def summary(each: Evaluation) -> str:

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from math import ceil, floor
+from math import ceil, floor, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,8 +50,7 @@ class FidelityResult:
 
     With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
 
-    frequency_error (relative) and confinement_error_db are what plates are expected to be off by; `warnings` holds (id, text)
-    of its solve.
+    frequency_error (relative) and the errors in dB are half-widths of error bars; `warnings` holds (id, text) of the solve.
     """
 
     fidelity: str
@@ -67,6 +66,9 @@ class FidelityResult:
     band_khz: float | None = None
     isolation_db: float | None = None
     gap_mm: float | None = None
+    extension_error_db: float | None = None
+    worst_error_db: float | None = None
+    isolation_error_db: float | None = None
 
 
 def frequency_slack(fidelity: str, nodal_lines: int) -> float:
@@ -90,9 +92,18 @@ def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResul
     None where one of the three has no wanted mode.
     """
     results = [evaluated(_taller(case, change)) for change in (0.0, -height_m, height_m)]
-    levels = [result.confinement_db for result in results]
-    known = [level for level in levels if level is not None]
-    return replace(results[0], worst_db=min(known) if len(known) == len(levels) else None)
+    levels = [each.confinement_db for each in results if each.confinement_db is not None]
+    if len(levels) < len(results):
+        return results[0]
+    errors = [each.confinement_error_db for each in results if each.confinement_error_db is not None]
+    bar = _error_of_least(levels, errors) if len(errors) == len(levels) else None
+    return replace(results[0], worst_db=min(levels), worst_error_db=bar)
+
+
+def _error_of_least(values: list[float], errors: list[float]) -> float:
+    """Half-width of the error bar of the least value: where it may lie with every value anywhere within its own bar."""
+    low, high = (min(value + sign * error for value, error in zip(values, errors, strict=True)) for sign in (-1, 1))
+    return max(min(values) - low, high - min(values))
 
 
 def _taller(case: Case, change_m: float) -> Case:
@@ -220,16 +231,20 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
     zones = solve(case, log, band_hz, PEAKS).zones
-    confined = [-zone.passive_db for zone in zones if zone.passive_db is not None]
-    level, _ = worst_of(zones)
+    lowest = min(zones, key=lambda zone: zone.peak_hz)
+    loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
+    level, level_error = worst_of(zones)
     return FidelityResult(
         fidelity,
-        min(zone.peak_hz for zone in zones),
-        min(confined, default=None),
+        lowest.peak_hz,
+        None if loudest.passive_db is None else -loudest.passive_db,
         None,
         min((zone.mac for zone in zones if zone.mac is not None), default=None),
+        frequency_error=lowest.peak_error,
+        confinement_error_db=loudest.passive_error_db,
         warnings=tuple(log.warnings),
         isolation_db=None if level is None else -level,
+        isolation_error_db=level_error,
         gap_mm=case.design.zone_gap_m / MM,
     )
 
@@ -265,7 +280,8 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
     measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
     errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
-    return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings))
+    extension_error = bar.extension_db if bar else None
+    return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings), extension_error_db=extension_error)
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:

@@ -21,6 +21,11 @@ End = float | str | bool  # of a range: a number in the file's unit, or one of t
 MISSING = "must be KEY=LOW:HIGH, such as pillar.height_mm=5:8"
 
 
+def error_of(goal: str) -> str:
+    """Return the name of the error bar of a goal's level."""
+    return f"{GOALS[goal][0].removesuffix('_db')}_error_db"
+
+
 class Range(NamedTuple):
     """A dotted key of the case file and the two ends that it varies between."""
 

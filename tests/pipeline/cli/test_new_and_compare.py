@@ -7,6 +7,7 @@ import csv
 import json
 import re
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -179,10 +180,16 @@ NOT_COMPUTING = {
 
 
 def test_every_computing_command_takes_a_picture_and_a_table() -> None:
-    subs = next(each for each in _parser()._actions if isinstance(each, argparse._SubParsersAction)).choices
-    for name, sub in subs.items():
+    for name, sub in commands(_parser()):
         options = {flag for action in sub._actions for flag in action.option_strings}
         assert ({"--plot", "--csv"} <= options) == (name not in NOT_COMPUTING | {"completion"}), name
+
+
+def commands(parser: argparse.ArgumentParser) -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """Every command by its last word, those of a family each."""
+    for action in parser._actions:
+        for name, sub in action.choices.items() if isinstance(action, argparse._SubParsersAction) else ():
+            yield from [*commands(sub)] or [(name, sub)]
 
 
 def test_what_is_left_out_is_logged_when_asked_for(capsys: pytest.CaptureFixture[str]) -> None:

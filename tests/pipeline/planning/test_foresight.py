@@ -293,7 +293,7 @@ def test_a_driven_plate_holds_more_than_one_class_and_its_patches() -> None:
     case = load_case(REFERENCE, ["tolerance.height_mm=0.05"])
     modes = plan.modes_step(case, Request("plate", band_hz=case.solve.band_hz)).demand
     assert modes
-    response, tolerance = plan.response_step(case, None, 11).demand, plan.tolerance_step(case).demand
+    response, tolerance = plan.response_step(case, None, 11).demand, plan.tolerance_step(case, None).demand
     one = load_case(REFERENCE, ["patches.centres_mm=[[0.0, 0.0]]", "patches.sensors=[]"])
     own = plan.response_step(one, None, 11).demand
     assert own and response and tolerance

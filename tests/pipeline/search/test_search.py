@@ -247,6 +247,15 @@ def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> N
     result = worst(case, 0.2e-3, evaluated)
     assert result.worst_db == pytest.approx(20.0 - 30.0 * 0.3**2)
     assert result.confinement_db == pytest.approx(20.0 - 30.0 * 0.1**2)
+    assert result.worst_error_db is None
+
+    def barred(
+        case: Case,
+    ) -> FidelityResult:  # 17.3 +- 0.1 dB at 6.5 mm, 19.7 +- 3 dB at 6.1 mm: the least may be 16.7 dB
+        is_low = case.design.row_pillars[0].height_m < 6.2e-3
+        return replace(evaluated(case), confinement_error_db=3.0 if is_low else 0.1)
+
+    assert worst(case, 0.2e-3, barred).worst_error_db == pytest.approx(17.3 - 16.7)
     nothing = FidelityResult(COLUMN, None, None, None, None)
     assert worst(case, 0.2e-3, lambda each: nothing).worst_db is None
 
