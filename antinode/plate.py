@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
-from pipeline.case.overrides import apply_overrides, read_toml
 from pipeline.case.plausible import warn_of_doubts
+from pipeline.case.reading import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
 from pipeline.case.tables import (
     Array,
@@ -233,7 +233,7 @@ class Plate(Frozen):
         from html import escape
 
         from pipeline.records.record import DesignRecord
-        from pipeline.report.sketch import sketch
+        from pipeline.report.gallery import sketch
 
         words = f"<p>{escape(repr(self))}</p>"
         whole = {"plate", "zone"} <= self._case.given

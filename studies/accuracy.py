@@ -19,7 +19,7 @@ from pipeline.batch import peak_memory
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
 from pipeline.records.run_log import RunLog
-from pipeline.report.script_page import Page, Section, Table
+from pipeline.report.html import Page, Section, Table
 from solvers.errors import SolverError
 from studies import ladder
 

@@ -21,7 +21,7 @@ from geometry.tiling import Panel
 from pipeline.errors import CommandError
 from pipeline.paths import ROOT
 from pipeline.records.run_log import RunLog
-from pipeline.report.script_page import Page, Section, Table
+from pipeline.report.html import Page, Section, Table
 from solvers.analytic.plate_waves import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble

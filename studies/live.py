@@ -22,7 +22,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
-from pipeline.case.overrides import read_toml
+from pipeline.case.reading import read_toml
 from pipeline.explore.answer import BATCH, Document, Explorer, Scene, compute
 from pipeline.logs import TerminalLog, WarningLog
 from pipeline.models.parametric import BANDS, CellModel, cell_model

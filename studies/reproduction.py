@@ -35,7 +35,7 @@ from pipeline.records import outputs
 from pipeline.records.record import Record
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
-from pipeline.report.thesis import compare
+from pipeline.report.text import compare
 from pipeline.units import UM
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near

@@ -1,4 +1,4 @@
-"""Pictures of the circuit, of one pillar on a beam and of active pillars: the thesis' figures computed again."""
+"""Pictures of the models of `active`: circuit, one pillar, active pillars, one mode's loop, and shaping."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, level, percentage
-from pipeline.units import KHZ, MM, UM
+from pipeline.units import CM, DEGREE, KHZ, MM, MS, UM
+from solvers.shaping.contrast import REGIONS, region_target
+from solvers.shaping.inversion import drive_voltages
 
 if TYPE_CHECKING:
     from solvers.thesis.active_study import ActiveBeamStudy, Case
     from solvers.thesis.circuit import MasonStudy
+    from solvers.thesis.loop_design import DqStudy
     from solvers.thesis.pillar_row import PillarFilter
     from solvers.thesis.scattering import PointForce
+    from solvers.thesis.shaping_study import ShapingStudy
 
 JOINTS = {0: "free end", 1: "at the filter", 2: "between the filters"}
 POINTS = {
@@ -181,3 +185,163 @@ def _sensitivity(study: ActiveBeamStudy) -> ReportFigure:
     )
     alt = f"Confinement by active pillars over gain and over their place; best places: {best}."
     return ReportFigure("active_beam_sensitivity", "What gain and place do", alt, figure, vector=True)
+
+
+def loop_figures(study: DqStudy) -> list[ReportFigure]:
+    """Step, circle, Bode."""
+    return [step(study), circle(study), bode(study)]
+
+
+def step(study: DqStudy) -> ReportFigure:
+    """Figure 2.21 computed, detuned too, and a saturated step for each anti-windup."""
+    figure, (small, large) = style.panels(5.2, 2, 1, sharex=True)
+    for one, colour in zip(study.steps, style.CYCLE, strict=False):
+        time, seen = one.trace.time_s / MS, one.trace.measured / one.reference
+        name = f"{one.name}, {one.detuning_hz:+g} Hz"
+        small.plot(time, seen.real, color=colour, marker=".", ms=3, lw=0.9, label=name)
+        small.plot(time, seen.imag, color=colour, ls=":", lw=0.9)
+    small.axhline(0.95, color=style.GREY, lw=0.7, ls="--")
+    small.axvline(study.data.within_s / MS, color=style.GREY, lw=0.7, ls="--")
+    small.set_title("Small step: U_d (lines with dots) and U_q (dotted)")
+    for one, look in zip(study.windups, style.LOOKS, strict=False):
+        large.plot(one.trace.time_s / MS, np.abs(one.trace.measured) / one.reference, label=one.name, **look)
+    share = study.windups[0].reference / (abs(study.identified.plant.gain) * study.data.drive_limit)
+    title = f"Step to {figure_text(share)} of the amplitude at full drive: the drive meets its limit"
+    large.set(title=title, xlabel="time since the reference changed (ms)")
+    for axes in (small, large):
+        axes.set(ylabel="U / reference", xlim=(0, 10))
+        axes.legend(fontsize=7)
+    reached = study.query.trace.reached_s() / MS
+    alt = (
+        f"Step response of the closed loop at the firmware's rates: 95 % after {figure_text(reached)} ms, overshoot "
+        f"{figure_text(100 * study.query.trace.overshoot())} %; a saturated step with three treatments of the integral."
+    )
+    return ReportFigure("dq_step", "Step response of the closed loop", alt, figure, vector=True)
+
+
+def circle(study: DqStudy) -> ReportFigure:
+    """The sweep in the plane of U with its delay taken out, and the phase about the circle's centre."""
+    figure, (plane, phase) = style.panels(3.4, 1, 2, width_ratios=[1.0, 1.3])
+    identified, f = study.identified, study.sweep.frequencies_hz
+    plant, fit = identified.plant, identified.circle
+    straight = study.sweep.response * np.exp(2j * np.pi * f * identified.delay_s)
+    if study.data.sensor == "displacement":
+        straight = straight * 1j * f / plant.frequency_hz
+    around = fit.centre + fit.radius * np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+    plane.plot(around.real, around.imag, color=style.GREY, lw=0.9, label="fit")
+    plane.plot(straight.real, straight.imag, "o", ms=2.5, color=style.BLUE, label="sweep")
+    plane.set(aspect="equal", xlabel="U_d / V", ylabel="U_q / V", title="Circle")
+    angles = np.unwrap(np.angle(straight - fit.centre)) / DEGREE
+    detuning = f - plant.frequency_hz
+    fitted = -2.0 * np.arctan(2.0 * np.pi * detuning * plant.tau_s) / DEGREE
+    phase.plot(detuning, angles, "o", ms=2.5, color=style.BLUE, label="sweep")
+    phase.plot(detuning, fitted + np.median(angles - fitted), color=style.GREY, lw=0.9, label="-2 atan(τ δω)")
+    title = f"{frequency(plant.frequency_hz)}, τ = {figure_text(plant.tau_s / MS)} ms"
+    phase.set(xlabel="detuning (Hz)", ylabel="angle about the centre (degrees)", title=title)
+    for axes in (plane, phase):
+        axes.legend(fontsize=7)
+    alt = (
+        f"Response about resonance as a circle of diameter {figure_text(2 * fit.radius)}, and its phase, which gives "
+        f"{frequency(plant.frequency_hz)} and a time constant of {figure_text(plant.tau_s / MS)} ms."
+    )
+    return ReportFigure("dq_circle", "Identification by circle and phase", alt, figure, vector=True)
+
+
+def bode(study: DqStudy) -> ReportFigure:
+    """Open and closed loop of the envelope, as designed in continuous time and as sampled."""
+    from solvers.thesis.loop_design import envelope_frequencies
+
+    figure, (size, phase) = style.panels(4.6, 2, 1, sharex=True)
+    omega = envelope_frequencies(study.data)
+    loop, closed = study.pi.closed_loop(study.identified.plant, omega)
+    sampled = study.sampled_loop()
+    up = sampled.omega_rad_s > omega[0]
+    curves = (
+        (omega, loop, "-", style.BLUE, "open, continuous design"),
+        (omega, closed, "-", style.VERMILION, "closed, continuous design"),
+        (sampled.omega_rad_s[up], sampled.open_loop[up], "--", style.BLUE, "open, sampled"),
+        (sampled.omega_rad_s[up], sampled.closed_loop[up], "--", style.VERMILION, "closed, sampled"),
+    )
+    for w, values, dashes, colour, name in curves:
+        size.semilogx(w / (2 * np.pi), 20 * np.log10(np.abs(values)), dashes, color=colour, label=name)
+        phase.semilogx(w / (2 * np.pi), np.unwrap(np.angle(values)) / DEGREE, dashes, color=colour)
+    size.axhline(0, color=style.GREY, lw=0.7, ls=":")
+    size.set(ylabel="magnitude (dB)", ylim=(-40, 60), title="Loop of the amplitude at resonance")
+    size.legend(fontsize=7)
+    phase.set(ylabel="phase (degrees)", xlabel="frequency of the amplitude (Hz)")
+    alt = (
+        f"Bode diagram of the amplitude's loop: gain margin {figure_text(study.margins.gain)}, the carrier's phase may be "
+        f"off by {figure_text(study.margins.phase_deg)} degrees."
+    )
+    return ReportFigure("dq_bode", "Bode diagram of the amplitude's loop", alt, figure, vector=True)
+
+
+def shaping_figures(study: ShapingStudy) -> list[ReportFigure]:
+    """Conditioning, patterns, travelling waves."""
+    return [conditioning(study), patterns(study), travelling(study)]
+
+
+def conditioning(study: ShapingStudy) -> ReportFigure:
+    """Coupling index and condition number of T over frequency for every beam and signal."""
+    figure, (index, number) = style.panels(4.8, 2, 1, sharex=True)
+    for i, ((name, signal), scan) in enumerate(study.scans.items()):
+        dashes, colour = divmod(i, len(style.CYCLE))
+        look: dict[str, Any] = {"ls": style.DASHES[dashes], "color": style.CYCLE[colour], "lw": 0.9}
+        index.plot(scan.frequencies_hz / KHZ, scan.coupling, label=f"{name}, {signal}", **look)
+        number.semilogy(scan.frequencies_hz / KHZ, scan.condition, **look)
+    for axes in (index, number):
+        style.mark(axes, *(tone / KHZ for tone in study.data.frequencies_hz))
+    index.set(ylabel="coupling index", ylim=(0, 1), title="0: rows of T orthogonal, 1: all parallel")
+    number.set(ylabel="condition number of T", xlabel="frequency (kHz)")
+    style.legend_below(figure, *index.get_legend_handles_labels())
+    alt = "Coupling index and condition number of the matrix from actuators to sensors over frequency, beam by beam."
+    return ReportFigure("shaping_conditioning", "How well T can be inverted", alt, figure, vector=True)
+
+
+def patterns(study: ShapingStudy) -> ReportFigure:
+    """Amplitude along each beam with two neighbouring sensors at one and the others at zero, left, middle, right."""
+    signals = [(beam, beam.signals[0]) for beam in study.beams]
+    figure, panels = style.panels(1.7 * len(signals) + 0.6, len(signals), len(REGIONS), squeeze=False, sharey="row")
+    frequency = study.data.frequencies_hz[-1]
+    for row, (beam, signal) in zip(panels, signals, strict=True):
+        field, matrix = beam.field(frequency), beam.matrix(frequency, signal)
+        for axes, region in zip(row, REGIONS, strict=True):
+            moved = {
+                name: np.abs(
+                    field @ drive_voltages(matrix, region_target(region, len(beam.places_m), alternate)).voltages
+                )
+                for name, alternate in (("in phase", False), ("alternating", True))
+            }
+            shares = {name: values / values.max() for name, values in moved.items()}
+            style.draw_lines(axes.plot, beam.line_m / MM, shares, lw=1.0)
+            sensors = beam.places_m / MM
+            axes.plot(sensors, np.zeros_like(sensors), "^", color=style.GREY, ms=3, clip_on=False)
+            axes.set_ylim(0, 1.05)
+        row[0].set_ylabel("|w| / largest")
+        row[0].set_title(f"{beam.name}, {signal}", fontsize=8)
+    for axes, region in zip(panels[-1], REGIONS, strict=True):
+        axes.set_xlabel(f"x (mm), confined {region}")
+    panels[0, -1].legend(fontsize=6.5)
+    alt = f"Amplitude along each beam at {frequency / KHZ:g} kHz confined to the left, middle or right third of the sensors."
+    return ReportFigure("shaping_patterns", "Confined left, in the middle, right", alt, figure, vector=True)
+
+
+def travelling(study: ShapingStudy) -> ReportFigure:
+    """Travelling-wave ratio over the wavelength asked for at the sensors."""
+    tones = study.data.frequencies_hz
+    figure, grid = style.panels(3.6, 1, len(tones), squeeze=False, sharey=True)
+    panels = grid[0]
+    for axes, tone in zip(panels, tones, strict=True):
+        waves = [wave for wave in study.travelling if wave.frequency_hz == tone]
+        for i, wave in enumerate(waves):
+            look: dict[str, Any] = {
+                "color": style.CYCLE[i % len(style.CYCLE)],
+                "ls": style.DASHES[i % len(style.DASHES)],
+            }
+            axes.plot(wave.wavelengths_m / CM, wave.twr, lw=1.0, label=f"{wave.beam}, {wave.signal}", **look)
+        style.mark(axes, waves[0].free_wavelength_m / CM)
+        axes.set(title=f"{tone / KHZ:g} kHz (dotted: free wave)", xlabel="wavelength asked for (cm)")
+    panels[0].set_ylabel("TWR = 1 - SWR")
+    style.legend_below(figure, *panels[0].get_legend_handles_labels())
+    alt = "Travelling-wave ratio over the wavelength asked for at the sensors, beam by beam and frequency by frequency."
+    return ReportFigure("shaping_travelling", "Travelling waves", alt, figure, vector=True)

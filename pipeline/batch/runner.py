@@ -1,23 +1,130 @@
-"""A study's cases through any Executor: what stands is kept, what is missing is computed, what fails is recorded."""
+"""A study's cases through any Executor: what stands is kept, what is missing is computed, what fails is recorded.
+
+One run at a time holds the study's lock, and journal.jsonl has a line for everything that happens to it.
+"""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 from pipeline import workers
-from pipeline.batch import journal, lock
 from pipeline.batch.job import CaseEnd, Compute, Forecast, Job, Planned, record_loss, run_case
 from pipeline.batch.progress import Progress
+from pipeline.errors import CommandError
 from pipeline.records import fingerprint, store
 from pipeline.records.run_log import close_abandoned
 from pipeline.records.study import CASES
 from pipeline.workers import default_jobs
 from solvers.machine import available_bytes
+
+JOURNAL = "journal.jsonl"
+
+
+class Journal:
+    """Appends lines. A line torn by a killed run is closed first, so that it spoils no other."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / JOURNAL
+        self.read_error: str | None = None
+
+    def write(self, event: str, **fields: Any) -> None:
+        """Append one event. A full disk does not stop a study: the loss is kept in `read_error`."""
+        entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
+        line = json.dumps(entry, ensure_ascii=False) + "\n"
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+            try:
+                os.write(descriptor, (_line_end(descriptor) + line).encode())
+            finally:
+                os.close(descriptor)
+        except OSError as error:
+            self.read_error = f"{self.path}: a line could not be written ({error.strerror})"
+
+
+def _line_end(descriptor: int) -> str:
+    size = os.fstat(descriptor).st_size
+    return "\n" if size and os.pread(descriptor, 1, size - 1) != b"\n" else ""
+
+
+class Entry(BaseModel):
+    """A line of a journal: what happened, to which case, and the seconds that it took."""
+
+    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
+
+    event: str
+    case: str = ""
+    seconds: float = Field(default=0.0, ge=0.0)
+
+
+def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
+    """Entries of a study's journal and a read error for each line that cannot be read."""
+    entries: list[dict[str, Any]] = []
+    read_errors: list[str] = []
+    with suppress(FileNotFoundError):
+        for number, line in enumerate((folder / JOURNAL).read_bytes().split(b"\n"), start=1):
+            if not line.strip():
+                continue
+            try:
+                entries.append(Entry.model_validate_json(line).model_dump(exclude_unset=True))
+            except ValidationError as error:
+                torn = error.errors()[0]["type"] == "json_invalid"
+                why = "torn" if torn else "not an entry of a journal"
+                read_errors.append(f"{JOURNAL}, line {number}: {why}, passed over")
+    return entries, read_errors
+
+
+def seconds_by_case(entries: list[dict[str, Any]]) -> dict[str, float]:
+    """Last known duration of each case, s: what time left is reckoned from."""
+    return {
+        entry["case"]: float(entry["seconds"])
+        for entry in entries
+        if entry.get("event") == "finished" and "case" in entry and "seconds" in entry
+    }
+
+
+LOCK = ".lock"
+
+
+class StudyBusy(CommandError):
+    """Another process is running this study."""
+
+    exit_code = 2
+
+
+@contextmanager
+def study_lock(folder: Path) -> Iterator[None]:
+    """Hold the study's lock. The kernel frees it when the process ends, so a killed run leaves no stale lock.
+
+    Raises StudyBusy when another process holds it.
+    """
+    import fcntl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = os.pread(descriptor, 200, 0).decode(errors="replace").strip() or "an unknown process"
+            raise StudyBusy(
+                f"{folder}: another run of this study is at work ({holder}); wait for it or end it"
+            ) from error
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M:%S}\n".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
 
 __all__ = ["CaseEnd", "Job", "Options", "StudyOutcome", "plan", "run_study"]
 MEMORY_SHARE = 0.8  # of what is free at the start
@@ -81,7 +188,7 @@ def run_study(
     _check_ids(jobs, folder)
     if options.dry_run:
         return StudyOutcome(folder, plan(jobs, folder, options.force))
-    with lock.study_lock(folder):
+    with study_lock(folder):
         store.sweep_leftovers(folder)
         planned = plan(jobs, folder, options.force)
         listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
@@ -125,14 +232,14 @@ class _Run:
     def __post_init__(self) -> None:
         self.why = {item.case_id: item.why for item in self.planned}
         self.waiting = [job for job in self.jobs if self.why[job.case_id] is not None]
-        self.journal = journal.Journal(self.folder)
+        self.journal = Journal(self.folder)
         count = len(self.jobs)
         at_once = count if self.options.executor else default_jobs(count)  # a cluster queues by itself
         self.workers = self.options.jobs or max(1, at_once)
 
     def go(self) -> StudyOutcome:
-        entries, torn = journal.read(self.folder)
-        self.progress.begin(self.folder, self.planned, journal.seconds_by_case(entries))
+        entries, torn = read(self.folder)
+        self.progress.begin(self.folder, self.planned, seconds_by_case(entries))
         for read_error in torn:
             self.progress.say(read_error)
         self.journal.write("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())

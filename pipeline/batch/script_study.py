@@ -23,12 +23,12 @@ from typing import Any
 from pipeline import paths
 from pipeline.batch.job import Job
 from pipeline.case.diagnostics import Diagnostics
-from pipeline.case.overrides import read_toml
+from pipeline.case.reading import read_toml
 from pipeline.logs import Log
 from pipeline.records import fingerprint, record, store
 from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog
-from pipeline.report.script_page import Page, write_page
+from pipeline.report.html import Page, write_page
 
 SHARED = ("ladder", "scenes")  # modules of studies/ that scripts build upon
 

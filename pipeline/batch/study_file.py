@@ -15,7 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from pipeline.batch import known
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file
-from pipeline.case.overrides import is_file, read_toml, toml_text
+from pipeline.case.reading import is_file, read_toml, toml_text
 from pipeline.case.schema import known_keys
 from pipeline.errors import InputError
 from pipeline.paths import STUDIES

@@ -20,7 +20,7 @@ import numpy as np
 
 from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
 from geometry.elements import ComplexArray
-from pipeline.board.gains import hold
+from pipeline.board.export import hold
 from pipeline.board.table_file import FREQUENCY_HIGH, ModeTable, Pattern, Shape
 from pipeline.errors import InputError
 from pipeline.records.fingerprint import canonical_json, code_hash

@@ -12,14 +12,11 @@ from typing import Any
 from geometry.layout import Design, Patches, Pillar, Tip
 from geometry.materials import Material
 from geometry.pillar_shapes.base import PillarShape
+from pipeline.case.attachments import Touch, read_patches, read_touch
+from pipeline.case.checks import one_table, span_mm
 from pipeline.case.diagnostics import nearest_file
-from pipeline.case.overrides import apply_overrides, is_file, parse_override, read_toml
-from pipeline.case.patches import read_patches
-from pipeline.case.reader import CaseValues as Values
-from pipeline.case.reader import read_values
-from pipeline.case.rows import INSTEAD, one_kind
-from pipeline.case.touch import Touch, read_touch
-from pipeline.case.zones import one_table, span_mm
+from pipeline.case.reading import INSTEAD, apply_overrides, is_file, one_kind, parse_override, read_toml, read_values
+from pipeline.case.reading import CaseValues as Values
 from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
 from solvers.measures.confinement import wanted_symmetry

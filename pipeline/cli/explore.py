@@ -42,8 +42,8 @@ def _port(text: str) -> int:
 def run(arguments: Namespace) -> int:
     """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
     from pipeline.case.model import case_from_dict
-    from pipeline.case.overrides import read_toml
     from pipeline.case.plausible import warn_of_doubts
+    from pipeline.case.reading import read_toml
     from pipeline.logs import TerminalLog
     from pipeline.records import outputs
 

@@ -37,9 +37,8 @@ def _study(path_or_name: str) -> tuple[Any, Any]:
 def run(arguments: Namespace) -> int:
     """Run a batch study: plan it, compute what is missing, write the table and the report."""
     from pipeline.batch import runner
-    from pipeline.batch.lock import StudyBusy
     from pipeline.batch.progress import Progress
-    from pipeline.batch.runner import Options
+    from pipeline.batch.runner import Options, StudyBusy
 
     kind, study = _study(arguments.study)
     folder = known.folder_of(study.name, study.source, arguments.results)

@@ -22,7 +22,7 @@ from geometry.decimation import closed_surface
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering
-from pipeline.plots.plate import FloatArray, IntArray, skin_faces
+from pipeline.plots.fields import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency
 from pipeline.records import outputs, store
 from pipeline.records.record import DesignRecord
@@ -75,7 +75,7 @@ def _kind(target: str) -> str:
     """Whether the target is a file, a case or a study. Raises InputError when it is none of them."""
     from pipeline.batch.study_file import find_study
     from pipeline.case.diagnostics import nearest_file
-    from pipeline.case.overrides import read_toml
+    from pipeline.case.reading import read_toml
 
     if Path(target).suffix == ".vtu":
         if not Path(target).is_file():

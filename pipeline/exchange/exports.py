@@ -133,7 +133,7 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     from pipeline.board.export import write_table
     from pipeline.models.modes import solve_modes
     from pipeline.models.wanted_text import warn_of_wanted
-    from pipeline.planning.request import of_case
+    from pipeline.planning.model_choice import of_case
 
     part_modes = solve_modes(case, of_case(case), log).whole_window
     assert part_modes.wanted

@@ -28,7 +28,7 @@ def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, F
     """
     from geometry.decimation import closed_surface
     from pipeline.models.modes import solve_modes
-    from pipeline.planning.request import Request
+    from pipeline.planning.model_choice import Request
 
     solved = solve_modes(case, Request("plate"), log)
     if not solved.rows:

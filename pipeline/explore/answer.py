@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, case_from_dict
-from pipeline.case.overrides import apply_overrides, parse_override
+from pipeline.case.reading import apply_overrides, parse_override
 from pipeline.errors import InputError
 from pipeline.models.live_column import (
     TIED,
@@ -423,7 +423,7 @@ def _number(value: float) -> float | None:
 
 def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     """The wanted mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
-    from pipeline.planning.request import of_case
+    from pipeline.planning.model_choice import of_case
 
     case = scene.at(given)
     case = replace(case, solve=replace(case.solve, model="auto"))

@@ -1,13 +1,19 @@
-"""The page served from this machine to this machine: loopback address, a free port, a token in the address, no other origin."""
+"""The page served from this machine to this machine: loopback address, a free port, a token in the address, no other origin.
+
+A second process computes the designs of the cloud.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import pickle
 import secrets
 import socket
+import tempfile
 from collections.abc import Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +22,52 @@ from aiohttp.http_exceptions import BadHttpMessage
 
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
-from pipeline.explore.answer import BATCH, Explorer, read_design
-from pipeline.explore.beside import Beside
+from pipeline.explore.answer import BATCH, Document, Explorer, read_design
 from pipeline.explore.full_plate import FullPlate
+from pipeline.workers import LocalWorkers, WorkerLost
 from solvers.errors import SolverError
+
+
+class Beside:
+    """The same explorer in a process of its own, started when it is first asked."""
+
+    def __init__(self, explorer: Explorer) -> None:
+        self.explorer = explorer
+        self._workers: LocalWorkers | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+
+    def cloud(self, first: int, count: int) -> list[Document]:
+        """As `Explorer.cloud`; by this process where the other one is lost."""
+        if self._workers is None or self._folder is None:
+            self._workers, self._folder = LocalWorkers(1, 1), tempfile.TemporaryDirectory(prefix="antinode-explore-")
+            self._file.write_bytes(pickle.dumps(Explorer(self.explorer.scene, self.explorer.model)))
+        try:
+            designs: list[Document] = self._workers.submit(_cloud, self._file, first, count).result()
+        except (WorkerLost, CancelledError):
+            return Explorer(self.explorer.scene, self.explorer.model).cloud(first, count)  # the page's own is at work
+        return designs
+
+    def close(self) -> None:
+        """End the process and take its file away."""
+        if self._workers and self._folder:
+            self._workers.kill()
+            self._folder.cleanup()
+
+    @property
+    def _file(self) -> Path:
+        assert self._folder is not None
+        return Path(self._folder.name) / "explorer.pickle"
+
+
+def _cloud(file: Path, first: int, count: int) -> list[Document]:
+    return _explorer(file).cloud(first, count)
+
+
+@lru_cache(maxsize=1)
+def _explorer(file: Path) -> Explorer:
+    explorer: Explorer = pickle.loads(file.read_bytes())  # written by the process that started this one
+    return explorer
+
 
 HOST = "127.0.0.1"
 PAGE = Path(__file__).with_name("page")

@@ -21,7 +21,7 @@ from pipeline.measured.parts import (
     MeasuredSweepRecord,
 )
 from pipeline.models.response import SolvedResponse
-from pipeline.planning.request import driven_band_hz
+from pipeline.planning.model_choice import driven_band_hz
 from pipeline.quantity import frequency, percentage
 from pipeline.units import MM
 from solvers.control.identification import Resonance, Sensor, Sweep, resonance

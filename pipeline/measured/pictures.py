@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.measured.parts import MeasuredMapRecord, MeasuredRecord, MeasuredSweepRecord, marked
 from pipeline.plots import style
-from pipeline.plots.plate import draw_outlines, flat_height_in, frame_plate
+from pipeline.plots.fields import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, level

@@ -18,8 +18,8 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.wave_parts import BroadbandPoint, Transmission
 from pipeline.planning import calibration, mesh_rules
+from pipeline.planning.model_choice import driven_band_hz
 from pipeline.planning.refinement import MARGIN
-from pipeline.planning.request import driven_band_hz
 from pipeline.planning.simplifications import hexahedra
 from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.wanted_mode import verdict

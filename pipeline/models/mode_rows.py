@@ -7,7 +7,7 @@ from math import isfinite
 
 from pipeline.models.mode_parts import ModeRecord
 from pipeline.planning.error_bar import WidestBar
-from pipeline.planning.request import SIGNS
+from pipeline.planning.model_choice import SIGNS
 from pipeline.quantity import frequency
 from pipeline.records.part import live
 from solvers.fem.eigen import Modes

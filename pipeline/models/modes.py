@@ -16,14 +16,24 @@ from pipeline.case.plausible import short_wave
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts, wanted_search
-from pipeline.models.coarse_modes import CoarseModes, coarse_modes
 from pipeline.models.mode_parts import CountRecord, WantedRecord
 from pipeline.models.mode_rows import ModeRow, mode_rows
-from pipeline.models.parts import MeshErrorSource, PartModel
+from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.wanted_search import Wanted
 from pipeline.planning import calibration, error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
-from pipeline.planning.model_choice import ModelChoice, model_choice_of
+from pipeline.planning.model_choice import (
+    DEFAULT_COUNT,
+    MEASURED,
+    Expected,
+    ModelChoice,
+    Request,
+    model_choice_of,
+    model_high_hz,
+    wanted_window_hz,
+    with_defaults,
+    with_search,
+)
 from pipeline.planning.refinement import (
     MARGIN,
     ErrorEstimate,
@@ -33,16 +43,6 @@ from pipeline.planning.refinement import (
     refine_reduction,
     refused,
     warn,
-)
-from pipeline.planning.request import (
-    DEFAULT_COUNT,
-    MEASURED,
-    Expected,
-    Request,
-    model_high_hz,
-    wanted_window_hz,
-    with_defaults,
-    with_search,
 )
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent

@@ -1,4 +1,4 @@
-"""Forced response of a case to its patches: curves over frequency and the plate behind them."""
+"""Forced response of a case to its patches: curves over frequency, the plate behind them, and the error bars of its peaks."""
 
 from __future__ import annotations
 

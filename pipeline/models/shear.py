@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
+from pipeline.case.attachments import Touch
 from pipeline.case.model import Case
-from pipeline.case.touch import Touch
 from pipeline.logs import Log
 from pipeline.models.touch_bars import contacts_at, missing_at_ends
 from pipeline.models.travel_parts import ShearRecord

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.case.attachments import Touch
 from pipeline.case.model import Case
-from pipeline.case.touch import Touch
 from pipeline.models.touch_parts import LoopRecord, TouchStateRecord
 from pipeline.units import UM
 from solvers.driven.forms import contrast_volts

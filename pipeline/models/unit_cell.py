@@ -1,4 +1,7 @@
-"""The unit cell of an array, reduced, with an estimate of its own error; cells that serve several scenes are kept."""
+"""The unit cell of an array: reduced, with an estimate of its own error, or whole under Bloch's conditions.
+
+The whole cell is the independent path: no symmetry, no reduction, waves counted by inertia, two coarser meshes for its error.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +13,16 @@ from math import ceil
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.hex.boxes import cell_boxes, hex_mesh, interpolation
 from geometry.hex.panels import square_of
-from geometry.layout import Design
+from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, region_materials
+from geometry.mesh import Mesh
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
-from pipeline.models.parts import mesh_record, tet_cell
+from pipeline.models.parts import foot_shares, mesh_record, tet_cell
 from pipeline.planning import foresight, mesh_rules
 from pipeline.planning.coarse_cell import ORDER, coarse_settings
 from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
@@ -25,11 +31,15 @@ from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
 from solvers.errors import SolverError
+from solvers.fem.assembly import assemble
+from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.fem.mesh_error import Nested, Shares, prolonged_eigenvalues
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.lattice_error import (
+    STILL,
     ReductionError,
     cutoff_hz,
     error_of_waves,
@@ -41,6 +51,8 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
+from solvers.superelement.plate_error import ModeErrors
+from solvers.waves.bloch import BlochCell
 
 ROUNDS = 8
 MARGIN = 0.3  # of the accuracy: the rest is the mesh's, and what coarse and fine mesh differ by
@@ -320,3 +332,78 @@ def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
         return Reductions(design.thickness_m, design.material, None, reduction, CellCache()).cell(lattice_panel(design))
+
+
+MORE = 4  # waves beside those asked for
+
+
+@dataclass(frozen=True)
+class WholeCell:
+    """A meshed cell, the same without the innermost layer (None where it has none) and of one order less."""
+
+    mesh: Mesh
+    own: BlochCell
+    layer: Nested[BlochCell] | None
+    order: Nested[BlochCell]
+    shares: Shares
+
+    @classmethod
+    def of(cls, design: Design, settings: HexSettings) -> WholeCell:
+        """The meshes of a design's cell."""
+        boxes, mesh = cell_boxes(design, settings), _mesh(design, settings)
+
+        def nested(other: HexSettings) -> Nested[BlochCell]:
+            transfer = interpolation(cell_boxes(design, other), boxes, settings.order, other.order)
+            return Nested(_bloch(design, _mesh(design, other)), transfer)
+
+        layer = nested(settings.coarser) if design.pillar and settings.layers else None
+        order = nested(replace(settings, order=settings.order - 1))
+        return cls(mesh, _bloch(design, mesh), layer, order, foot_shares(design, settings))
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom at a wavevector."""
+        return self.own.dof
+
+    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+        """The `count` lowest frequencies at a wavevector (2,) in rad/m, Hz, less what coarser meshes tell; and their errors.
+
+        Waves that the mesh misses by more than those about them change places: some more are solved, and sorted.
+        """
+        pencil, copies = self.own.pencil(wavevector)
+        values, vectors = lowest_pairs(pencil, count + MORE, copies)
+        tones = self.own.scale.frequency(values)
+        moving = tones > STILL * tones[-1]
+
+        def change(nested: Nested[BlochCell]) -> FloatArray:
+            risen = np.zeros(len(tones))
+            risen[moving] = self._risen(nested, wavevector, pencil, vectors[:, moving], values[moving])
+            return risen[::copies]
+
+        order = change(self.order)
+        layer = change(self.layer) if self.layer else order  # all of it the edge's; a bare cell's shares count none
+        none, taken = np.zeros(count), self.shares.taken * layer
+        best, half = tones[::copies] / (1.0 + taken), self.shares.half_width(layer, order)
+        lowest = np.argsort(best, kind="stable")[:count]
+        return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])
+
+    def _risen(
+        self,
+        nested: Nested[BlochCell],
+        wavevector: FloatArray,
+        pencil: PlainPencil,
+        vectors: FloatArray,
+        values: FloatArray,
+    ) -> FloatArray:
+        """Relative rise of the waves' frequencies on a coarser mesh, (k,)."""
+        coarse, _ = nested.body.pencil(wavevector)
+        prolonged = self.own.prolonged(nested.body, nested.transfer, wavevector)
+        return (prolonged_eigenvalues(pencil, coarse, prolonged, vectors, values) / values - 1.0) / 2.0
+
+
+def _mesh(design: Design, settings: HexSettings) -> Mesh:
+    return hex_mesh(cell_boxes(design, settings), settings.order)
+
+
+def _bloch(design: Design, mesh: Mesh) -> BlochCell:
+    return BlochCell(assemble(mesh, region_materials(design.material, design.pillar)), *design.cell_m)

@@ -21,7 +21,7 @@ from pipeline.logs import Log
 from pipeline.models.mode_rows import ModeRow, mode_rows
 from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
 from pipeline.models.parts import mesh_record, warn_of_locking
-from pipeline.models.touch_frame import touch_frame
+from pipeline.models.touch_bars import touch_frame
 from pipeline.models.wanted_search import look_among
 from pipeline.units import MM
 from solvers.fem.eigen import Modes, modes_in_band, modes_near

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.models.mode_parts import RivalRecord, WantedMode, WantedRecord
-from pipeline.planning.request import Expected
+from pipeline.planning.model_choice import Expected
 from solvers.fem.eigen import Count
 from solvers.measures.wanted_mode import (
     NONE,

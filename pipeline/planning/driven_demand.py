@@ -15,8 +15,7 @@ from geometry.layout import mirrored_axes
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
 from pipeline.planning.foresight import AssembledClass
-from pipeline.planning.model_choice import ModelChoice
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import ModelChoice, Request
 from pipeline.planning.resources import Demand
 from solvers.fem.cost import (
     Cost,

@@ -13,10 +13,11 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.planning import driven_demand, foresight, simplifications
-from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.request import (
+from pipeline.planning.model_choice import (
+    ModelChoice,
     Request,
     driven_band_hz,
+    model_choice_of,
     model_high_hz,
     response_high_hz,
     with_defaults,

@@ -10,10 +10,9 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import level as level_text
-from pipeline.records import tracking
+from pipeline.records import tables
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.records.sweep_lines import axis_label, lines_along, main_key, swept
-from pipeline.records.tracking import Tracked
+from pipeline.records.tables import Tracked, axis_label, lines_along, main_key, swept
 from pipeline.units import KHZ
 from solvers.measures.confinement import CONFINED_DB
 
@@ -33,7 +32,7 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     if key is None:
         return None
     figure, (level, tone) = style.panels(5.2, 2, 1, sharex=True)
-    lines, tracked = lines_along(study, cases, key), tracking.along_sweep(study)
+    lines, tracked = lines_along(study, cases, key), tables.along_sweep(study)
     for index, (name, line) in enumerate(lines.items()):
         look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
         solved = [case for case in line if case.record.wanted]

@@ -158,7 +158,7 @@ class ActiveMason(
         """Solve the circuit over its own window, and over the band to show."""
         import numpy as np
 
-        from pipeline.active import thesis_models
+        from pipeline.active import thesis
         from pipeline.active.thesis import beside
         from solvers.thesis.circuit import MasonData, mason_study
 
@@ -175,7 +175,7 @@ class ActiveMason(
                 study = mason_study(data, np.linspace(*band, 3121))
                 _refuse_empty(band, study, whole)
         return MasonResult(
-            **_fields(study.to_dict()), comparison=_parts(beside("mason", thesis_models.mason(whole))), study=study
+            **_fields(study.to_dict()), comparison=_parts(beside("mason", thesis.mason(whole))), study=study
         )
 
     def _band(self, target_hz: float) -> Pair | None:
@@ -297,7 +297,7 @@ class ActivePillar(
         """Scatter the wave at 1, 2, ... rows."""
         import numpy as np
 
-        from pipeline.active import thesis_models
+        from pipeline.active import thesis
         from pipeline.active.thesis import beside
         from solvers.analytic.predesign import pillar_frequencies_hz
         from solvers.thesis.pillar_row import pillar_filter
@@ -310,7 +310,7 @@ class ActivePillar(
         with asked("pillar"):
             row, point = pillar_filter(case.design, np.linspace(*band, 801), loss), point_force()
         cell = _computed_cell(case, run, band) if self.cell else None
-        entries = beside("pillar", thesis_models.pillar(row, point, cell))
+        entries = beside("pillar", thesis.pillar(row, point, cell))
         return PillarModelResult(
             **_fields(row.to_dict()),
             point_force=point.to_dict(),
@@ -443,7 +443,7 @@ class ActiveBeam(
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> BeamResult:
         """Close the loops at each frequency and gain."""
-        from pipeline.active import thesis_models
+        from pipeline.active import thesis
         from pipeline.active.thesis import beside
         from solvers.thesis.active_study import ActiveBeamData, active_beam_study
 
@@ -459,9 +459,7 @@ class ActiveBeam(
             study = active_beam_study(data)
         fields = _fields(study.to_dict())
         cases = [LoopCase(**one) for one in fields.pop("cases")]
-        return BeamResult(
-            **fields, cases=cases, comparison=_parts(beside("beam", thesis_models.beam(study))), study=study
-        )
+        return BeamResult(**fields, cases=cases, comparison=_parts(beside("beam", thesis.beam(study))), study=study)
 
 
 # -- shaping -----------------------------------------------------------------------------------------------------------
@@ -534,9 +532,9 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return conditioning, patterns and travelling waves."""
-        from pipeline.active import plots_shaping
+        from pipeline.active import plots
 
-        return plots_shaping.report_figures(self.study)
+        return plots.shaping_figures(self.study)
 
 
 class ActiveShaping(
@@ -557,8 +555,7 @@ class ActiveShaping(
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> ShapingResult:
         """Compute the study of all beams."""
-        from pipeline.active.thesis import beside
-        from pipeline.active.thesis_shaping import shaping
+        from pipeline.active.thesis import beside, shaping
         from solvers.thesis.shaping_study import ShapingData, document, shaping_study
 
         if case is not None:

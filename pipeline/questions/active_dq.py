@@ -103,9 +103,9 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return step, circle and open loop."""
-        from pipeline.active import plots_loop
+        from pipeline.active import plots
 
-        return plots_loop.report_figures(self.study)
+        return plots.loop_figures(self.study)
 
 
 class ActiveDq(Question[DqResult], family="active", without_case="", example="active dq --settling-time 2ms"):
@@ -129,7 +129,7 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> DqResult:
         """Study the loop of the mode that sweep, table, case or option names."""
-        from pipeline.active import loop, thesis_models
+        from pipeline.active import loop, thesis
         from pipeline.active.thesis import beside
         from solvers.control.identification import identify
         from solvers.thesis.loop_design import dq_study
@@ -145,7 +145,7 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
         if table and measured:
             loop.write_table(table, measured, run.folder, run.log)
         fields = {name: value for name, value in study.to_dict().items() if name != "schema"}
-        entries = [Compared(**entry) for entry in beside("dq", thesis_models.dq(study))]
+        entries = [Compared(**entry) for entry in beside("dq", thesis.dq(study))]
         found = measured.to_dict() if measured else None
         return DqResult(**fields, measured=found, comparison=entries, study=study)
 

@@ -228,7 +228,7 @@ def over(result: Result, frequency_hz: FloatArray) -> str:
 class Attenuation(
     Question[AttenuationResult],
     needs=("plate", "array.pitch_mm", "pillar"),
-    pictures=("report.rows_picture.attenuation",),
+    pictures=("report.dispersion_picture.attenuation",),
 ):
     """Compute the decay per row in dB across the zone's border at a wavenumber along it.
 
@@ -276,9 +276,8 @@ class Attenuation(
     def plan(self, case: Case) -> Plan:
         """Plan the complex bands of a row."""
         from pipeline.planning import foresight, simplifications
-        from pipeline.planning.model_choice import cell_model_choice
+        from pipeline.planning.model_choice import cell_model_choice, driven_band_hz
         from pipeline.planning.plan import plan_of, step_of
-        from pipeline.planning.request import driven_band_hz
         from pipeline.planning.simplifications import khz
         from pipeline.quantity import figure
 
@@ -299,7 +298,7 @@ class Attenuation(
     def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
         """Compute the complex bands of the row over the band."""
         from pipeline.models.attenuation import solve
-        from pipeline.planning.request import driven_band_hz
+        from pipeline.planning.model_choice import driven_band_hz
         from solvers.analytic.predesign import predesign
 
         choice, band = plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))

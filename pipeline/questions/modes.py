@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from geometry.elements import FloatArray
     from pipeline.case.model import Case
     from pipeline.models.modes import PartModes
+    from pipeline.planning.model_choice import Request
     from pipeline.planning.plan import Plan
-    from pipeline.planning.request import Request
     from pipeline.planning.simplifications import Simplification
 
 Part = Literal["plate", "zone", "pillar"]
@@ -243,7 +243,7 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     aliases=("confinement",),
-    pictures=("plots.mesh.report_figures", *(f"plots.fields.{name}" for name in FIELDS)),
+    pictures=("plots.rendering.report_figures", *(f"plots.fields.{name}" for name in FIELDS)),
 ):
     """Compute the modes of plate, zone or pillar in a band, or some of them near a frequency.
 
@@ -303,7 +303,7 @@ class _InStudies(Modes):
 
     def request(self, case: Case) -> Request:
         """Return what is asked for, in Hz."""
-        from pipeline.planning.request import of_case
+        from pipeline.planning.model_choice import of_case
 
         return of_case(case)
 
@@ -393,7 +393,7 @@ class PillarModes(Question[ModesResult], in_studies_only=True, aliases=("parts",
 
 
 def _part_request(part: str) -> Request:
-    from pipeline.planning.request import Request
+    from pipeline.planning.model_choice import Request
 
     return Request("pillar", near_hz=0.0, count=4) if part == "pillar" else Request(part)
 
@@ -482,7 +482,7 @@ def _check_window(near_kHz: float | None, band_kHz: Pair | None) -> None:
 def _request(
     part: str, band_kHz: Pair | None, near_kHz: float | None, count: int | None, symmetry: str | None
 ) -> Request:
-    from pipeline.planning.request import Request
+    from pipeline.planning.model_choice import Request
 
     return Request(part, hz(band_kHz), None if near_kHz is None else KHZ * near_kHz, count, symmetry)
 

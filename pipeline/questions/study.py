@@ -109,7 +109,7 @@ def _draws(question: Question[Any]) -> list[Draw]:
 
     def pictures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure] | None:
         found = case.record.answers.get(question.name)
-        if found is None or type(found).draw is Result.draw:
+        if found is None or not question.is_own or type(found).draw is Result.draw:
             return None
         drawn: list[ReportFigure] = found.with_arrays(arrays, case.record.design).pictures()
         return drawn

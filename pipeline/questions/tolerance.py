@@ -271,7 +271,7 @@ class Tolerance(
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
         """Compute the nominal plate and the samples."""
         from pipeline.models.tolerance import solve
-        from pipeline.planning.request import driven_band_hz
+        from pipeline.planning.model_choice import driven_band_hz
         from solvers.variation.samples import CUT
 
         given, choice, band = case.tolerance, plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))

@@ -139,7 +139,7 @@ class TouchResult(Result, table="states", axes=("state",)):
         """Draw the amplitude under the finger at each place, the free plate's nodes as lines; without a map the states'."""
         import numpy as np
 
-        from pipeline.plots import places, style
+        from pipeline.plots import fields, style
 
         if self.map is None:
             sizes = [state.finger_m / UM for state in self.states]
@@ -148,7 +148,7 @@ class TouchResult(Result, table="states", axes=("state",)):
             return
         x_m, y_m, touched = self.map.x_m, self.map.y_m, np.array(self.map.touched_m) / UM
         title = f"Finger at each place, {_tone(self.map)}; lines: nodes of the free plate"
-        places.field(ax, x_m, y_m, touched, "amplitude (µm)", title)
+        fields.field(ax, x_m, y_m, touched, "amplitude (µm)", title)
         if len(x_m) > 1 and len(y_m) > 1:
             grid = np.array(x_m) / MM, np.array(y_m) / MM, np.array(self.map.displacement_m).T
             ax.contour(*grid, levels=[0.0], colors="white", linewidths=0.8)
@@ -156,12 +156,12 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return amplitude and friction under the finger over its place, the drive of the loop; without a map the states."""
-        from pipeline.plots import places, style
+        from pipeline.plots import fields, style
 
         if self.map is None:
             return super().pictures()
         count = 1 + (self.map.friction is not None) + (self.map.needed_V is not None)
-        drawn, panels = places.panels(count, self.plate_design and self.plate_design.width_m)
+        drawn, panels = fields.panels(count, self.plate_design and self.plate_design.width_m)
         self.draw(panels[0])
         more = {
             "friction over that at rest": ("Friction, where it can be told", self.map.friction),
@@ -169,7 +169,7 @@ class TouchResult(Result, table="states", axes=("state",)):
         }
         known = [(label, *each) for label, each in more.items() if each[1] is not None]
         for axes, (label, title, values) in zip(panels[1:], known, strict=True):
-            places.field(axes, self.map.x_m, self.map.y_m, values, label, title)
+            fields.field(axes, self.map.x_m, self.map.y_m, values, label, title)
         return [style.ReportFigure("tactile", "Tactile map", self._alt(self.map), drawn)]
 
     def _alt(self, places: TouchMapRecord) -> str:

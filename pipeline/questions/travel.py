@@ -257,7 +257,8 @@ def _drawn_shear(shear: ShearRecord, width_m: float | None) -> ReportFigure:
     """Draw the speed of the crests under a finger over its place, and the net shear at least and at most."""
     import numpy as np
 
-    from pipeline.plots import places, style
+    from pipeline.plots import fields as places
+    from pipeline.plots import style
     from pipeline.quantity import with_bar
 
     fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}

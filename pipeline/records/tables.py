@@ -1,4 +1,4 @@
-"""table.csv: one row per case, the same bytes from one run of a study to the next.
+"""table.csv: one row per case, the same bytes from one run of a study to the next, and a sweep as lines of it.
 
 So it holds no times, and nothing of pytetwild's meshes, which differ from run to run: the page shows those.
 """
@@ -11,11 +11,97 @@ from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
 
+import numpy as np
+
 from pipeline import quantity
-from pipeline.records import tracking
 from pipeline.records.outputs import csv_bytes
 from pipeline.records.record import STATUSES, Record
-from pipeline.records.study import StoredStudy
+from pipeline.records.study import StoredCase, StoredStudy
+from solvers.measures.correlation import Shapes, follow
+
+UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}
+
+
+def axis_label(key: str) -> str:
+    """A swept key in words: array.pitch_mm -> array pitch (mm)."""
+    words = key.replace(".", " ").split("_")
+    unit = UNITS.get(words[-1])
+    text = " ".join(words[:-1] if unit else words)
+    return f"{text} ({unit})" if unit else text
+
+
+def swept(cases: list[StoredCase]) -> list[StoredCase]:
+    """Without the case that a study computes once beside its sweep."""
+    return [case for case in cases if case.sweep]
+
+
+def main_key(study: StoredStudy, cases: list[StoredCase]) -> str | None:
+    """The numeric key that takes the most values over these cases; None where none takes two."""
+    cases = swept(cases)
+    numeric = [key for key in study.swept if all(_is_number(case.sweep.get(key)) for case in cases)]
+    varied = {key: len({case.sweep[key] for case in cases}) for key in numeric}
+    return max(varied, key=lambda name: varied[name]) if varied and max(varied.values()) > 1 else None
+
+
+def lines_along(study: StoredStudy, cases: list[StoredCase], key: str) -> dict[str, list[StoredCase]]:
+    """Cases in ascending order of a key, by the values of the other keys in words ('' where no other varies)."""
+    cases = swept(cases)
+    others = [name for name in study.swept if name != key and len({str(case.sweep.get(name)) for case in cases}) > 1]
+    lines: dict[str, list[StoredCase]] = {}
+    for case in sorted(cases, key=lambda case: case.sweep[key]):
+        name = ", ".join(f"{axis_label(other)} = {case.sweep.get(other)}" for other in others)
+        lines.setdefault(name, []).append(case)
+    return dict(sorted(lines.items()))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+Line = list[tuple[StoredCase, Any, Any]]
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
+
+    tracking: "start" (where the wanted mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
+    wanted one here), "lost".
+    """
+
+    frequency_hz: float | None
+    mac: float | None
+    tracking: str
+
+
+def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
+    """Every case of a sweep by its id; {} where nothing numeric is swept or no shapes are stored."""
+    cases = [case for case in study.cases if case.record.held("shapes")]
+    key = main_key(study, cases) if len(cases) > 1 else None
+    tracked: dict[str, Tracked] = {}
+    for line in lines_along(study, cases, key).values() if key else ():
+        known = ((case, case.record.wanted, case.record.held("shapes")) for case in line)
+        tracked |= _line([(case, wanted, shapes) for case, wanted, shapes in known if wanted and shapes])
+    return tracked
+
+
+def _line(line: Line) -> dict[str, Tracked]:
+    """From the case with the plainest wanted mode to both ends of the line."""
+    start = max(range(len(line)), key=lambda i: line[i][1].share or 0.0)
+    first, wanted, shapes = line[start]
+    tracked = {first.case_id: Tracked(wanted.frequency_hz, None, "start")}
+    for choice in (line[start:], line[start::-1]):
+        plates = [Shapes(*map(np.array, (s.frequency_hz, s.share, s.coefficients))) for _, _, s in choice]
+        steps = follow(plates, shapes.wanted)
+        for number, (case, _, stored) in enumerate(choice[1:]):
+            step = steps[number] if number < len(steps) else None
+            if step is None or step.row is None or not step.kept:
+                tracked[case.case_id] = Tracked(None, step.mac if step else None, "lost")
+            else:
+                tracking = "kept" if step.row == stored.wanted else "crossed"
+                tracked[case.case_id] = Tracked(stored.frequency_hz[step.row], step.mac, tracking)
+    return tracked
+
 
 TABLE = "table.csv"
 FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
@@ -91,7 +177,7 @@ def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
 
 def _tracked(study: StoredStudy) -> tuple[Column, ...]:
     """Columns of the mode that is tracked along the sweep from where the wanted one is plainest."""
-    peak = tracking.along_sweep(study)
+    peak = along_sweep(study)
 
     def figure(key: str) -> Callable[[Record], Any]:
         return lambda record: getattr(peak.get(record.case_id), key, None)

@@ -1,4 +1,4 @@
-"""The dispersion diagram of a study's case: its bands, those by tetrahedra, and the target mode among the bending bands."""
+"""The dispersion diagrams of a study's case: its bands with the target mode among them, and its complex bands."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import percentage
+from pipeline.questions.attenuation import AttenuationResult
 from pipeline.questions.bands import LEGEND_COLUMNS, MARKS, WHITE, BandsResult
 from pipeline.records.study import StoredCase
 from pipeline.units import KHZ
@@ -113,3 +114,9 @@ def _alt(case: StoredCase, bands: BandsResult) -> str:
     marked = f"; waves are marked as {names_text}" if names_text else ""
     at_m = f"; the bending bands meet M at {_listed(bands)}" if bending else ""
     return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}{marked}."
+
+
+def attenuation(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """Draw decay per row, wavenumbers across the rows and the power that passes them."""
+    answer, wanted = case.record.of(AttenuationResult), case.record.wanted
+    return answer.complex_bands(wanted.frequency_hz if wanted else None) if answer else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pipeline.case.model import case_from_dict
-from pipeline.case.overrides import read_toml
+from pipeline.case.reading import read_toml
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.records import store

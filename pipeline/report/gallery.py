@@ -1,4 +1,4 @@
-"""The pictures of a case and of a study: drawn from records, kept while what they show is unchanged."""
+"""The pictures of a case and of a study, drawn from records and kept while what they show is unchanged; a plate's sketch."""
 
 from __future__ import annotations
 
@@ -9,14 +9,16 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.plots import style as style_module
 from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save, style
 from pipeline.questions.study import draws
 from pipeline.records import store
 from pipeline.records.fingerprint import canonical_json, file_hash
+from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.units import MM
 
 INDEX = "index.json"
 OF_THE_BEST = ("report_figures", "pillars_in_plane")  # drawn of a sweep's best case, unless those of all are asked for
@@ -131,3 +133,39 @@ def _key(visible: Any, files: list[Path]) -> str:
     parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+MARGIN = 14.0  # mm of paper on each side, for dimensions
+WIDE = 150.0  # mm of plate that are drawn 1:1; others are scaled, so that letters stay readable
+
+PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # where no style sheet says otherwise
+ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
+
+
+def sketch(design: DesignRecord) -> Markup:
+    """Plate, zone and pillars with their dimensions in mm."""
+    from markupsafe import Markup
+
+    length, breadth = design.length_m / MM, 2.0 * design.half_span_m / MM
+    scale = min(1.0, WIDE / length)
+    x0, y0, zone = -length / 2.0, -breadth / 2.0, design.width_m / MM
+    letters = 3.6 / scale
+    pillars = " ".join(
+        f"M{x / MM - half:.2f} {-y / MM - half:.2f}h{2 * half:.2f}v{2 * half:.2f}h{-2 * half:.2f}z"
+        for (x, y), pillar in zip(design.pillar_centres_m, design.standing, strict=True)
+        for half in [pillar.base_m / MM / 2.0]
+    )
+    side = MARGIN / scale
+    box = f"{x0 - side:.2f} {y0 - 0.4 * side:.2f} {length + 2 * side:.2f} {breadth + 1.2 * side:.2f}"
+    words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
+    return Markup(
+        f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
+        f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
+        f'<rect class="zone" {ZONE} x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
+        f'<path class="pillars" {PILLARS} d="{pillars}"/>'
+        f'<g font-size="{letters:.2f}" text-anchor="middle"><text y="{letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
+        f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
+    )

@@ -1,4 +1,4 @@
-"""What every HTML page is made with: its template; pictures, data and scripts put into the page."""
+"""What HTML pages are made with: template, pictures and data in the file itself, and the page of a scripted study."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import base64
 import json
 import mimetypes
 import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from pipeline.plots import style
+from pipeline.records import outputs, store
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -53,3 +59,131 @@ def data_url(name: str, data: bytes) -> str:
     suffix = name.rsplit(".", 1)[-1]
     media = {"webp": "image/webp", "svg": "image/svg+xml"}.get(suffix) or str(mimetypes.guess_type(name)[0])
     return f"data:{media};base64,{base64.b64encode(data).decode()}"
+
+
+EMBEDDED_BYTES = 2_700_000  # with shapes, diagrams, viewer and a dozen cases a page stays below 4 MB
+
+
+@dataclass(frozen=True)
+class EmbeddedFigure:
+    """A picture in the page: its pixels as data, its size, links and words."""
+
+    name: str
+    source: str
+    width: int
+    height: int
+    svg: str
+    png: str
+    title: str
+    alt: str
+    lines: bool
+
+
+class Embedder:
+    """Puts pictures into the page until its budget is spent; a page sent alone misses nothing that it shows."""
+
+    def __init__(self, study: Path, budget: int | None = None) -> None:
+        self.study, self.left = study, EMBEDDED_BYTES if budget is None else budget
+
+    def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure | None:
+        """The picture of a folder (relative to the study), None where it does not fit any more."""
+        source = data_url(picture.shown, (self.study / folder / picture.shown).read_bytes())
+        if len(source) > self.left:
+            return None
+        self.left -= len(source)
+        links = (link(folder, picture.svg), link(folder, picture.png))
+        about = {"title": picture.title, "alt": picture.alt}
+        return EmbeddedFigure(picture.name, source, picture.width, picture.height, *links, **about, lines=picture.lines)
+
+    def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[EmbeddedFigure]:
+        """Those of a folder's pictures that fit."""
+        return [embedded for picture in pictures if (embedded := self.show(folder, picture))]
+
+
+def link(*parts: str) -> str:
+    """A relative address whose folder names may hold = and commas."""
+    return "/".join(quote(panel) for part in parts for panel in part.split("/"))
+
+
+PAGE = "page.json"  # what the page holds, for the pages of other studies
+SCHEMA = 1
+SCRIPT_PAGE_BYTES = 12_000_000
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text or numbers under headings; `name` is its CSV file."""
+
+    name: str
+    headings: Sequence[str]
+    rows: Sequence[Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading, paragraphs, tables and functions that draw pictures."""
+
+    heading: str
+    words: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    report_figures: Sequence[Callable[[], style.ReportFigure]] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a script concludes."""
+
+    sections: Sequence[Section] = field(default_factory=list)
+
+
+def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> list[Path]:
+    """Write CSV files, pictures, report.html, report.md and page.json; returns the tables and the page."""
+    written, embedded, kept = [], [], []
+    embedder = Embedder(folder, SCRIPT_PAGE_BYTES)
+    for section in page.sections:
+        for table in section.tables:
+            path = folder / f"{table.name}.csv"
+            store.write_atomic(path, outputs.csv_bytes(table.headings, table.rows))
+            written.append(path)
+        with style.style():
+            pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.report_figures]
+        embedded.append((section, embedder.show_all(style.PICTURES, pictures)))
+        kept.append(_kept(section, pictures))
+    html = folder / "report.html"
+    page_text = render("scripted.html.j2", name=name, title=title, lead=lead, sections=embedded, text=text)
+    store.write_atomic(html, page_text.encode())
+    store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
+    store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
+    return [*written, html]
+
+
+def _kept(section: Section, pictures: list[style.StoredFigure]) -> dict[str, Any]:
+    return {
+        "heading": section.heading,
+        "words": list(section.words),
+        "tables": [table.name for table in section.tables],
+        "pictures": [asdict(picture) for picture in pictures],
+    }
+
+
+def markdown(title: str, lead: str, page: Page) -> str:
+    """The words and tables as Markdown, without pictures."""
+    lines = [f"# {title}", "", lead, ""]
+    for section in page.sections:
+        lines += [f"## {section.heading}", ""]
+        for words in section.words:
+            lines += [words, ""]
+        for table in section.tables:
+            lines.append(outputs.markdown(table.headings, [[text(value) for value in row] for row in table.rows]))
+    return "\n".join(lines)
+
+
+def text(value: Any) -> str:
+    """A cell as text: numbers to five digits, nothing as a dash."""
+    if value is None or value == "":
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.2e}" if value != 0.0 and not 1e-3 <= abs(value) < 1e7 else f"{value:.6g}"
+    return str(value)

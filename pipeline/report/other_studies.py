@@ -10,8 +10,7 @@ from typing import Any
 
 from pipeline.plots import style
 from pipeline.records import store
-from pipeline.report.pictures import EmbeddedFigure, Embedder
-from pipeline.report.script_page import PAGE, SCHEMA
+from pipeline.report.html import PAGE, SCHEMA, EmbeddedFigure, Embedder
 
 STUDIES = {"accuracy": "Error against run time", "extremes": "Extreme scenes"}
 

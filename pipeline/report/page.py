@@ -17,12 +17,12 @@ from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import dispersion, explorer, gallery, mode_shapes, text
-from pipeline.report.html import render, script_data, vendored
+from pipeline.report import explorer, gallery, text
+from pipeline.report import shapes as moving_shapes
+from pipeline.report.gallery import sketch
+from pipeline.report.html import EmbeddedFigure, Embedder, link, render, script_data, vendored
 from pipeline.report.other_studies import beside
-from pipeline.report.pictures import EmbeddedFigure, Embedder, link
-from pipeline.report.sketch import sketch
-from pipeline.report.thesis import TITLE
+from pipeline.report.text import TITLE
 from pipeline.units import GRAM, MM
 
 REPORT = "report.html"
@@ -169,14 +169,14 @@ def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
     best = text.best_case(study)
     stills = {page.case.case_id: f"{page.anchor}-{still}" for page in pages if (still := _still(page))}
     troubles: list[str] = []
-    gallery = mode_shapes.Gallery()
+    gallery = moving_shapes.Gallery()
     diagrams: dict[str, Any] = {"cells": [], "shapes": []}
     try:
-        gallery = mode_shapes.plates([page.case for page in pages if not page.twin], best, stills)
+        gallery = moving_shapes.plates([page.case for page in pages if not page.twin], best, stills)
     except UNFIT as error:
         troubles.append(f"moving mode shapes: {type(error).__name__}: {error}")
     try:
-        diagrams = dispersion.diagrams(study, best)
+        diagrams = moving_shapes.diagrams(study, best)
     except UNFIT as error:
         troubles.append(f"interactive dispersion diagram: {type(error).__name__}: {error}")
     cells = [cell["name"] for cell in diagrams["cells"]]
@@ -249,7 +249,7 @@ def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[st
 def _cells_of(case: StoredCase) -> set[str]:
     """The unit cell whose bands a case has, none where it has none."""
     bands = case.record.of(BandsResult)
-    return {dispersion.same_bands(bands)} if bands else set()
+    return {moving_shapes.same_bands(bands)} if bands else set()
 
 
 def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:

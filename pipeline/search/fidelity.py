@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.logs import WarningLog
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import of_case, with_defaults
+from pipeline.planning.model_choice import of_case, with_defaults
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP

@@ -16,8 +16,7 @@ from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, Override, case_from_dict, parsed
-from pipeline.case.overrides import apply_overrides, toml_text
-from pipeline.case.rows import HEIGHTS, INSTEAD, SIDES
+from pipeline.case.reading import HEIGHTS, INSTEAD, SIDES, apply_overrides, toml_text
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
 from pipeline.errors import InputError
 from pipeline.search.terms import Range

@@ -43,7 +43,7 @@ class Range(NamedTuple):
     @classmethod
     def read(cls, text: str) -> Range:
         """Return the range of "key=low:high". Raises InputError for another text."""
-        from pipeline.case.overrides import parse_value
+        from pipeline.case.reading import parse_value
 
         key, equals, ends = (part.strip() for part in text.partition("="))
         if not equals or ends.count(":") != 1:
@@ -51,7 +51,7 @@ class Range(NamedTuple):
         return cls(key, *map(parse_value, ends.split(":")))
 
     def __str__(self) -> str:
-        from pipeline.case.overrides import toml_text
+        from pipeline.case.reading import toml_text
 
         low, high = (end if isinstance(end, str) else toml_text(end) for end in self[1:])
         return f"{self.key}={low}:{high}"

@@ -17,7 +17,7 @@ from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.paths import ROOT
 from pipeline.planning import plan
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from pipeline.planning.resources import GIB, Demand
 from pipeline.questions.bands import Bands
 

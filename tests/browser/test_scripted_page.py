@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pipeline.report.script_page import Page, Section, Table, write_page
+from pipeline.report.html import Page, Section, Table, write_page
 
 Visits = Callable[..., Any]
 ROWS = [["b", 2.0], ["a", 1.5e-4], ["c", None], ["d", 10.0], ["e", 3.0], ["f", 4.0]]

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.case.model import case_from_dict
-from pipeline.case.overrides import read_toml
+from pipeline.case.reading import read_toml
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.explore.server import Server, serve
 from pipeline.logs import WarningLog

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.batch import runner
-from pipeline.batch.lock import StudyBusy
 from pipeline.batch.progress import Progress
+from pipeline.batch.runner import StudyBusy
 from pipeline.process import terminable
 from pipeline.records import store
 from solvers.errors import SolverError

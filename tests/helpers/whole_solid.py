@@ -9,7 +9,7 @@ import pytest
 from pipeline.case.model import case_from_dict
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 
 
 def check_within_both_bars(raw: dict[str, Any], band_hz: tuple[float, float], symmetry: str = "SS") -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pipeline.planning import calibration
-from pipeline.report.script_page import write_page
+from pipeline.report.html import write_page
 from solvers.analytic.predesign import predesign
 from studies import accuracy, ladder
 

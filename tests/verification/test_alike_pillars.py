@@ -11,7 +11,7 @@ from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
 from pipeline.models.parametric import cell_model
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from tests.helpers.exploring import SMALL
 
 CHANGE_M = 0.05e-3

@@ -20,8 +20,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
-from pipeline.planning.model_choice import cell_model_choice
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request, cell_model_choice
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import Limits, mass_kg
 from solvers.fem.surface import face_quadrature

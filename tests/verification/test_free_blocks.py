@@ -9,7 +9,7 @@ from geometry.materials import MATERIALS
 from pipeline.case.model import Case, case_from_dict
 from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from studies.ritz_blocks import free_block_hz
 from tests.helpers.recording_log import RecordingLog
 

@@ -10,7 +10,7 @@ import pytest
 from pipeline.case.model import case_from_dict
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import ModeRow, solve_modes
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from solvers.analytic.predesign import pillar_frequencies_hz
 from tests.helpers.whole_solid import check_within_both_bars
 

@@ -19,7 +19,7 @@ from pipeline.models.broadband import broadband
 from pipeline.models.modes import solve_modes
 from pipeline.planning.foresight import pillar_count
 from pipeline.planning.mesh_rules import lattice_reduction
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
 from solvers.plates.assembled import Reductions

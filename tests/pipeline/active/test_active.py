@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.active import thesis, thesis_models
+from pipeline.active import thesis
 from pipeline.active.loop import plant_of
 from pipeline.board import table_file
 from pipeline.case.quantities import parse_seconds
@@ -241,14 +241,14 @@ class OneBeam:
 
 def test_one_gain_or_one_frequency_is_not_compared_with_itself() -> None:
     one = OneBeam((1e7,), (3e3,))
-    quantities = [("gain", thesis_models._gains(one)), ("higher", thesis_models._higher(one))]
+    quantities = [("gain", thesis._gains(one)), ("higher", thesis._higher(one))]
     gains, tones = thesis.beside("beam", quantities)
     assert gains["ours"].count("K' =") == 1 and gains["agreement"].startswith("not compared: one gain")
     assert tones["agreement"] == "not compared: one frequency was given, the contrast takes two"
 
 
 def test_gains_are_compared_by_size_in_any_order() -> None:
-    (entry,) = thesis.beside("beam", [("gain", thesis_models._gains(OneBeam((1e8, 1e5), (3e3,))))])
+    (entry,) = thesis.beside("beam", [("gain", thesis._gains(OneBeam((1e8, 1e5), (3e3,))))])
     assert entry["ours"].index("K' = 100000") < entry["ours"].index("K' = 1e+08")
     assert entry["agreement"] == "agrees: the two gains lie on both sides of 4EI beta^3"
 

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.batch import script_study
 from pipeline.errors import InputError
-from pipeline.report.script_page import Page, Section, Table, markdown, text, write_page
+from pipeline.report.html import Page, Section, Table, markdown, text, write_page
 
 
 def written(tmp_path: Path, body: str) -> Path:

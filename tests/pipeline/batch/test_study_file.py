@@ -12,7 +12,7 @@ import pytest
 from pipeline.batch import study_file
 from pipeline.batch.study_file import STUDIES, load_study
 from pipeline.case.model import load_case
-from pipeline.case.overrides import toml_text
+from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
 
 STUDY = '[study]\nname = "s"\ncase = "three-rows.toml"\nmeasure = ["modes"]\n'

@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.board.export import SAMPLE_RATE_HZ, table_with_gains
-from pipeline.board.gains import ModalGains, can_be_computed, hold, modal_gains
+from pipeline.board.export import SAMPLE_RATE_HZ, ModalGains, can_be_computed, hold, modal_gains, table_with_gains
 from pipeline.board.table_file import from_bytes
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main

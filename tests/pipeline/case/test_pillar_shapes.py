@@ -31,7 +31,7 @@ def case(*overrides: str) -> Case:
 def pathless(*overrides: str) -> Case:
     """The case without a path of its own."""
     from pipeline.case.model import case_from_dict
-    from pipeline.case.overrides import read_toml
+    from pipeline.case.reading import read_toml
 
     raw = read_toml(CASE)
     del raw["bands"]
@@ -149,7 +149,7 @@ from geometry.mesh import check_mesh
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.planning import simplifications
-from pipeline.plots.plate import footprints_mm
+from pipeline.plots.fields import footprints_mm
 from pipeline.records.record import DesignRecord
 
 case, folder = sys.argv[1], Path(sys.argv[2])

@@ -15,7 +15,7 @@ from pipeline.cli.compare import _of_case, lined_up
 from pipeline.errors import InputError
 from pipeline.paths import STUDIES
 from pipeline.records.record import DesignRecord
-from pipeline.report.thesis import _same_design
+from pipeline.report.text import _same_design
 from pipeline.search.limits import mass_kg
 
 RAW: dict[str, Any] = {

@@ -17,7 +17,7 @@ import pytest
 from pipeline import paths, process
 from pipeline.batch import case_study
 from pipeline.cli import main
-from pipeline.cli.check_gap import Edge
+from pipeline.cli.compare import Edge
 from pipeline.questions import predesign
 from pipeline.records import store
 

@@ -22,8 +22,7 @@ from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
 from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_design
-from pipeline.explore.beside import Beside
-from pipeline.explore.server import Server
+from pipeline.explore.server import Beside, Server
 from pipeline.logs import WarningLog
 from pipeline.models import parametric_mesh
 from pipeline.models.live_column import (

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geometry.lattice import Path
-from pipeline.models import band_errors
+from pipeline.models import bands
 from solvers.waves.gaps import DirectionalGap, Gap, complete_gaps
 
 RANDOM = np.random.default_rng(5)
@@ -18,7 +18,7 @@ PATH = Path(np.column_stack([np.arange(9.0), np.zeros(9)]), ("G", None, None, No
 @pytest.mark.parametrize("seed", range(20))
 def test_edges_of_bands_anywhere_within_their_bars_lie_within_theirs(seed: int) -> None:
     (gap,) = complete_gaps(BANDS)
-    bars = band_errors.gap_errors(gap, BANDS, BARS)
+    bars = bands.gap_errors(gap, BANDS, BARS)
     exact = BANDS * (1.0 + BARS * np.random.default_rng(seed).choice([-1.0, 1.0], BANDS.shape))
     assert bars["lower_error"] and bars["upper_error"]
     assert abs(exact[:, 0].max() - gap.lower_hz) <= bars["lower_error"] * gap.lower_hz * (1.0 + 1e-12)
@@ -27,27 +27,25 @@ def test_edges_of_bands_anywhere_within_their_bars_lie_within_theirs(seed: int) 
 
 def test_the_edge_of_a_band_with_one_bar_has_that_bar() -> None:
     gap = Gap(1, 2, float(BANDS[:, 0].max()), float(BANDS[:, 1].min()))
-    same = band_errors.gap_errors(gap, BANDS, np.full(BANDS.shape, 0.01))
+    same = bands.gap_errors(gap, BANDS, np.full(BANDS.shape, 0.01))
     assert same == pytest.approx({"lower_error": 0.01, "upper_error": 0.01})
     unknown = BARS.copy()
     unknown[3, 0] = np.nan
-    assert band_errors.gap_errors(gap, BANDS, unknown)["lower_error"] is None
+    assert bands.gap_errors(gap, BANDS, unknown)["lower_error"] is None
 
 
 def test_a_gap_of_one_segment_has_the_bars_of_that_segment() -> None:
     own = BANDS[4:]
     gap = DirectionalGap(1, 2, float(own[:, 0].max()), float(own[:, 1].min()), "X", "M")
-    (fields,) = band_errors.with_edges([gap], PATH, BANDS, BARS)
-    assert fields["start"] == "X" and fields["lower_error"] == band_errors.edge_error(
-        own[:, 0], BARS[4:, 0], gap.lower_hz, 1
-    )
+    (fields,) = bands.with_edges([gap], PATH, BANDS, BARS)
+    assert fields["start"] == "X" and fields["lower_error"] == bands.edge_error(own[:, 0], BARS[4:, 0], gap.lower_hz, 1)
 
 
 def test_an_extreme_between_samples_is_bounded_by_half_the_larger_step() -> None:
     """A kink half-way between two samples rises above both by half a step."""
     k = np.arange(9.0)[:, None]
     kink = 10.0 - np.abs(k - 2.5)
-    beyond = band_errors.of_samples(PATH, kink)
+    beyond = bands.of_samples(PATH, kink)
     assert kink.max() * (1.0 + beyond[2, 0]) == pytest.approx(10.0)
     assert (beyond[[0, 4, 8]] == 0.0).all()
 
@@ -55,8 +53,8 @@ def test_an_extreme_between_samples_is_bounded_by_half_the_larger_step() -> None
 def test_the_widest_bar_is_named_with_its_largest_part() -> None:
     mesh, truncation = np.full((9, 2), 1e-3), np.full((9, 2), 2e-3)
     truncation[8, 1] = 1e-2
-    widest = band_errors.widest(PATH, mesh, truncation)
+    widest = bands.widest(PATH, mesh, truncation)
     assert widest.text() == "error of a frequency: 1.1 % at most (band 2 at M): 1.0 % truncation, 0.10 % mesh"
     assert widest.largest_part == "truncation" and widest.to_dict()["error"] == pytest.approx(0.011)
     mesh[0, 0] = np.nan
-    assert band_errors.widest(PATH, mesh, truncation).error is None
+    assert bands.widest(PATH, mesh, truncation).error is None

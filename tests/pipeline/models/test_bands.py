@@ -15,7 +15,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.models import attenuation, bands, unit_cell
 from pipeline.models.bands import SolvedBands
-from pipeline.models.whole_cell import WholeCell
+from pipeline.models.unit_cell import WholeCell
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.plots import style

@@ -7,10 +7,9 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.models import modes
-from pipeline.models.coarse_modes import OFF, CoarseModes, coarse_modes
+from pipeline.models.parts import OFF, CoarseModes, coarse_modes
 from pipeline.paths import ROOT
-from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import ModelChoice, Request, model_choice_of
 from tests.helpers.recording_log import RecordingLog
 
 CASE = load_case(ROOT / "examples" / "small.toml", ["solve.accuracy=0.02"])

@@ -14,7 +14,7 @@ from pipeline.models import parts
 from pipeline.models.modes import PartModes, solve_modes
 from pipeline.models.patched_plate import driven, forced_plate
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import Request, of_case
+from pipeline.planning.model_choice import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate
 from solvers.measures.wanted_mode import LEAD, weights
 from solvers.piezo.forced import GroupModes

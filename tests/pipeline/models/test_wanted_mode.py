@@ -14,7 +14,7 @@ from pipeline.cli.main import main
 from pipeline.models.modes import PartModes, solve_modes
 from pipeline.models.wanted_text import lines
 from pipeline.planning import mesh_rules
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from tests.helpers import coarse_cells
 from tests.helpers.recording_log import RecordingLog
 

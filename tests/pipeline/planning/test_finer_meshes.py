@@ -10,9 +10,8 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.models import modes
 from pipeline.planning import foresight, mesh_rules, refinement
 from pipeline.planning.calibration import MeshLevel
-from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
+from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
-from pipeline.planning.request import Request
 from pipeline.planning.resources import Demand
 from pipeline.questions.bands import Bands
 from solvers.errors import SolverError

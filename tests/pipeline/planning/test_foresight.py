@@ -24,8 +24,7 @@ from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
 from pipeline.planning.foresight import _cell_changes
-from pipeline.planning.model_choice import ModelChoice, cell_model_choice
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
 from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.questions.bands import Bands
 from pipeline.records.run_log import RunLog
@@ -60,7 +59,7 @@ def refuse_to_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     def forbidden(*_: Any) -> None:
         raise AssertionError("meshed before it was foreseen")
 
-    for module in ("pipeline.models.parts", "pipeline.models.whole_cell"):
+    for module in ("pipeline.models.parts", "pipeline.models.unit_cell"):
         monkeypatch.setattr(f"{module}.hex_mesh", forbidden)
     monkeypatch.setattr("solvers.plates.assembled.panel_mesh", forbidden)
     monkeypatch.setattr("solvers.plates.assembled.tile", forbidden)

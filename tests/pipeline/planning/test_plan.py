@@ -13,13 +13,20 @@ import pytest
 from geometry.layout import Pillar
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
-from pipeline.case.overrides import read_toml
+from pipeline.case.reading import read_toml
 from pipeline.cli.main import main
 from pipeline.models import modes
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules, plan, simplifications
-from pipeline.planning.model_choice import cell_model_choice, model_choice_of
-from pipeline.planning.request import Request, driven_band_hz, model_high_hz, of_case, response_high_hz
+from pipeline.planning.model_choice import (
+    Request,
+    cell_model_choice,
+    driven_band_hz,
+    model_choice_of,
+    model_high_hz,
+    of_case,
+    response_high_hz,
+)
 from pipeline.questions import study as asked
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
@@ -307,7 +314,7 @@ def test_explain_computes_nothing(
     for name in (
         "geometry.hex.boxes.hex_mesh",
         "pipeline.models.parts.hex_mesh",
-        "pipeline.models.whole_cell.hex_mesh",
+        "pipeline.models.unit_cell.hex_mesh",
     ):
         monkeypatch.setattr(name, refuse)
     monkeypatch.setattr("solvers.plates.assembled.Reductions.cell", refuse)
@@ -388,7 +395,7 @@ WORK = {
         "pipeline/models/attenuation.py",
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
-    "response": ("pipeline/models/response.py", "pipeline/board/gains.py"),
+    "response": ("pipeline/models/response.py", "pipeline/board/export.py"),
     "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/models/cross_check.py"),
     "drawing": ("pipeline/plots/", "pipeline/report/"),
 }

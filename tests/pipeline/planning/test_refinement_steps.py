@@ -12,8 +12,7 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.models import modes
 from pipeline.planning import mesh_rules, refinement
-from pipeline.planning.model_choice import model_choice_of
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request, model_choice_of
 from solvers.errors import SolverError
 from tests.helpers.recording_log import RecordingLog
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from geometry.decimation import with_sides
-from pipeline.plots import fields, mesh, plate, rendering, style, sweep
+from pipeline.plots import fields, rendering, style, sweep
 from pipeline.plots import fields as plots_fields
 from pipeline.questions.bands import BandPoint, BandsResult
 from pipeline.questions.modes import ShapesResult
@@ -115,7 +115,7 @@ def test_the_side_view_states_its_factor_truly(case: StoredCase):
     arrays, design = case.arrays(), case.record.design
     report_figure = fields.side_view(case, arrays)
     text = float(report_figure.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
-    largest = np.abs(arrays["surface_u"][0]).max() / plate.zone_peak(arrays, design) * 1e-6
+    largest = np.abs(arrays["surface_u"][0]).max() / plots_fields.zone_peak(arrays, design) * 1e-6
     displacement_m = largest * text
     limit = fields.DRAWN_SHARE * design.pillar.height_m
     assert limit / 2.5 < displacement_m <= limit  # the largest of 1, 2, 5 that fits
@@ -127,7 +127,7 @@ def test_the_side_view_states_its_factor_truly(case: StoredCase):
 
 def test_tips_are_found_pillar_by_pillar(case: StoredCase):
     arrays, design = case.arrays(), case.record.design
-    pillars = plate.find_pillars(arrays, design)
+    pillars = plots_fields.find_pillars(arrays, design)
     assert len(pillars.centres) == 2 * 2 * 29
     tips = arrays["surface_points"][pillars.tips, :2]
     assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design.pillar.base_m / 2 * 1.001
@@ -139,8 +139,8 @@ def test_face_quality_by_hand():
         [[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, np.sqrt(0.75), 0], [3, 0, 0], [3, 1, 0], [2, 0, 0]]
     )
     quads, triangles = np.array([[0, 1, 2, 3], [0, 5, 6, 3]]), np.array([[0, 1, 4], [0, 1, 7]])
-    assert mesh.face_quality(points, quads) == pytest.approx([1.0, 2 * 3 / 10])
-    assert mesh.face_quality(points, triangles) == pytest.approx([1.0, 0.0])
+    assert rendering.face_quality(points, quads) == pytest.approx([1.0, 2 * 3 / 10])
+    assert rendering.face_quality(points, triangles) == pytest.approx([1.0, 0.0])
 
 
 def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
@@ -228,7 +228,7 @@ def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
 
 
 def test_nice_below():
-    assert [plate.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
+    assert [plots_fields.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
         [1, 1, 2, 2, 5, 5, 0.05]
     )
 

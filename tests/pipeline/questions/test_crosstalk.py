@@ -21,8 +21,8 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.models.touch_parts import TouchStateRecord
 from pipeline.models.zone_parts import DrivenZone
 from pipeline.plots import style
-from pipeline.plots.mesh import _dimensions
-from pipeline.plots.plate import draw_outlines
+from pipeline.plots.fields import draw_outlines
+from pipeline.plots.rendering import _dimensions
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.response import PeakRecord
 from pipeline.questions.tolerance import SampleRecord

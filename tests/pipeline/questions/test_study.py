@@ -12,7 +12,11 @@ from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.paths import ROOT
 from pipeline.questions import study
-from pipeline.questions.question import Question
+from pipeline.questions.modes import Modes
+from pipeline.questions.question import Question, Run, ask
+from pipeline.records.record import Record
+from pipeline.records.study import StoredCase
+from tests.helpers.recording_log import RecordingLog
 
 SMALL = ROOT / "examples" / "small.toml"
 FULL = str(ROOT / "studies" / "three-rows.toml")
@@ -43,3 +47,15 @@ def test_names_and_columns_are_each_once() -> None:
 def test_what_a_case_lacks_is_named(measure: str, said: str) -> None:
     with pytest.raises(InputError, match=rf"{said}: missing, the measure {measure} needs it"):
         study.check(load_case(SMALL), [measure])
+
+
+def test_a_part_that_is_asked_as_another_question_draws_nothing_of_its_own() -> None:
+    """Modes of the bare zone and of the lone pillar are a result of `modes`, whose pictures are of the plate."""
+    case = load_case(str(SMALL), ["solve.accuracy=0.1"])
+    alone = ask(case, Modes(part="pillar", count=3), Run(RecordingLog()))
+    record = Record(case_id="one", status="OK", pillar_modes=alone, zone_modes=alone)
+    parts = [question for question in study.questions() if question.name in ("zone_modes", "pillar_modes")]
+    assert len(parts) == 2 and alone.pictures()
+    for question in parts:
+        (draw,) = study._draws(question)
+        assert draw(StoredCase(SMALL.parent, record), {}) is None

@@ -12,7 +12,7 @@ from pipeline.case.model import load_case
 from pipeline.models import cross_check, modes, wanted_search
 from pipeline.paths import ROOT
 from pipeline.planning.mesh_rules import PLATE_TETRAHEDRA
-from pipeline.planning.request import Expected
+from pipeline.planning.model_choice import Expected
 from solvers.fem.eigen import Count, PlainPencil
 from solvers.superelement.plate import AssembledPlate
 from tests.helpers.recording_log import RecordingLog

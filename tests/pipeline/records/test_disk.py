@@ -14,7 +14,7 @@ from pipeline.logs import TerminalLog
 from pipeline.models import mode_fields, modes
 from pipeline.models.cell_cache import MatrixCache
 from pipeline.paths import STUDIES
-from pipeline.planning.request import Request
+from pipeline.planning.model_choice import Request
 from pipeline.records import record, store
 from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog

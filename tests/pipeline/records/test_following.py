@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.questions import study as asked
 from pipeline.questions.modes import ShapesResult
-from pipeline.records import tables, tracking
+from pipeline.records import tables
 from pipeline.records.study import StoredCase, StoredStudy
 from tests.helpers import synthetic
 
@@ -34,7 +34,7 @@ FIRST, SECOND, MIXED = [1.0, 0.0], [0.0, 1.0], [0.7, 0.714]
 
 
 def test_a_crossing_is_told_and_the_line_starts_where_the_mode_is_plainest() -> None:
-    result = tracking.along_sweep(
+    result = tables.along_sweep(
         study(
             case(4, [FIRST, SECOND], 0, 0.98),
             case(5, [SECOND, FIRST], 1, 0.9),
@@ -48,7 +48,7 @@ def test_a_crossing_is_told_and_the_line_starts_where_the_mode_is_plainest() -> 
 
 def test_beyond_a_mixture_the_identity_stays_lost() -> None:
     mixed = case(5, [MIXED, [-0.714, 0.7]], 0, 0.5)
-    result = tracking.along_sweep(study(case(4, [FIRST, SECOND], 0, 0.98), mixed, case(6, [FIRST, SECOND], 0, 0.9)))
+    result = tables.along_sweep(study(case(4, [FIRST, SECOND], 0, 0.98), mixed, case(6, [FIRST, SECOND], 0, 0.9)))
     assert [result[name].tracking for name in ("p5r1", "p6r1")] == ["lost", "lost"]
     assert result["p5r1"].mac == pytest.approx(0.49, abs=0.02)
     assert result["p6r1"].frequency_hz is None
@@ -57,7 +57,7 @@ def test_beyond_a_mixture_the_identity_stays_lost() -> None:
 def test_both_ways_from_the_start_and_line_by_line() -> None:
     shapes = [FIRST, SECOND]
     cases = [case(p, shapes, 0, 0.99 if p == 5 else 0.8, rows) for rows in (1, 2) for p in (4, 5, 6)]
-    result = tracking.along_sweep(study(*cases))
+    result = tables.along_sweep(study(*cases))
     assert [result[c.case_id].tracking for c in cases] == ["kept", "start", "kept"] * 2
 
 
@@ -72,6 +72,6 @@ def test_the_table_carries_it_and_a_single_case_has_no_such_columns() -> None:
 def test_the_case_that_is_computed_once_is_no_part_of_the_sweep() -> None:
     base = case(4, [FIRST, SECOND], 0, 0.99)
     once = StoredCase(Path("base"), base.record.model_copy(update={"case_id": "base", "sweep": {}}))
-    result = tracking.along_sweep(study(once, case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9)))
+    result = tables.along_sweep(study(once, case(4, [FIRST, SECOND], 0, 0.98), case(5, [FIRST, SECOND], 0, 0.9)))
     assert [result[name].tracking for name in ("p4r1", "p5r1")] == ["start", "kept"]
     assert "base" not in result

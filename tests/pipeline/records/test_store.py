@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.batch.lock import StudyBusy, study_lock
+from pipeline.batch.runner import StudyBusy, study_lock
 from pipeline.records import fingerprint, store
 
 PAYLOAD = {"name": "c", "value": 1.0}

@@ -17,10 +17,10 @@ from pipeline.questions import study as asked
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.report import mode_shapes, text
 from pipeline.report import page as report_page
-from pipeline.report.sketch import sketch
-from pipeline.report.thesis import confinement_words
+from pipeline.report import shapes, text
+from pipeline.report.gallery import sketch
+from pipeline.report.text import confinement_words
 from tests.helpers import synthetic
 
 
@@ -165,7 +165,7 @@ def test_words_have_the_digits_of_their_bars() -> None:
     """Of a mode known to 12 % and 4 dB, and of ten plates that spread by 200 Hz and 2 dB."""
     known = synthetic.wanted(12.24, 35.21e3, mac=0.98, frequency_error=0.12, confinement_error_db=4.0)
     case = synthetic.case("one", {}, modes=synthetic.modes(known))
-    about = mode_shapes._words(case, 35.21e3, wanted=True)["about"]
+    about = shapes._words(case, 35.21e3, wanted=True)["about"]
     assert "at 35 kHz, 12 dB" in about and ": 12 dB (at" in level_text(case)
     said = confinement_words(12.24, 9.31, 4.0)
     assert said == "confined (12 dB as a mode, 9.3 dB driven by its patches, which is not confined)"

@@ -21,10 +21,10 @@ from pipeline.questions.bands import BandsResult
 from pipeline.records import store, tables
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import gallery, html, pictures, text
+from pipeline.report import gallery, html, text
 from pipeline.report import page as report_page
-from pipeline.report.script_page import Page as Script
-from pipeline.report.script_page import Section, Table, write_page
+from pipeline.report.html import Page as Script
+from pipeline.report.html import Section, Table, write_page
 from tests.helpers import synthetic
 
 VOID = {"meta", "link", "img", "input", "br", "hr"}
@@ -220,7 +220,7 @@ def test_what_does_not_fit_is_named_and_no_picture_is_missing(
     """A page sent alone shows every picture that it has; those left out stand in the case's folder."""
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     room = sum(len(image["src"]) for image in page.all("img")) // 2
-    monkeypatch.setattr(pictures, "EMBEDDED_BYTES", room)
+    monkeypatch.setattr(html, "EMBEDDED_BYTES", room)
     page = Page(report_page.build(copy).read_text())
     assert 2 < len(page.all("img")) < 12 and all(i["src"].startswith("data:") for i in page.all("img"))
     assert sum(len(image["src"]) for image in page.all("img")) < room
@@ -315,7 +315,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
         store.write_sealed(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
         sizes.append(report_page.build(folder, max_figures=1).stat().st_size)
     each = (sizes[1] - sizes[0]) / 40
-    fixed = pictures.EMBEDDED_BYTES + 1.2e6  # pictures; viewer, shapes and diagrams
+    fixed = html.EMBEDDED_BYTES + 1.2e6  # pictures; viewer, shapes and diagrams
     assert fixed + 1000 * each < 15e6, each
 
 

@@ -14,7 +14,7 @@ import pytest
 from geometry.decimation import coarse, with_sides
 from pipeline.records import store
 from pipeline.records.study import read_study
-from pipeline.report import dispersion, mode_shapes
+from pipeline.report import shapes
 from solvers.fem.surface import Skin
 from tests.helpers import synthetic
 
@@ -75,9 +75,9 @@ def unfolded(symmetry: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize(("symmetry", "signs"), [("SS", (1, 1)), ("AS", (-1, 1)), ("SA", (1, -1)), ("AA", (-1, -1))])
 def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str, signs: tuple[int, int]) -> None:
     points, facets, u = unfolded(symmetry)
-    first, few, small, result = mode_shapes.quarter(points, facets, u)
+    first, few, small, result = shapes.quarter(points, facets, u)
     assert result == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
-    images = mode_shapes._images(result[0])
+    images = shapes._images(result[0])
     mirrored = np.concatenate([first * image["flip"] for image in images])
     moved = np.concatenate([image["parity"] * small[0] * image["flip"] for image in images])
     np.testing.assert_allclose(mirrored, points)
@@ -87,7 +87,7 @@ def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str, 
 def test_a_shape_without_mirrors_is_sent_whole() -> None:
     points, facets, u = unfolded("SS")
     u[0, 5, 2] += 1e-3
-    assert mode_shapes.quarter(points, facets, u)[3] == [None]
+    assert shapes.quarter(points, facets, u)[3] == [None]
 
 
 def unpacked(text: str, columns: int, kind: str) -> np.ndarray:
@@ -97,7 +97,7 @@ def unpacked(text: str, columns: int, kind: str) -> np.ndarray:
 
 
 def test_numbers_come_back_within_a_step() -> None:
-    gallery = mode_shapes.Gallery()
+    gallery = shapes.Gallery()
     points, quads = synthetic.box(LOW, HIGH, (4, 3, 2))
     u = np.random.default_rng(4).normal(size=points.shape)
     body = gallery.add_body(points, quads, 1e-3)
@@ -118,24 +118,24 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes(study: Path) -> None:
     cases = [case for case in read_study(study).cases if case.record.status == "OK"]
-    gallery = mode_shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-side_view"})
+    gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-side_view"})
     assert [shape["group"] for shape in gallery.shapes].count(cases[0].case_id) == 1
     assert gallery.shapes[0]["group"] == cases[1].case_id and "wanted" in gallery.shapes[0]["name"]
     assert gallery.shapes[0]["still"] == "case-2-side_view" and "16.0 dB" in gallery.shapes[0]["about"]
-    assert len(gallery.shapes) <= mode_shapes.MAX_SHAPES
+    assert len(gallery.shapes) <= shapes.MAX_SHAPES
 
 
 def test_a_long_study_stays_light(study: Path) -> None:
     case = next(case for case in read_study(study).cases if case.record.status == "OK")
     names = [f"c{number}" for number in range(30)]
     many = [replace(case, record=case.record.model_copy(update={"case_id": name})) for name in names]
-    gallery = mode_shapes.plates(many, many[7], {})
-    assert len(gallery.shapes) == mode_shapes.MAX_SHAPES and gallery.shapes[0]["group"] == "c7"
+    gallery = shapes.plates(many, many[7], {})
+    assert len(gallery.shapes) == shapes.MAX_SHAPES and gallery.shapes[0]["group"] == "c7"
 
 
 def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
     stored = read_study(study)
-    result = dispersion.diagrams(stored, stored.cases[1])
+    result = shapes.diagrams(stored, stored.cases[1])
     assert len(result["cells"]) == 1 and result["cells"][0]["name"] == "array pitch (mm) = 4, 2 plates"
     cell = result["cells"][0]
     assert cell["kind"] is None and cell["pillar"] is None and "shapes" not in cell  # a record of an older version
@@ -144,7 +144,7 @@ def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
 
 
 def test_tiles_carry_the_bloch_phase() -> None:
-    tiles = dispersion._tiles(np.array([np.pi / 0.004, 0.0]), np.array([0.004, 0.005]))
+    tiles = shapes._tiles(np.array([np.pi / 0.004, 0.0]), np.array([0.004, 0.005]))
     phase = {tuple(np.sign(tile["offset"][:2])): tile["phase"] for tile in tiles}
     assert phase[1.0, 1.0] - phase[-1.0, 1.0] == pytest.approx(np.pi)  # neighbours along x move against each other
     assert phase[1.0, 1.0] == pytest.approx(phase[1.0, -1.0])
@@ -155,5 +155,5 @@ def test_torn_arrays_leave_the_others_shapes(study: Path, tmp_path: Path) -> Non
     copy = Path(shutil.copytree(study, tmp_path / "rows"))
     (copy / "pitch_mm=4,rows=2" / store.ARRAYS).write_bytes(b"PK torn")
     cases = [case for case in read_study(copy).cases if case.record.status == "OK"]
-    gallery = mode_shapes.plates(cases, cases[1], {})
+    gallery = shapes.plates(cases, cases[1], {})
     assert {shape["group"] for shape in gallery.shapes} == {"pitch_mm=4,rows=1"}

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.active import thesis_models
+from pipeline.active import thesis
 from pipeline.active.thesis import beside
 from solvers.control.loop import (
     LEAVING_S,
@@ -312,7 +312,7 @@ def test_study_closes_the_chain():
     assert {step["name"] for step in document["steps"]} == {"alone", "firmware's constant", "with neighbours"}
     feasible = [one["feasible"] for one in document["feasibility"]]
     assert feasible == sorted(feasible, reverse=True) and feasible[0] and not feasible[-1]
-    (entry,) = beside("dq", thesis_models.dq(study))
+    (entry,) = beside("dq", thesis.dq(study))
     assert entry["agreement"].startswith("agrees")
 
 

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import newton
 
 from geometry.materials import MATERIALS
-from pipeline.active import thesis_models
+from pipeline.active import thesis
 from pipeline.active.thesis import beside
 from solvers.errors import SolverError
 from solvers.thesis.active_beam import (
@@ -330,7 +330,7 @@ def study():
 
 def test_study_is_one_plain_document(study):
     document = json.loads(
-        json.dumps(study.to_dict() | {"comparison": beside("beam", thesis_models.beam(study))}, allow_nan=False)
+        json.dumps(study.to_dict() | {"comparison": beside("beam", thesis.beam(study))}, allow_nan=False)
     )
     assert document["schema"] == 1
     assert {case["layout"] for case in document["cases"]} == {"point", "pair", "couple", "opposed"}

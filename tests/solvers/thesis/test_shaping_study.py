@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.active.thesis import beside
-from pipeline.active.thesis_shaping import shaping
+from pipeline.active.thesis import beside, shaping
 from solvers.errors import SolverError
 from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.modal_table import conditioning, field_matrix, sensor_matrix

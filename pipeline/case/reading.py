@@ -1,0 +1,401 @@
+"""Reading a case: TOML and --set overrides as plain dictionaries, tables checked, every fault collected, rows that differ."""
+
+from __future__ import annotations
+
+import copy
+import json
+import re
+import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from geometry.errors import GeometryError
+from geometry.files import read_by_command
+from geometry.layout import Design
+from geometry.materials import MATERIALS, Material
+from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes.shapes import SHAPES
+from pipeline import paths
+from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
+from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file, quoted
+from pipeline.case.limits import MAX_CONTRAST
+from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
+from pipeline.errors import InputError, reason
+from pipeline.units import GPA, MM
+
+Values = dict[str, Any]
+HEIGHTS, SIDES, PITCHES = "array.heights_mm", "array.sides_mm", "array.pitches_y_mm"
+WIDTHS = tuple(dict.fromkeys(f"pillar.{shape.keys[0]}" for shape in SHAPES.values() if shape.keys[0].endswith("_mm")))
+INSTEAD = {HEIGHTS: ("pillar.height_mm",), SIDES: WIDTHS, PITCHES: ("array.pitch_y_mm",)}  # keys of equal rows
+
+
+def lists_of(good: Values) -> dict[str, list[float]]:
+    """The lists that the file has, by the key that equal rows have instead, such as pillar.height_mm."""
+    shape = SHAPES.get(good.get("pillar.shape", ""))
+    one = {HEIGHTS: "pillar.height_mm", SIDES: f"pillar.{shape.keys[0]}" if shape else "", PITCHES: "array.pitch_y_mm"}
+    return {one[key]: good[key] for key in one if good.get(key) and one[key]}
+
+
+def named(key: str) -> str:
+    """The list that stands for a key of equal rows."""
+    return next(name for name, others in INSTEAD.items() if key in others)
+
+
+def normalise_rows(good: Values) -> Iterator[tuple[str, Any, str]]:
+    """The first row's values in place of the keys of equal rows from now on, and as many rows as the lists have values."""
+    for key in (key for key in INSTEAD if "array" in good and key not in good):  # a faulty list: it is told already
+        for other in INSTEAD[key]:
+            good.pop(other, None)
+    for key in (key for key in INSTEAD if good.get(key)):
+        values = good[key]
+        if "pillar" not in good or (good.get("pillar.shape") == "step" and key != PITCHES):
+            why = (
+                "without a [pillar]" if "pillar" not in good else "with a step pillar, which has the sizes of its file"
+            )
+            yield key, values, f"must be left out {why}"
+            good[key] = None
+            continue
+        if good.get("array.rows", 0) is None:
+            good["array.rows"] = len(values)
+        rows = good.get("array.rows")
+        if rows is not None and len(values) != rows:
+            yield key, values, f"{len(values)} values, must be one for each of array.rows = {rows}"
+        for other in (*INSTEAD[key], *(("array.pitch_mm",) if key == PITCHES else ())):
+            if good.get(other) is not None:
+                what = f"must be left out beside {key}" + (": give pitch_x_mm" if other == "array.pitch_mm" else "")
+                yield other, good[other], what
+    good |= {key: values[0] for key, values in lists_of(good).items() if good.get(key) is None}
+
+
+def one_kind(design: Design) -> list[str]:
+    """KEY=VALUE texts that make every row like the first, for the keys in which rows differ."""
+    first, texts = design.pillar, []
+    if first and len({pillar.height_m for pillar in design.graded}) > 1:
+        texts.append(f"pillar.height_mm={first.height_m / MM:g}")
+    if first and len({pillar.base_m for pillar in design.graded}) > 1:
+        texts.append(f"pillar.{first.form.keys[0]}={first.base_m / MM:g}")
+    return [*texts, *([f"array.pitch_y_mm={design.pitch_y_m / MM:g}"] if design.graded_pitches_m else ())]
+
+
+def by_row(good: Values) -> list[Values]:
+    """The valid values as each row has them; once where all rows are alike."""
+    lists = lists_of(good)
+    rows = min((len(values) for values in lists.values()), default=1)
+    return [good | {key: values[row] for key, values in lists.items()} for row in range(rows)]
+
+
+# keys that stand for one another: setting one drops the others that the file gave
+ALTERNATIVES: dict[str, tuple[str, ...]] = {
+    "array.pitch_mm": ("array.pitch_x_mm", "array.pitch_y_mm"),
+    "solve.band_kHz": ("solve.near_kHz", "solve.count"),
+    "solve.near_kHz": ("solve.band_kHz",),
+    "patches.centres_mm": ("patches.at",),
+    "patches.at": ("patches.centres_mm",),
+    **INSTEAD,
+    **{other: (key,) for key, others in INSTEAD.items() for other in others},
+}
+ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
+MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
+DEEPEST = 8  # tables and lists inside one another; a case has four
+TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
+# a key of so many parts costs tomllib the square of their number before its depth could be seen
+LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
+
+
+def _elsewhere(path: Path) -> str:
+    """Where a file of this name, or nearly so, is here or among the program's own, which help and pages name from the
+    checkout's folder.
+    """
+    with suppress(OSError):
+        if (ours := paths.ROOT / path).is_file():
+            return f" in this folder; there is {ours}"
+    return nearest_file(path) or ("" if path.is_absolute() else nearest_file(paths.ROOT / path))
+
+
+def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
+    """The file as a dictionary; InputError for what cannot be read or parsed, with the line number where known.
+
+    A file of more than `max_bytes`, or nested deeper than DEEPEST, is refused as well.
+    """
+    read_by_command(path)
+    try:
+        with path.open("rb") as file:
+            content = file.read(max_bytes + 1)
+        text = content.decode("utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file{_elsewhere(path)}") from None
+    except IsADirectoryError:
+        raise InputError(f"{path}: is a directory, must be a TOML file") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not UTF-8 text at byte {error.start}, must be a TOML file in UTF-8") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read: {reason(error)}") from None
+    if len(content) > max_bytes:
+        raise InputError(f"{path}: more than {max_bytes} bytes: must be a TOML file of at most so many")
+    if LONG_KEY.search(text):
+        raise InputError(f"{path}: {TOO_DEEP}")
+    try:
+        parsed = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path}: not valid TOML: {type(error).__name__} {str(error)[:80]}") from None
+    if _is_deeper(parsed):
+        raise InputError(f"{path}: {TOO_DEEP}")
+    return parsed
+
+
+def is_file(path: Path) -> bool:
+    """Whether a file stands there; a name that no file can have is none."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _is_deeper(value: Any) -> bool:
+    """Whether dictionaries and lists stand inside one another more than DEEPEST times."""
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        inside = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, (dict, list))]
+        level = [item for items in inside for item in items]
+    return bool(level)
+
+
+def parse_value(text: str) -> Any:
+    """A TOML value, or the bare word as a string."""
+    if len(text) > MAX_BYTES:
+        return text.strip()
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+    except (ValueError, RecursionError):
+        return text.strip()
+    return parsed["value"] if set(parsed) == {"value"} else text.strip()
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """(dotted key, value) from "key.path=value"; InputError otherwise."""
+    key, equals, value = text.partition("=")
+    parts = [part.strip() for part in key.split(".")]
+    if not equals or not all(parts) or not value.strip():
+        raise InputError(f"--set {quoted(text)[1:-1]}: must be key.path=value, such as array.pitch_mm=6")
+    parsed = parse_value(value)
+    if len(parts) > DEEPEST or _is_deeper(parsed):
+        raise InputError(f"--set {quoted(text)[1:-1]}: nested deeper than {DEEPEST}, which no key is")
+    return ".".join(parts), parsed
+
+
+def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+    """A copy of `raw` with every override set in order; absent tables are created."""
+    result = copy.deepcopy(raw)
+    for key, value in overrides:
+        if key in ("array.pitch_x_mm", "array.pitch_y_mm", PITCHES):
+            _split_pitch(result)
+        for other in ALTERNATIVES.get(key, ()):
+            _drop(result, other)
+        if key == "pillar.shape" and isinstance(value, str) and value in SHAPES:
+            _keep_sizes(result, SHAPES[value])
+        _put(result, key.split("."), value)
+    return result
+
+
+def _split_pitch(raw: dict[str, Any]) -> None:
+    array = raw.get("array")
+    if isinstance(array, dict) and "pitch_mm" in array:
+        pitch = array.pop("pitch_mm")
+        array.setdefault("pitch_x_mm", pitch)
+        array.setdefault("pitch_y_mm", pitch)
+
+
+def _keep_sizes(raw: dict[str, Any], shape: type[PillarShape]) -> None:
+    """Drop the sizes that belong to other shapes alone."""
+    others = {key for other in SHAPES.values() for key in other.keys} - {*shape.keys}
+    for name in others if shape.has_height else others | {"height_mm"}:
+        _drop(raw, f"pillar.{name}")
+
+
+def _drop(raw: dict[str, Any], key: str) -> None:
+    table, _, name = key.rpartition(".")
+    owner = raw.get(table)
+    if isinstance(owner, dict):
+        owner.pop(name, None)
+
+
+def _put(raw: dict[str, Any], parts: list[str], value: Any) -> None:
+    owner = raw
+    for depth, part in enumerate(parts[:-1]):
+        below = owner.get(part)
+        if isinstance(below, str) and part == "material":
+            below = _material_table(below)
+        if below is not None and not isinstance(below, dict):
+            path = ".".join(parts[: depth + 1])
+            raise InputError(f"--set {'.'.join(parts)}: {path} is a value, not a table")
+        owner[part] = below = {} if below is None else below
+        owner = below
+    owner[parts[-1]] = value
+
+
+def _material_table(name: str) -> dict[str, Any] | None:
+    """The constants of a named material, so that one of them can be set."""
+    from geometry.materials import MATERIALS
+
+    known = MATERIALS.get(name)
+    if known is None:
+        return None
+    return {"young_GPa": known.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
+    return _quoted(value) if isinstance(value, str) else str(value)
+
+
+def _quoted(text: str) -> str:
+    """A basic string of TOML, which takes every letter but control characters as it is."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
+
+
+@dataclass(frozen=True)
+class CaseValues:
+    """What the file says, faults included; good holds the valid values by dotted key, defaults filled in."""
+
+    name: str
+    good: dict[str, Any]
+    materials: dict[str, Material]
+    rows: tuple[tuple[dict[str, Any], PillarShape | None], ...]  # as each row has them, once where all rows are alike
+    given: frozenset[str]
+    diagnostics: Diagnostics
+
+
+def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
+    """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
+    diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
+    known = known_keys()
+    good: dict[str, Any] = {}
+    materials: dict[str, Material] = {}
+    for key in raw:
+        if key not in TABLES and key not in ("name", "material"):
+            diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
+    for table, model in TABLES.items():
+        if table not in raw and table not in ALWAYS:
+            continue
+        content = raw.get(table, {})
+        if not isinstance(content, dict):
+            diagnostics.add(table, content, f"must be a table [{table}]")
+            continue
+        hidden = "material" if table in MATERIAL_OWNERS else None
+        own = {key: value for key, value in content.items() if key != hidden}
+        good |= {table: True} | check_table(model, own, f"{table}.", known, diagnostics)
+    for owner in MATERIAL_OWNERS:
+        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
+    _check_contrast(materials, diagnostics)
+    name = _read_name(raw, source, diagnostics)
+    _add_all(chain(normalise_rows(good), normalise_pitch(good)), diagnostics)
+    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(good))
+    _check_across(rows, diagnostics)
+    return CaseValues(name, good, materials, rows, _given(raw), diagnostics)
+
+
+def _read_material(
+    owner_table: Any, owner: str, materials: dict[str, Material], known: list[str], diagnostics: Diagnostics
+) -> None:
+    key = f"{owner}.material".lstrip(".")
+    if not isinstance(owner_table, dict) or "material" not in owner_table:
+        if owner == "":
+            diagnostics.missing(key, f"must be {MATERIAL_ALLOWED} ({', '.join(MATERIALS)})")
+        return
+    value = owner_table["material"]
+    if isinstance(value, str):
+        if value in MATERIALS:
+            materials[owner] = MATERIALS[value]
+        else:
+            diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
+    elif isinstance(value, dict):
+        before = len(diagnostics.lines)
+        good = check_table(MaterialTable, value, f"{key}.", known, diagnostics)
+        if len(diagnostics.lines) == before:
+            young, density, poisson = (good[f"{key}.{name}"] for name in MaterialTable.model_fields)
+            materials[owner] = Material("given", GPA * young, float(density), float(poisson))
+    else:
+        diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
+
+
+def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
+    """One line where plate and pillar or tip differ in stiffness by more than one matrix can hold."""
+    young = {owner: material.young_pa / GPA for owner, material in materials.items()}
+    plate = young.pop("", None)
+    for owner, other in young.items():
+        if plate is not None and max(plate, other) > MAX_CONTRAST * min(plate, other):
+            limit = f"must be within a factor of {MAX_CONTRAST:g} of the plate's {plate:g} GPa"
+            diagnostics.add(f"{owner}.material.young_GPa", other, limit)
+
+
+def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> str:
+    name = raw.get("name", source.stem if source is not None else "case")
+    if not (isinstance(name, str) and 0 < len(name) <= 100 and name.isprintable() and not set(name) & set("/\\")):
+        diagnostics.add("name", name, f"must be {NAME_ALLOWED}")
+    return str(name)
+
+
+def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> PillarShape | None:
+    """The pillar's shape with its sizes; None while some are missing. A STEP file is read here, with CAD."""
+    shape = SHAPES.get(good.get("pillar.shape", ""))
+    if shape is None or any(good.get(f"pillar.{key}") is None for key in shape.keys):
+        return None
+    given = {key: good[f"pillar.{key}"] for key in shape.keys}
+    try:
+        return shape.from_case(given, source.parent if source is not None else Path())
+    except GeometryError as error:
+        file = good.get("pillar.file")
+        diagnostics.add("pillar.file", file, str(error).rpartition(f"{file}: ")[2])
+        return None
+
+
+def _check_across(rows: tuple[tuple[dict[str, Any], PillarShape | None], ...], diagnostics: Diagnostics) -> None:
+    for number, (good, form) in enumerate(rows, start=1):
+        _add_all(
+            (_of_row(number, fault, good) for check in (*CHECKS, check_zones) for fault in check(good, form)),
+            diagnostics,
+        )
+
+
+def _of_row(number: int, fault: Diagnostic, good: dict[str, Any]) -> Diagnostic:
+    """A fault of a row's value, at the list that holds it."""
+    key, _, text = fault
+    return (named(key), good[named(key)], f"row {number}: {text}") if key in lists_of(good) else fault
+
+
+def _add_all(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:
+    for key, value, text in faults:
+        if value is None:
+            diagnostics.missing(key, text)
+        else:
+            diagnostics.add(key, value, text)
+
+
+def _given(raw: dict[str, Any]) -> frozenset[str]:
+    """The tables and dotted keys that the file has."""
+    keys = set(raw)
+    for table, content in raw.items():
+        if isinstance(content, dict):
+            keys |= {f"{table}.{name}" for name in content}
+    if keys & {*INSTEAD}:
+        keys.add("array.rows")
+    if "array.pitch_x_mm" in keys and keys & {"array.pitch_y_mm", PITCHES}:
+        keys.add("array.pitch_mm")
+    return frozenset(keys)
