@@ -17,7 +17,7 @@ from geometry.layout import Design
 from pipeline.errors import InputError
 from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, Explorer, Limit
 from pipeline.models import live_column
-from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, half_waves
+from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel
 from pipeline.models.parametric_mesh import MeshTable
 from pipeline.planning import mesh_rules
@@ -161,12 +161,12 @@ def _finite(design: Design) -> Plain:
     sides goes with the square of a thickness in m, layer with the thickness.
     """
     thickness = design.thickness_m
-    at_rest = live_column.SIDES + live_column.WAVES / half_waves(design.nodal_lines)
+    thin = thin_error(design.nodal_lines)
     return {
         "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
         "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
         "tried": live_column.TRIED, "tied": live_column.TIED, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
-        "waves": at_rest, "sides": (boundary_error(design) - at_rest) / thickness**2,
+        "waves": thin, "sides": (boundary_error(design) - thin) / thickness**2,
         "layer": end_layer(design) / thickness, "near": NEAR,
     }  # fmt: skip
 

@@ -2,12 +2,18 @@
 
 The mirror x -> -x followed by conjugation leaves waves of a real wavenumber alone: in the coordinates that it keeps, K and M of
 a row are real. Every step keeps the edge that the next row shares and the modes of what lies behind it, that edge fixed,
-up to REACH times the window's top, so that no eigenvalue problem is larger than some fifty degrees of freedom.
+up to REACH times the window's top, so that no eigenvalue problem is larger than some hundred degrees of freedom.
+
+Modes beyond that answer as at one eigenvalue s. One of eigenvalue l_i and modal participation p_i is then off by
+p_i (l - s) / l_i at an eigenvalue l, which raises l by sum_i p_i^2 (l - s)^2 / (l_i l) of itself at most, the p_i^2 together
+by less than 1. At both ends of a window that is the same, and no more than 1 / REACH^2, where s is the geometric mean of the
+ends; with the arithmetic mean it has no bound as the lower end falls.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import sqrt
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
@@ -18,7 +24,7 @@ from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 
-REACH = 3.0  # of the top of the window
+REACH = 9.0  # of the top of the window
 Pair = tuple[FloatArray, FloatArray]
 
 
@@ -100,31 +106,79 @@ def real_row(row: Row) -> Pair:
     return out[0], out[1]
 
 
-Condensed = dict[tuple[int, float, float, float], tuple[Cell, Step]]
+def stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray]:
+    """The cell whose fixed-interface modes beyond the eigenvalue `top` answer as at `about`, and its degrees of freedom as
+    motions of the cell, (dof, kept). It is the same at every wavenumber.
+    """
+    b = cell.interface.count
+    stiffness, mass = (np.diag(matrix)[b:] for matrix in (cell.stiffness, cell.mass))
+    low = stiffness <= top * mass
+    kept = b + np.flatnonzero(low)
+    shapes = np.zeros((cell.dof, b + len(kept)))
+    shapes[:b, :b], shapes[kept, np.arange(b, shapes.shape[1])] = np.eye(b), 1.0
+    shapes[b + np.flatnonzero(~low), :b] = (about / (stiffness - about * mass))[~low, None] * cell.mass[b:, :b][~low]
+    k, m = (shapes.T @ matrix @ shapes for matrix in (cell.stiffness, cell.mass))
+    k, m = ((matrix + matrix.T) / 2.0 for matrix in (k, m))
+    return replace(cell, stiffness=k, mass=m, fixed_hz=cell.fixed_hz[low], fixed_parity=cell.fixed_parity[low]), shapes
+
+
+@dataclass(frozen=True)
+class CondensedRow:
+    """A row of a cell with a stiff inside, condensed to its two edges; shapes: the degrees of freedom of that cell as motions
+    of the whole one.
+    """
+
+    row: Row
+    step: Step
+    shapes: FloatArray
+
+    def motion(self, own: FloatArray) -> ComplexArray:
+        """Degrees of freedom (row dof, k) of the whole cell's row from [lower edge, upper edge, modes] (n, k)."""
+        cell, edges = self.row.cell, 2 * self.row.edge
+        local = real_factors(cell, self.row.kx)[:, None] * np.vstack([own[:edges], self.step.dropped(own)])
+        boundary = len(local) - len(cell.fixed_hz)
+        inside = self.shapes[cell.interface.count :] @ (self.row.transform @ local)
+        return np.asarray(np.vstack([local[:boundary], inside]))
+
+
+class Condensed:
+    """Cells with a stiff inside, and rows of them condensed, kept for the next column of the same cells."""
+
+    def __init__(self) -> None:
+        self.cells: dict[tuple[int, float, float], tuple[Cell, Cell, FloatArray]] = {}
+        self.rows: dict[tuple[int, float, float, float], CondensedRow] = {}
+
+    def clear(self) -> None:
+        """Forget all of them."""
+        self.cells.clear()
+        self.rows.clear()
+
+    def row(self, cell: Cell, kx: float, top: float, about: float) -> CondensedRow:
+        """A cell's row at a wavenumber, condensed."""
+        key = id(cell), kx, top, about
+        if key not in self.rows:
+            at = id(cell), top, about
+            if at not in self.cells:
+                self.cells[at] = cell, *stiff_inside(cell, top, about)  # the cell itself, lest another takes its id
+            _, stiff, shapes = self.cells[at]
+            row = Row(stiff, kx)
+            self.rows[key] = CondensedRow(row, condense(real_row(row), 2 * row.edge, top, about), shapes)
+        return self.rows[key]
 
 
 class Chain:
-    """A column's rows condensed up to a frequency.
-
-    `known` keeps condensed rows by cell, wavenumber and frequencies, for the next column of the same cells.
-    """
+    """A column's rows condensed, its modes right between two frequencies; `known` keeps what the next column may use."""
 
     def __init__(self, column: Column, low_hz: float, high_hz: float, known: Condensed | None = None) -> None:
-        self.column, self.known = column, {} if known is None else known
-        self.top, self.about = (column.scale.eigenvalue(hz) for hz in (REACH * high_hz, (low_hz + high_hz) / 2.0))
+        self.column, self.known = column, Condensed() if known is None else known
+        self.top, self.about = (column.scale.eigenvalue(hz) for hz in (REACH * high_hz, sqrt(low_hz * high_hz)))
         self.edge = column.rows[0].edge
         rows = {id(row): row for row in column.rows}
         with one_thread():
-            self.rows = {key: self._condensed(row) for key, row in rows.items()}
+            self.rows = {key: self.known.row(row.cell, row.kx, self.top, self.about) for key, row in rows.items()}
             self.steps: list[Step] = []
             for place in column.placed_cells:
-                self._add(self.rows[id(place.row)])
-
-    def _condensed(self, row: Row) -> Step:
-        key = id(row.cell), row.kx, self.top, self.about
-        if key not in self.known:
-            self.known[key] = row.cell, condense(real_row(row), 2 * self.edge, self.top, self.about)
-        return self.known[key][1]
+                self._add(self.rows[id(place.row)].step)
 
     def _add(self, row: Step) -> None:
         """One row more: its upper edge stays, its lower edge and all behind it are condensed."""
@@ -178,11 +232,9 @@ class Chain:
             free = np.arange(e) if number else self._free
             lower[free] = behind[: len(free)]
             row = self.rows[id(place.row)]
-            modes = len(row.mass) - 2 * e
-            own = np.vstack([lower, upper, behind[len(free) : len(free) + modes]])
-            whole = np.vstack([own[: 2 * e], row.dropped(own)])
+            modes = len(row.step.mass) - 2 * e
+            whole = row.motion(np.vstack([lower, upper, behind[len(free) : len(free) + modes]]))
             live = np.flatnonzero(place.dofs >= 0)
-            factors = real_factors(place.row.cell, place.row.kx)
-            out[place.dofs[live]] = factors[live, None] * whole[live]
+            out[place.dofs[live]] = whole[live]
             motion = np.vstack([lower, behind[len(free) + modes :]])
         return out

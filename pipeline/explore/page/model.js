@@ -425,14 +425,19 @@ function bareCell(data, width, depth, thickness, span = null) { // solvers/param
     }
   return { k, m, odd, width, depth, points, weights: areas, touch };
 }
-function condensedBare(data, width, depth, thickness, about) { // its inside, stiff far beyond the window, answers as at `about`
-  const raw = bareCell(data, width, depth, thickness), b = data.face.count, n = raw.k.n, d = plus(raw.k, raw.m, -about);
-  const still = solved(cholesky(block(d, b, n, b, n)), block(d, b, n, 0, b)), shapes = mat(n, b);
-  for (let i = 0; i < b; i++) shapes.a[i * b + i] = 1;
-  for (let i = 0; i < still.a.length; i++) shapes.a[b * b + i] = -still.a[i];
-  return { ...among(raw, shapes), shapes };
+function stiffInside(data, whole, top, about) { // modes of its inside beyond `top` answer as at `about`: solvers/parametric/chain.py
+  const b = data.face.count, n = whole.k.n, parts = [false, true].map((odd) => {
+    const own = range(b, n).filter((i) => whole.odd[i - b] === odd), at = [...range(0, b), ...own];
+    return { odd, own, ...condense(picked(whole.k, at, at), picked(whole.m, at, at), b, top, about) };
+  });
+  const shapes = mat(n, b + parts[0].modes.m + parts[1].modes.m);
+  for (let i = 0; i < b; i++) shapes.a[i * shapes.m + i] = 1;
+  parts.forEach(({ odd, own, inside }) => own.forEach((at, i) => {
+    for (let c = 0; c < inside.m; c++) shapes.a[at * shapes.m + c + (odd && c >= b ? parts[0].modes.m : 0)] = inside.a[i * inside.m + c];
+  }));
+  return { ...among(whole, shapes), odd: parts.flatMap(({ odd, modes }) => Array(modes.m).fill(odd)), shapes };
 }
-function among(cell, shapes) { return { ...cell, odd: [], k: halfSum(mulT(shapes, mul(cell.k, shapes))), m: halfSum(mulT(shapes, mul(cell.m, shapes))), touch: mul(cell.touch, shapes) }; }
+function among(cell, shapes) { return { ...cell, k: halfSum(mulT(shapes, mul(cell.k, shapes))), m: halfSum(mulT(shapes, mul(cell.m, shapes))), touch: mul(cell.touch, shapes) }; }
 function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
   const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cell.width / 2;
   const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
@@ -486,11 +491,11 @@ function columnPanels(data, design) { // solvers/plates/column.py and geometry/t
 }
 function columnOf(data, pillarCell, design, window, kx, cells = new Map(), within = window) { // cells: kept from one wavenumber to the next
   const { lines, feet, end } = columnPanels(data, design), angular = data.angular * data.reference[0] / design.thickness, value = (hz) => (2 * Math.PI * hz / angular) ** 2;
-  const top = value(data.reach * window[1]), about = value((window[0] + window[1]) / 2), e = data.face.edge, known = new Map();
+  const top = value(data.reach * window[1]), about = value(Math.sqrt(window[0] * window[1])), e = data.face.edge, known = new Map();
   const width = design.rows ? design.pitch : data.panel * design.thickness;
   const places = feet.map((foot, i) => {
     const depth = lines[i + 1] - lines[i], key = foot ? "foot" : depth.toFixed(10);
-    if (!cells.has(key)) cells.set(key, foot ? pillarCell() : condensedBare(data, width, depth, design.thickness, about));
+    if (!cells.has(key)) cells.set(key, stiffInside(data, foot ? pillarCell() : bareCell(data, width, depth, design.thickness), top, about));
     if (!known.has(key)) {
       const row = realRow(data, cells.get(key), kx);
       known.set(key, { row, short: condense(row.k, row.m, 2 * e, top, about) });
@@ -607,7 +612,7 @@ function finitePlate(data, pillarCell, design, window) {
   const { lines, tried, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
   const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
-  const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value((window[0] + window[1]) / 2), half = data.zone_width / 2;
+  const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value(Math.sqrt(window[0] * window[1])), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
   const pieces = columns[0].motions.map((place, number) => ({ ...place, cell: parted(data, place.cell, linesOf(data, design, columns[0].half_span, place.middle)), even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
     part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
@@ -648,7 +653,7 @@ function kernelsOf(kx, xs, odd) {
   return { apart, together };
 }
 function stripOf(data, design, piece, pitch, kx, along, span, x, about, lines) { // of the plate beyond its whole cells, or lacking in the last ones
-  const n = kx.length, { shapes } = piece.foot ? condensedBare(data, pitch, piece.depth, design.thickness, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
+  const n = kx.length, { shapes } = piece.foot ? stiffInside(data, bareCell(data, pitch, piece.depth, design.thickness), 0, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
   for (let i = 0; i < moved.n; i++) for (let j = 0; j < n; j++) moved.a[i * n + j] = at[j][0] * piece.even.a[i * n + j] + at[j][1] * piece.odd.a[i * n + j];
   return { cell: parted(data, among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), lines), motion: moved };
 }
@@ -722,8 +727,8 @@ function changed(data, plate, window, zone = 0, rows = 0) {
   const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 1 / data.rule.lead;
   return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
-function plateOf(data, pillarCell, design, window, meshError) {
-  const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, window), { found, modes, vectors, tied } = changed(data, plate, search);
+function plateOf(data, pillarCell, design, meshError) {
+  const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, search), { found, modes, vectors, tied } = changed(data, plate, search);
   if (!found) return { why_not: "no mode of the wanted shape in the window" };
   const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
   const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
@@ -885,7 +890,7 @@ function answerOf(data, given) {
   let kept = null;
   const pillarCell = () => kept = kept || joinedCell(data, ready, sizes);
   const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, realRow(data, pillarCell(), data.kx), design, window) };
-  try { out.plate = plateOf(data, pillarCell, design, window, (hz) => meshAt(out.bands, hz)); } catch (fault) { out.plate = { why_not: fault.message }; }
+  try { out.plate = plateOf(data, pillarCell, design, (hz) => meshAt(out.bands, hz)); } catch (fault) { out.plate = { why_not: fault.message }; }
   out.warnings.push(...(out.plate.warnings || []));
   delete out.plate.warnings;
   return out;

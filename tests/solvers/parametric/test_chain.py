@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
+from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
 from geometry.tiling import Panel
+from pipeline.models.live_column import CONDENSED
+from pipeline.planning.mesh_rules import search_window_hz
 from solvers.measures.confinement import measure_profile
+from solvers.parametric import chain
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.chain import Chain, real_factors
 from solvers.plates.assembled import Reductions
@@ -29,9 +33,11 @@ PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 DESIGN = Design(115.5e-3, 20e-3, 2e-3, 8, ALUMINIUM, PILLAR, 4e-3, 4e-3, 2, 10e-3)
 
 
-def reductions(size_m: float = 4e-3, order: int = 3, top_hz: float = 6.0 * WINDOW[1]) -> Reductions:
-    settings = ReductionSettings(FACE, top_hz, HexSettings(order, size_m, 0), 6e-3)
-    made = Reductions(DESIGN.thickness_m, ALUMINIUM, PILLAR, settings)
+def reductions(
+    size_m: float = 4e-3, order: int = 3, top_hz: float = 6.0 * WINDOW[1], design: Design = DESIGN
+) -> Reductions:
+    settings = ReductionSettings(FACE, top_hz, HexSettings(order, size_m, 0), 3.0 * design.thickness_m)
+    made = Reductions(design.thickness_m, ALUMINIUM, design.pillar, settings)
     made.coarser = lambda panel: None  # type: ignore[method-assign]
     return made
 
@@ -77,6 +83,35 @@ def test_the_condensed_column_has_the_columns_modes() -> None:
     assert at is not None and levels[1].wanted.index == at
     assert condensed_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
     assert levels[1].confinement_db[at] == pytest.approx(levels[0].confinement_db[at], abs=0.02)
+
+
+STOUT = replace(PILLAR, base_m=1.25e-3, tip_m=1.25e-3, height_m=4.15e-3)
+THICK = Design(90e-3, 18e-3, 2.65e-3, 6, ALUMINIUM, STOUT, 5.6e-3, 5.6e-3, 3, 15e-3)
+
+
+def too_high(design: Design, half_waves: float, low_hz: float, high_hz: float) -> FloatArray:
+    """How far the condensed column's modes between two frequencies lie above those of one dense solve, relative."""
+    column = Column(design, reductions(5e-3, design=design), half_waves * np.pi / design.length_m)
+    every = [solver.solve(-1.0, 1.5 * high_hz)[0] for solver in (column, Chain(column, low_hz, high_hz))]
+    known = min(map(len, every))
+    dense, condensed = (hz[:known] for hz in every)
+    inside = (dense >= low_hz) & (dense <= high_hz)
+    assert inside.any()
+    return np.asarray(condensed / dense - 1.0)[inside]
+
+
+@pytest.mark.parametrize("half_waves", [3.5, 5.5])
+def test_a_thick_plates_modes_are_right_wherever_the_wanted_one_is_searched(half_waves: float) -> None:
+    """Modes far below the window's middle too, within what the live plate's bar holds for it."""
+    off = too_high(THICK, half_waves, *search_window_hz(THICK))
+    assert off.min() > -1e-9 and off.max() < CONDENSED
+
+
+def test_condensed_modes_keep_their_bound_however_wide_the_window() -> None:
+    """l rises by less than (1 - f1/f2)^2 / REACH^2 of itself at both ends, and f by half of it."""
+    low_hz, high_hz = 3e3, 60e3
+    off = too_high(THICK, 1.0, low_hz, high_hz)
+    assert len(off) > 10 and off.max() < (1.0 - low_hz / high_hz) ** 2 / chain.REACH**2 / 2.0
 
 
 @pytest.mark.parametrize("extension_mm", [0.0, 0.5, 1.0])
