@@ -31,7 +31,9 @@ from pipeline.quantity import figure, frequency
 from pipeline.records.fingerprint import canonical_json, code_hash
 from pipeline.records.store import write_atomic
 from solvers.errors import SolverError
-from solvers.piezo.forced import ForcedPlate, in_phase_signs
+
+if TYPE_CHECKING:
+    from solvers.piezo.forced import ForcedPlate
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,8 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     Without a wanted mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
     no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
     """
+    from solvers.piezo.forced import in_phase_signs
+
     values = np.concatenate([basis.eigenvalue for basis in forced.modes])
     gain = np.concatenate([basis.gain for basis in forced.modes])
     scale = forced.plate.scale.eigenvalue(1.0)
@@ -101,9 +105,6 @@ def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
     turn = 2j * pi * frequency_hz / sample_rate_hz
     return complex((1.0 - np.exp(-turn)) / turn)
 
-
-if TYPE_CHECKING:
-    from solvers.piezo.forced import ForcedPlate
 
 SAMPLE_RATE_HZ = RATE_HZ["single"]
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen

@@ -370,7 +370,7 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
         announce(plan, run)
     result = question.compute(about, plan, run)
     seconds, warnings = dict(getattr(run.log, "seconds", {})), tuple(run.warnings[before:])
-    named, given = (case.name, case.to_dict()) if case else (None, None)
+    named, given = (about.name, about.to_dict()) if about else (None, None)
     origin = Origin(named, given, version("antinode"), question.given(), warnings, seconds)
     object.__setattr__(result, "origin", origin)
     return result
