@@ -99,6 +99,7 @@ def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None
 
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
     more, one = run(case, "--samples", "4"), run(case, "--samples", "1")
+    assert more["with_defaults"]["tolerance"]["samples"] == 4
     assert one["peak_hz"]["mean"] == pytest.approx(document["samples"][0]["peak_hz"], rel=1e-9)
     assert one["peak_hz"]["deviation"] is None and one["confinement_db"]["deviation"] is None, "one tells no spread"
     for one, other in zip(document["samples"], more["samples"][:3], strict=True):

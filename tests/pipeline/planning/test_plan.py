@@ -382,7 +382,7 @@ print(json.dumps({"calls": ours, "modules": sorted(sys.modules), "record": recor
 WORK = {
     "pillars": (
         *(
-            "geometry/hex/boxes.py:pillar_grading",
+            "geometry/hex/scenes.py:pillar_grading",
             "pipeline/planning/mesh_rules.py:_along",
             "geometry/pillar_shapes/step.py",
         ),
@@ -395,7 +395,7 @@ WORK = {
         "pipeline/models/attenuation.py",
     ),
     "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
-    "response": ("pipeline/models/response.py", "pipeline/board/export.py"),
+    "response": ("pipeline/models/response.py", "pipeline/board/export.py:modal_gains"),
     "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/models/cross_check.py"),
     "drawing": ("pipeline/plots/", "pipeline/report/"),
 }
