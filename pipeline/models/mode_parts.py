@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from pipeline.records.part import Part, column, live
+from pipeline.records.part import BAR, Part, column, live
 
-BAR = "half-width of the error bar of {}; None without an estimate"
 RELATIVE = "half-width of the frequency's error bar, relative; None without an estimate"
 MAC = "modal assurance criterion with the wanted shape on the active touch face, 0 to 1"
 STRENGTH = "share of the wanted shape that the mode carries, times its zone share, 0 to 1"

@@ -7,7 +7,7 @@ from math import sqrt
 from typing import Any
 
 from pipeline import quantity
-from pipeline.records.part import Part, column
+from pipeline.records.part import BAR, Part, column
 
 
 class SpreadRecord(Part):
@@ -42,9 +42,7 @@ class SampleRecord(Part):
     confinement_db: float | None = column("rms on the active touch face over that on the passive one", "dB")
     quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
     tracking: str = column("single, split (the strongest is measured) or none (the figures are None)")
-    quality_error: float | None = column(
-        "half-width of the error bar of quality_factor; None without an estimate", table=False, default=None
-    )
+    quality_error: float | None = column(BAR.format("quality_factor"), table=False, default=None)
 
     def line(self, name: str, relative: float | None = None) -> str:
         """Return the sample in words; relative: what its frequency's digits may be off by."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.records.part import Part, column
+from pipeline.records.part import BAR, Part, column
 
-BAR = "half-width of the error bar of {}; None without an estimate"
 MAP = ("x_m", "y_m")
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.records.part import Part, column
-
-BAR = "half-width of the error bar of {}; None without an estimate"
+from pipeline.records.part import BAR, Part, column
 
 
 class PatternMode(Part):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import InputError
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure
-from pipeline.records.part import Part, column
+from pipeline.records.part import BAR, Part, column
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ WHITE = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 LEGEND_COLUMNS = 3
 PILLAR = "pillar"
 MARKS = {"flexural": ("BLUE", "o", 2.8), "shear": ("ORANGE", "s", 2.8), "longitudinal": ("PURPLE", "^", 3.4)}
-EDGE_ERROR = "half-width of the error bar of {}, relative; None without an estimate"
 
 
 class Interval(Part):
@@ -34,8 +33,8 @@ class Interval(Part):
 
     lower_hz: float = column("frequency where the gap begins", "Hz", error="lower_error")
     upper_hz: float = column("frequency where the gap ends", "Hz", error="upper_error")
-    lower_error: float | None = column(EDGE_ERROR.format("lower_hz"), default=None)
-    upper_error: float | None = column(EDGE_ERROR.format("upper_hz"), default=None)
+    lower_error: float | None = column(BAR.format("lower_hz, relative"), default=None)
+    upper_error: float | None = column(BAR.format("upper_hz, relative"), default=None)
 
     @property
     def relative_width(self) -> float:

@@ -11,7 +11,7 @@ from pipeline.models.wave_parts import BroadbandPoint
 from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
-from pipeline.records.part import column
+from pipeline.records.part import BAR, column
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -52,15 +52,9 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
     )
     points: list[BroadbandPoint] = column("the column at each frequency")
-    wanted_error: float | None = column(
-        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
-    )
-    wanted_error_db: float | None = column(
-        "half-width of the error bar of wanted_db; None without an estimate", "dB", default=None
-    )
-    frequency_error: float | None = column(
-        "half-width of the error bar of any frequency of the column, relative; None without an estimate", default=None
-    )
+    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
+    wanted_error_db: float | None = column(BAR.format("wanted_db"), "dB", default=None)
+    frequency_error: float | None = column(BAR.format("any frequency of the column, relative"), default=None)
     confined_error: list[list[float | None]] = column(ENDS.format("confined"), default_factory=list)
     stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
 

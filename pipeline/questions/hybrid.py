@@ -10,7 +10,7 @@ from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.errors import InputError
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure
-from pipeline.records.part import Part, column
+from pipeline.records.part import BAR, Part, column
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 POINTS = 61
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
-BAR = "half-width of the error bar of {}; None without an estimate"
 WORDS = {"rows": "rows alone", "patches": "patches alone", "both": "rows and patches"}
 
 
@@ -94,15 +93,11 @@ class HybridResult(Result, axes=("frequency_hz",)):
     )
     frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
     methods: list[HybridMethod] = column("the four methods of confinement")
-    wanted_error: float | None = column(
-        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
-    )
+    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
     wanted_elsewhere_hz: float | None = column(
         "peak of the plate with rows where it lies outside the band", "Hz", error="wanted_elsewhere_error", default=None
     )
-    wanted_elsewhere_error: float | None = column(
-        "half-width of the error bar of wanted_elsewhere_hz, relative; None without an estimate", default=None
-    )
+    wanted_elsewhere_error: float | None = column(BAR.format("wanted_elsewhere_hz, relative"), default=None)
 
     @property
     def frequencies_hz(self) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from pipeline.errors import InputError
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import column
+from pipeline.records.part import BAR, column
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -33,9 +33,7 @@ class LiveResult(Result, axes=()):
     zone_to_extension_db: float | None = column(
         "the column's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db", default=None
     )
-    zone_to_extension_error_db: float | None = column(
-        "half-width of the error bar of zone_to_extension_db; None without an estimate", "dB", default=None
-    )
+    zone_to_extension_error_db: float | None = column(BAR.format("zone_to_extension_db"), "dB", default=None)
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     gap_hz: list[float] | None = column("both edges of the widest complete gap", "Hz", error="gap_error", table=False)
     gap_error: float | None = column(

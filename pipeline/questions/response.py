@@ -12,7 +12,7 @@ from pipeline.measured.parts import MeasuredRecord
 from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure_at
-from pipeline.records.part import Part, column, live
+from pipeline.records.part import BAR, Part, column, live
 from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
@@ -36,7 +36,6 @@ BARS = {  # fields of error bars
     "frequency_hz": "frequency_error", "zone_nm_per_V": "zone_error_nm_per_V", "confinement_db": "confinement_error_db",
     "frequency_shift_hz": "frequency_shift_error_hz", "quality_factor": "quality_error",
 }  # fmt: skip
-BAR = "half-width of the error bar of {}; None without an estimate"
 
 
 class PeakRecord(Part):
@@ -53,11 +52,9 @@ class PeakRecord(Part):
         error="confinement_error_db",
     )
     quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
-    height_error: float | None = column(
-        "half-width of the error bar of both rms, relative, the damping given; None without an estimate", default=None
-    )
+    height_error: float | None = column(BAR.format("both rms, relative, the damping given"), default=None)
     frequency_error: float | None = column(
-        "half-width of the error bar of frequency_hz, relative: mesh, reduction and bonding together; None without an estimate",
+        BAR.format("frequency_hz, relative: mesh, reduction and bonding together"),
         default=None,
     )
     quality_error: float | None = column(BAR.format("quality_factor"), default=None)
@@ -158,9 +155,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         default=None,
     )
     measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
-    wanted_error: float | None = column(
-        "half-width of the error bar of wanted_hz, relative; None without an estimate", default=None
-    )
+    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
     written: list[Any] = live(default_factory=list)  # files with made-up data
 
     @classmethod

@@ -9,7 +9,7 @@ from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result
-from pipeline.records.part import Part, column, live
+from pipeline.records.part import BAR, Part, column, live
 from pipeline.search.limits import Limits
 from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range, error_of
 from pipeline.units import GRAM, KHZ, MM
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
 SHOWN = 8
-NO_ESTIMATE = "half-width of the error bar of {}{}; None without an estimate"
 
 
 class Varied(Part):
@@ -59,23 +58,23 @@ class FoundDesign(Part):
     fidelity: str = column("model that evaluated it: strip, column or plate")
     set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
     frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error")
-    frequency_error: float | None = column(NO_ESTIMATE.format("frequency_hz", ", relative"))
+    frequency_error: float | None = column(BAR.format("frequency_hz, relative"))
     confinement_db: float | None = column("confinement", "dB", error="confinement_error_db")
-    confinement_error_db: float | None = column(NO_ESTIMATE.format("confinement_db", ""), "dB")
+    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB")
     extension_db: float | None = column(
         "level of the zone over the plate beyond the rows", "dB", error="extension_error_db"
     )
-    extension_error_db: float | None = column(NO_ESTIMATE.format("extension_db", ""), "dB")
+    extension_error_db: float | None = column(BAR.format("extension_db"), "dB")
     mac: float | None = column("modal assurance criterion with the target shape")
     worst_db: float | None = column(
         "least confinement with all heights as designed, too low and too high", "dB", error="worst_error_db"
     )
-    worst_error_db: float | None = column(NO_ESTIMATE.format("worst_db", ""), "dB")
+    worst_error_db: float | None = column(BAR.format("worst_db"), "dB")
     band_khz: float | None = column("width of the band about the mode in which the rows take 10 dB", "kHz")
     isolation_db: float | None = column(
         "least level of a driven zone over another one", "dB", error="isolation_error_db"
     )
-    isolation_error_db: float | None = column(NO_ESTIMATE.format("isolation_db", ""), "dB")
+    isolation_error_db: float | None = column(BAR.format("isolation_db"), "dB")
     gap_mm: float | None = column("distance of two zones' borders", "mm")
     mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
     violations: list[str] = column("limits that it breaks")
@@ -105,7 +104,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     )
     gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
     gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
-    gain_error_db: float | None = column("half-width of the error bar of gain_db; None without an estimate", "dB")
+    gain_error_db: float | None = column(BAR.format("gain_db"), "dB")
     tradeoff: list[FoundDesign] = column(
         "designs that no other beats in goal, frequency and mass at once, the best first"
     )

@@ -9,10 +9,10 @@ from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
-from pipeline.models.travel_parts import BAR, PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure
-from pipeline.records.part import column
+from pipeline.records.part import BAR, column
 from pipeline.units import MM, UM
 
 if TYPE_CHECKING:

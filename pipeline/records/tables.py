@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -110,7 +109,6 @@ TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, un
     ("tracked_mac", "MAC with the case before", "mac", ""),
     ("tracking", "tracking along the sweep", "tracking", None),
 )
-P = TypeVar("P")
 
 
 @dataclass(frozen=True)
@@ -150,16 +148,6 @@ class Column:
         """A cell of the file: its value, floating-point numbers with as many digits as no round-off reaches."""
         value = self.value(record)
         return float(f"{value:.{FILE_DIGITS}g}") if isinstance(value, float) else value
-
-
-def figures_of(part: Callable[[Record], P | None]) -> Callable[[Callable[[P], Any]], Callable[[Record], Any]]:
-    """Makes values of columns: a figure of a part of the record, None where the part is not there."""
-
-    def value(record: Record, figure: Callable[[P], Any]) -> Any:
-        peak = part(record)
-        return None if peak is None else figure(peak)
-
-    return lambda figure: partial(value, figure=figure)
 
 
 def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
