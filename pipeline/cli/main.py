@@ -18,8 +18,7 @@ from typing import Any, NoReturn
 from pipeline.case import limits
 from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
-from pipeline.questions import registered
-from pipeline.questions.command import add_options
+from pipeline.questions import Listed, listed, load
 
 DECLARED = Path(__file__).with_name("commands.toml")
 # Each adds its commands, whose options are made of other data; light to import.
@@ -74,7 +73,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     _refuse_renamed(words)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         importlib.import_module("pipeline.cli.completion").complete(_parser())
-    arguments = _read(_parser(), words)
+    arguments = _read(_parser(_asked(words)), words)
     try:
         with terminable():
             return _run(arguments)
@@ -109,6 +108,11 @@ def _read(parser: argparse.ArgumentParser, words: Sequence[str]) -> argparse.Nam
         print(one_line(line), file=sys.stderr)
         raise SystemExit(WRONG_INPUT)
     return arguments
+
+
+def _asked(words: Sequence[str]) -> str:
+    """The command that a command line names, '' where it names none."""
+    return next((each for each in words if not each.startswith("-") and each != "help"), "")
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -176,8 +180,11 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _parser() -> argparse.ArgumentParser:
-    """The parser with the commands of questions, those of commands.toml and those that modules add."""
+def _parser(asked: str | None = None) -> argparse.ArgumentParser:
+    """The parser with the commands of questions, those of commands.toml and those that modules add.
+
+    Of the commands of questions only the one that is asked has options, so that no other is loaded; by default all have.
+    """
     parser = _Parser(
         prog="antinode",
         description="Touch plates that hold their vibration: from one case file to modes, band gaps, prints and firmware.",
@@ -190,18 +197,16 @@ def _parser() -> argparse.ArgumentParser:
     with DECLARED.open("rb") as file:
         declared = tomllib.load(file)
     families: dict[str, Any] = {}
-    for question in registered().values():
+    for question in listed():
         family = question.family
         if family and family not in families:
             families[family] = _family(commands, family)
-        summary, name = question.summary(), question.command().rpartition(" ")[2]
+        summary = question.summary
         about = f"{summary[0].lower()}{summary[1:]}"
-        sub = _command(families.get(family, commands), name, about, question.example, "pipeline.questions.command:run")
-        sub.set_defaults(question=question.name)
-        for flag, words in (pair for group in GROUPS for pair in declared["groups"][group].items()):
-            optional = {"nargs": "?"} if flag == "case" and question.without_case is not None else {}
-            _add(sub, flag, words, optional)
-        add_options(sub, question)
+        handler = "pipeline.questions.command:run"
+        sub = _command(families.get(family, commands), question.command, about, question.example, handler)
+        if asked is None or asked == (family or question.command):
+            _add_options(sub, question, declared["groups"])
     for name, about in declared["commands"].items():
         sub = _command(commands, name, about["help"], about["example"], about["run"])
         own = about.get("options", {})
@@ -212,6 +217,18 @@ def _parser() -> argparse.ArgumentParser:
     for module in MODULES:
         importlib.import_module(module).add(commands, _command)
     return parser
+
+
+def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str, Any]) -> None:
+    """The options that every question has, and its own."""
+    from pipeline.questions.command import add_options
+
+    question = load(listed)
+    sub.set_defaults(question=question.name)
+    for flag, words in (pair for group in GROUPS for pair in groups[group].items()):
+        optional = {"nargs": "?"} if flag == "case" and question.without_case is not None else {}
+        _add(sub, flag, words, optional)
+    add_options(sub, question)
 
 
 def _family(commands: Any, name: str) -> Any:

@@ -1,12 +1,21 @@
-"""What can be asked of a case: a file a question, each found by its name."""
+"""What can be asked of a case: a file a question, each found by its name.
+
+What `antinode --help` says of each stands in index.json, so that only the question that is asked is loaded.
+`python -m pipeline.questions` writes it anew; a question that it lacks is loaded instead, and found all the same.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
+from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
-from typing import Any
+from typing import Any, NamedTuple
 
-MECHANISM = ("question", "result", "command", "method", "answer", "study")
+MECHANISM = ("question", "result", "command", "method", "answer", "study", "__main__")
+INDEX = Path(__file__).with_name("index.json")
 # of help and reference; what is not listed follows
 IN_ORDER = (
     *("predesign", "modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel"),
@@ -14,9 +23,24 @@ IN_ORDER = (
 )
 
 
+class Listed(NamedTuple):
+    """A question as help lists it: its module, name and family, and the sentence and the example of its command."""
+
+    module: str
+    name: str
+    family: str
+    summary: str
+    example: str
+
+    @property
+    def command(self) -> str:
+        """The last word of its command."""
+        return self.name.removeprefix(f"{self.family}_") if self.family else self.name
+
+
 def registered() -> dict[str, type[Any]]:
     """Return every question that has a command by name: those of this folder, and those that other modules have defined."""
-    _read()
+    _load()
     from pipeline.questions.question import QUESTIONS
 
     return QUESTIONS
@@ -24,13 +48,51 @@ def registered() -> dict[str, type[Any]]:
 
 def known() -> dict[str, type[Any]]:
     """Return every question by name, those that studies alone ask, too."""
-    _read()
+    _load()
     from pipeline.questions.question import IN_STUDIES, QUESTIONS
 
     return QUESTIONS | IN_STUDIES
 
 
-def _read() -> None:
+def listed() -> list[Listed]:
+    """Return what help says of every question that has a command, loading only those that the index lacks."""
+    index = json.loads(INDEX.read_text(encoding="utf-8"))
+    modules = list(_modules())
+    found = [Listed(module, *words) for module in modules for words in index.get(module, ())]
+    for module in modules:
+        if module not in index:
+            import_module(module)
+    return found + [each for each in _loaded() if each.module not in index]
+
+
+def load(of: Listed) -> type[Any]:
+    """Return a listed question, loading its module."""
+    import_module(of.module)
+    from pipeline.questions.question import QUESTIONS
+
+    return QUESTIONS[of.name]
+
+
+def index() -> dict[str, list[tuple[str, ...]]]:
+    """Return what the index holds: the words of each module's questions, in the order of help."""
+    _load()
+    return {module: [tuple(each[1:]) for each in _loaded() if each.module == module] for module in _modules()}
+
+
+def _loaded() -> list[Listed]:
+    if "pipeline.questions.question" not in sys.modules:
+        return []
+    from pipeline.questions.question import QUESTIONS
+
+    return [Listed(q.__module__, q.name, q.family, q.summary(), q.example) for q in QUESTIONS.values()]
+
+
+def _load() -> None:
+    for module in _modules():
+        import_module(module)
+
+
+def _modules() -> Iterator[str]:
     found = {each.name for each in iter_modules(__path__)} - set(MECHANISM)
     for name in (*(each for each in IN_ORDER if each in found), *sorted(found - set(IN_ORDER))):
-        import_module(f"{__name__}.{name}")
+        yield f"{__name__}.{name}"

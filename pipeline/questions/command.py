@@ -10,8 +10,7 @@ from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
-from pipeline.questions import registered
-from pipeline.questions.question import VARIANTS, Option, Question, Run, ask, item_of, kind_of
+from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
 
@@ -142,7 +141,7 @@ def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
 
 def _asked(arguments: argparse.Namespace) -> Kind:
     """Return the question that a command line asks. Raises InputError for options that are another question's."""
-    own: Kind = registered()[arguments.question]
+    own: Kind = QUESTIONS[arguments.question]
     variants = _variants(own)
     kind = next((each for each in variants if _is_selected(arguments, each)), own)
     lines = [

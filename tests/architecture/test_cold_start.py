@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from pipeline import questions
+
 ROOT = Path(__file__).resolve().parents[2]
 CASE = "studies/three-rows.toml"
 RUN = """
@@ -51,6 +53,26 @@ def packages(modules: set[str]) -> set[str]:
 def test_help_loads_the_standard_library_alone() -> None:
     result = packages(loaded_by(("--help",), ("modes", "--help"), ("search", "--help"), ("run", "--help")))
     assert not result & (ALWAYS_LATE | NUMBERS | OURS | {"pydantic", "rich", "jinja2", "psutil"})
+
+
+def test_help_loads_the_question_alone_that_it_is_about() -> None:
+    listing, own = loaded_by(("--help",)), loaded_by(("bands", "--help"))
+    assert not {"dataclasses", "pipeline.questions.question"} & listing
+    assert "pipeline.questions.bands" in own and "pipeline.questions.modes" not in own
+
+
+def test_the_index_of_questions_is_what_they_declare() -> None:
+    held = json.loads(questions.INDEX.read_text(encoding="utf-8"))
+    assert held == json.loads(json.dumps(questions.index())), "run python -m pipeline.questions"
+
+
+def test_a_question_that_the_index_lacks_is_listed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    held = json.loads(questions.INDEX.read_text(encoding="utf-8"))
+    shorter = tmp_path / "index.json"
+    shorter.write_text(json.dumps({name: words for name, words in held.items() if not name.endswith("touch")}))
+    before = {each.name: each for each in questions.listed()}
+    monkeypatch.setattr(questions, "INDEX", shorter)
+    assert {each.name: each for each in questions.listed()} == before
 
 
 def test_predesign_loads_numpy_and_no_scipy() -> None:
