@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -18,13 +18,14 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.wave_parts import BroadbandPoint, Transmission
 from pipeline.planning import calibration, mesh_rules
-from pipeline.planning.model_choice import driven_band_hz
+from pipeline.planning.model_choice import check_stagger, driven_band_hz
 from pipeline.planning.refinement import MARGIN
 from pipeline.planning.simplifications import hexahedra
 from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column, Driven, level_bars
+from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import Row, RowStiffness, RowWaves, chain, scatter
@@ -47,16 +48,16 @@ def broadband(
     """
     design = checked(case)
     low, high = driven_band_hz(case, band_hz)
-    column, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
+    column, rows, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
         driven = column.driven(tones, case.quality_factor)
-        transmitted = [_through(column, bare, float(tone)) for tone in tones]
+        transmitted = [_through(rows, bare, float(tone)) for tone in tones]
         errors = _mode_bars(driven) if with_bars else np.full(len(driven.modes.frequency_hz), np.nan)
         widest = _widest(driven.modes.frequency_hz, errors, low, high)
         bars = _level_bars(driven, errors, points)
         taken = np.array([each.taken_db if each else np.nan for each in transmitted])
-        taken_bars = level_bars(tones, taken, widest, lambda tone: _taken_db(column, bare, tone))
+        taken_bars = level_bars(tones, taken, widest, lambda tone: _taken_db(rows, bare, tone))
     columns = tones.tolist(), driven.confinement_db.tolist(), transmitted, bars, taken_bars
     samples = [
         BroadbandPoint(
@@ -130,8 +131,6 @@ def checked(case: Case) -> Design:
     said = []
     if not design.rows:
         said.append("array.rows = 0: must be 1 or more, a bare plate holds nothing back")
-    if design.stagger:
-        said.append("array.stagger = true: broadband takes a column of cells in line")
     if case.solve.model not in ("auto", "superelement"):
         said.append(f"solve.model = {case.solve.model!r}: must be auto or superelement for broadband")
     if not hexahedra(case, "plate"):
@@ -140,27 +139,56 @@ def checked(case: Case) -> Design:
         )
     if said:
         raise InputError(f"{case.source or case.name}: {text}" for text in said)
+    if design.is_staggered:
+        check_stagger(case)
     return design
 
 
-def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, Row, int]:
-    """The column, the bare plate beside the rows, and the elements' order."""
+def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, list[Row], Row, int]:
+    """The column, its rows in a plate without end, the bare plate beside them, and the elements' order."""
     top_hz = max(high_hz, mesh_rules.wanted_window_hz(design)[1])
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
     reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
-    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+    count = 1 + design.is_staggered
+    half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
     with log.step("reduce cells"):
         column = Column(design, reductions, kx)
-        bare = Row(reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), None, (0, 1))), kx)
+        rows = [
+            Row(Periodic([reductions.cell(panel) for panel in _attached(strip)]), kx)
+            for strip in column.strips
+            if any(panel.foot for panel in strip)
+        ]
+        panel = reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), None, (0, 1)))
+        bare = Row(Periodic([panel] * count), kx)
     log.info(
-        f"{len(column.panels)} cells across half the plate, {column.dof} degrees of freedom: {reductions.fresh} new"
+        f"{len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom: {reductions.fresh} new"
     )
-    return column, bare, reduction.hexahedra.order
+    return column, rows, bare, reduction.hexahedra.order
 
 
-def _through(column: Column, bare: Row, frequency_hz: float) -> Transmission | None:
-    feet = [row for panel, row in zip(column.panels, column.rows, strict=True) if panel.foot]
-    return transmitted_shares(chain(row.condensed(frequency_hz)[0] for row in feet), bare, frequency_hz)
+def _attached(strip: tuple[Panel, ...]) -> list[Panel]:
+    """A row's panels where it stands in a plate that goes on: one at the plate's edge reaches as far beyond its feet as before.
+
+    Which part of the plate a row's panel holds does not matter to what passes the row.
+    """
+    feet = next(panel for panel in strip if panel.foot)
+    assert feet.foot
+    (low, high), middle = (feet.low[1], feet.high[1]), feet.foot[1]
+    if "y+" in feet.free:
+        high = 2.0 * middle - low
+    elif "y-" in feet.free:
+        low = 2.0 * middle - high
+    halved = (0, 1) if feet.free else feet.halved
+    return [
+        replace(
+            panel, low=(panel.low[0], low), high=(panel.high[0], high), halved=halved if panel.foot else (0, 1), free=()
+        )
+        for panel in strip
+    ]
+
+
+def _through(rows: Sequence[Row], bare: Row, frequency_hz: float) -> Transmission | None:
+    return transmitted_shares(chain(row.condensed(frequency_hz)[0] for row in rows), bare, frequency_hz)
 
 
 def wavevectors(row: Row, waves: RowWaves, kept: IntArray) -> ComplexArray:
@@ -210,8 +238,8 @@ def _level_bars(driven: Driven, errors: FloatArray, points: int) -> list[float |
     return [None if np.isnan(level) else bar for bar, level in zip(bars, driven.confinement_db, strict=True)]
 
 
-def _taken_db(column: Column, bare: Row, frequency_hz: float) -> float | None:
-    shares = _through(column, bare, frequency_hz)
+def _taken_db(rows: Sequence[Row], bare: Row, frequency_hz: float) -> float | None:
+    shares = _through(rows, bare, frequency_hz)
     return shares.taken_db if shares else None
 
 

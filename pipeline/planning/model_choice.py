@@ -130,7 +130,7 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
         edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
         return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
     if design.is_staggered:
-        _check_stagger(case)
+        check_stagger(case)
     reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
     edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
     why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
@@ -139,7 +139,7 @@ def _plate(case: Case, high_hz: float) -> ModelChoice:
     return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
-def _check_stagger(case: Case) -> None:
+def check_stagger(case: Case) -> None:
     """InputError where staggered panels, half a pitch wide, cannot hold a pillar: both kinds of rows share their lines."""
     design = case.design
     reach = max((pillar.reach_m[0] for pillar in design.kinds), default=0.0)
@@ -169,7 +169,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
         level, settings = mesh_rules.cell_level(accuracy), mesh_rules.cell_settings(design, accuracy)
         return _choice(case, "cell", SOLID, level, settings, None, taken, why="the case asks for it")
     if design.stagger:
-        _check_stagger(case)
+        check_stagger(case)
     reduction = mesh_rules.lattice_reduction(design, accuracy, _modes_end_hz(case, high_hz))
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
     why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)

@@ -192,7 +192,7 @@ class Broadband(
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
     def check(self, case: Case) -> None:
-        """Raise InputError for a case without rows in line of pillars that reduced hexahedra follow."""
+        """Raise InputError for a case without rows of pillars that reduced hexahedra follow."""
         from pipeline.models.broadband import checked
 
         super().check(case)
@@ -203,9 +203,9 @@ class Broadband(
         """Return why a study's case has no such column."""
         from pipeline.planning.simplifications import Simplification, hexahedra
 
-        if case.design.rows and not case.design.stagger and hexahedra(case, "plate"):
+        if case.design.rows and hexahedra(case, "plate"):
             return None
-        return Simplification("no_rows", "broadband", "it takes rows in line of pillars that hexahedra follow")
+        return Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
 
     def plan(self, case: Case) -> Plan:
         """Plan one column of the case's cells."""

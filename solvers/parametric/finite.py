@@ -77,7 +77,7 @@ class FinitePlate:
         self, design: Design, columns: Sequence[Column], vectors: Sequence[ComplexArray], about: float
     ) -> None:
         self.design, self.scale, self.sign = design, columns[0].scale, 1.0 - 2.0 * (design.nodal_lines % 2)
-        first = columns[0].panels[0]
+        first = columns[0].strips[0][0]
         self.pitch_m = first.high[0] - first.low[0]
         self.x_m = _middles(design, self.pitch_m)
         self.kx = np.concatenate([np.full(own.shape[1], one.kx) for one, own in zip(columns, vectors, strict=True)])
@@ -313,7 +313,7 @@ def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: i
     motion, place = np.hstack(parts), columns[0].placed_cells[number]
     even, odd = (np.ascontiguousarray(part) for part in (motion.real, motion.imag))
     touch = _at_quadrature(place.row.cell.touch, [line - place.middle for line in lines_m])
-    return Piece(place.row.cell, place.middle, even, odd, columns[0].panels[number].foot is None, touch)
+    return Piece(place.row.cell, place.middle, even, odd, columns[0].strips[number][0].foot is None, touch)
 
 
 def _at_quadrature(touch: Expansion, lines_m: Sequence[float]) -> SurfaceRule:

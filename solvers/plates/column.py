@@ -19,6 +19,7 @@ from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profi
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
+from solvers.superelement.periodic import Periodic
 from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
@@ -137,14 +138,17 @@ def _brought(
 def _last_layer(row: Row) -> IntArray:
     """The functions of the highest degree through the thickness, among [lower, upper, inner]."""
     face = row.cell.interface
-    return np.flatnonzero(np.arange(2 * row.edge + face.side_block) // 3 % face.layers == face.through)
+    inside = len(row.periodic.cells) * face.side_block
+    return np.flatnonzero(np.arange(2 * row.edge + inside) // 3 % face.layers == face.through)
 
 
 def _last_bubbles(row: Row) -> IntArray:
     """The bubbles of the highest degree on a row's lower and upper edge and on the side within, among [lower, upper, inner]."""
     face = row.cell.interface
-    own = np.arange(-3 * face.layers, 0)
-    return np.concatenate([own + row.edge, own + 2 * row.edge, own + 2 * row.edge + face.side_block])
+    own, ends = np.arange(-3 * face.layers, 0), 1 + np.arange(len(row.periodic.cells))[:, None]
+    block = face.vertex_block + face.side_block
+    parts = (own + block * ends, own + block * ends + row.edge, own + face.side_block * ends + 2 * row.edge)
+    return np.concatenate([part.ravel() for part in parts])
 
 
 def _energy(vectors: ComplexArray, images: ComplexArray) -> FloatArray:
@@ -233,17 +237,24 @@ class Driven:
 
 @dataclass(frozen=True)
 class _PlacedCell:
-    """A panel's row of cells, the y of its middle (m), its degrees of freedom among the column's (-1 where nothing moves)."""
+    """A cell of a row, the y of its middle (m), the row's degrees of freedom among the column's (-1 where nothing moves)."""
 
     row: Row
     middle: float
     dofs: IntArray
+    index: int = 0
     copies: int = 1
 
     @property
     def cell(self) -> Cell:
-        """The cell of the row."""
-        return self.row.cell
+        """The cell."""
+        return self.row.periodic.cells[self.index]
+
+    def motion(self, vectors: ComplexArray) -> ComplexArray:
+        """The cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
+        live = self.dofs[:, None] >= 0
+        _, transform = self.row.periodic.parts(self.row.transform)[self.index]
+        return np.asarray(transform @ np.where(live, vectors[np.maximum(self.dofs, 0)], 0.0))
 
 
 class Column:
@@ -253,38 +264,45 @@ class Column:
 
     def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
         self.design, self.kx = design, kx_per_m
-        self.panels = column_panels(design, reductions.reduction.max_edge_m)
-        alike = [_centred(panel) for panel in self.panels]
-        rows = {panel: Row(reductions.cell(panel), kx_per_m) for panel in dict.fromkeys(alike)}
-        self.rows = [rows[panel] for panel in alike]
+        self.strips = column_strips(design, reductions.reduction.max_edge_m)
+        alike = [tuple(map(_centred, strip)) for strip in self.strips]
+        rows = {strip: Row(Periodic(list(map(reductions.cell, strip))), kx_per_m) for strip in dict.fromkeys(alike)}
+        self.rows = [rows[strip] for strip in alike]
         self.placed_cells, self.dof = self._places()
         self.scale = self.rows[0].cell.scale
 
     def _places(self) -> tuple[list[_PlacedCell], int]:
         """Numbers of [lower edge, upper edge, inner] of every panel; edges are shared."""
-        edge, placed = self.rows[0].edge, []
-        lower = np.arange(edge)
+        placed: list[_PlacedCell] = []
+        lower = np.arange(self.rows[0].edge)
         if self.design.zones == 1:
             lower[1::3] = -1  # u_y vanishes on the mirror
-        if "y-" in self.panels[0].free:
-            lower[self.rows[0].cell.interface.vertex_block :] = -1
+        self._release(lower, "y-", 0)
         lower[lower >= 0] = np.arange(np.count_nonzero(lower >= 0))
         start = int(np.count_nonzero(lower >= 0))
-        for panel, row in zip(self.panels, self.rows, strict=True):
-            upper = start + np.arange(edge)
-            if "y+" in panel.free:  # what would follow a foot flush with the plate's edge carries nothing
-                upper[row.cell.interface.vertex_block :] = -1
+        for number, (strip, row) in enumerate(zip(self.strips, self.rows, strict=True)):
+            upper = start + np.arange(row.edge)
+            self._release(upper, "y+", number)
             start += int(np.count_nonzero(upper >= 0))
             inner = start + np.arange(row.inner)
             start += row.inner
-            placed.append(_PlacedCell(row, (panel.low[1] + panel.high[1]) / 2.0, np.concatenate([lower, upper, inner])))
+            dofs = np.concatenate([lower, upper, inner])
+            placed += [_PlacedCell(row, panel.middle[1], dofs, index) for index, panel in enumerate(strip)]
             lower = upper
         return placed, start
+
+    def _release(self, edge: IntArray, side: str, number: int) -> None:
+        """Mark with -1 what of an edge would follow feet flush with the plate's edge: it carries nothing."""
+        face = self.rows[number].cell.interface
+        block = face.vertex_block + face.side_block
+        for index, panel in enumerate(self.strips[number]):
+            if side in panel.free:
+                edge[index * block + face.vertex_block : (index + 1) * block] = -1
 
     def pencil(self) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K and M, (dof, dof) each."""
         stiffness, mass = (np.zeros((self.dof,) * 2, dtype=complex) for _ in range(2))
-        for place in self.placed_cells:
+        for place in (each for each in self.placed_cells if each.index == 0):
             live = np.flatnonzero(place.dofs >= 0)
             here = np.ix_(place.dofs[live], place.dofs[live])
             stiffness[here] += place.row.stiffness[np.ix_(live, live)]
@@ -305,8 +323,7 @@ class Column:
 
     def cell_vectors(self, placed_cell: _PlacedCell, vectors: ComplexArray) -> ComplexArray:
         """A cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
-        live = placed_cell.dofs[:, None] >= 0
-        return np.asarray(placed_cell.row.transform @ np.where(live, vectors[np.maximum(placed_cell.dofs, 0)], 0.0))
+        return placed_cell.motion(vectors)
 
     def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
         """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
@@ -355,22 +372,26 @@ class Column:
         """u_z of every mode on the touch face of the column, and exp(i k x) cos(pi y / W) there, y from the nearest zone."""
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:
-            touch = place.row.cell.touch.rule([line - place.middle for line in self.design.touch_lines_m])
-            local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
-            motion = place.row.transform @ local
+            touch = place.cell.touch.rule([line - place.middle for line in self.design.touch_lines_m])
+            motion = place.motion(vectors)
             values.append(touch.values(motion.real) + 1j * touch.values(motion.imag))
             y = touch.points[:, 1] + place.middle
             places.append(y)
             weights.append(touch.weights)
             across = np.cos(pi * self.design.from_zone_m(y) / self.design.width_m)
-            shapes.append(np.exp(1j * self.kx * touch.points[:, 0]) * across)
+            x = touch.points[:, 0] + place.row.periodic.middles_m[place.index]
+            shapes.append(np.exp(1j * self.kx * x) * across)
         y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
         return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
 
 
-def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
-    """The panels of one column along y, of one zone from its middle outwards. SolverError unless these part at y = 0."""
+def column_strips(design: Design, max_edge_m: float) -> list[tuple[Panel, ...]]:
+    """The panels of one column along y, of one zone from its middle outwards, side by side those of one pitch along x.
+
+    Of staggered rows a pitch holds two, a pillar in the first or in the second. SolverError unless they part at y = 0.
+    """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
+    count = 1 + design.is_staggered
     lines, one = tile(design, max_edge_m).y.tolist(), design.zones == 1
     if one:
         lines = [y for y in lines if y > -(10.0**-DIGITS)]
@@ -378,16 +399,21 @@ def column_panels(design: Design, max_edge_m: float) -> list[Panel]:
         raise SolverError("the plate's panels do not part at its middle line: a column cannot be halved there")
     feet = (design.row_centres() if one else design.row_places()) if design.rows else np.empty(0)
     own = dict(zip(feet.tolist(), design.graded, strict=False))
-    panels = []
+    strips = []
     for low, high in pairwise(lines):
-        inside = feet[(feet > low) & (feet < high)]
-        foot = (0.0, float(inside[0])) if len(inside) else None
+        row = next((index for index, y in enumerate(feet.tolist()) if low < y < high), None)
         ends = {"y-": not one and low == lines[0], "y+": high == lines[-1]}
-        free = tuple(side for side, at_end in ends.items() if foot and at_end)
-        even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
-        sides = (-width / 2.0, low), (width / 2.0, high)
-        panels.append(Panel(*sides, foot, (0, 1) if even else (0,), free, own.get(foot[1]) if foot else None))
-    return panels
+        at_end = tuple(side for side, ended in ends.items() if ended)
+        half = width / count / 2.0
+        strip = []
+        for index in range(count):
+            foot = (0.0, float(feet[row])) if row is not None and index == row % count else None
+            free = at_end if foot else ()
+            even = foot is None or (abs(foot[1] - (low + high) / 2.0) < 10.0**-DIGITS and not free)
+            halved = (0, 1) if even else (0,)
+            strip.append(Panel((-half, low), (half, high), foot, halved, free, own.get(foot[1]) if foot else None))
+        strips.append(tuple(strip))
+    return strips
 
 
 def _centred(panel: Panel) -> Panel:

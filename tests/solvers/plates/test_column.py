@@ -17,7 +17,7 @@ from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
 from solvers.measures.wanted_mode import verdict
 from solvers.plates.assembled import PlateModel, Reductions
-from solvers.plates.column import Column, column_panels
+from solvers.plates.column import Column, column_strips
 from solvers.plates.strip import strip_modes
 from solvers.superelement.interface import Interface, ReductionSettings
 
@@ -33,7 +33,7 @@ def reductions(design: Design, reduction: ReductionSettings = REDUCTION) -> Redu
 @pytest.mark.parametrize("extension_m", [0.0, 1e-3, 6e-3])
 def test_the_pieces_fill_half_the_plate_and_hold_every_row(extension_m: float) -> None:
     design = replace(DESIGN, rows=2, extension_m=extension_m)
-    panels = column_panels(design, 6e-3)
+    panels = [panel for (panel,) in column_strips(design, 6e-3)]
     assert panels[0].low[1] == pytest.approx(0.0, abs=1e-12)
     assert panels[-1].high[1] == pytest.approx(design.half_span_m)
     assert all(a.high[1] == b.low[1] for a, b in pairwise(panels))
@@ -101,7 +101,8 @@ def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     assert not np.array_equal(pencils["equal"].shape, pencils["graded"].shape) or (
         np.abs(pencils["equal"] - pencils["graded"]).max() > 0.0
     )
-    kinds = [panel.pillar for panel in column_panels(replace(two, graded=(DESIGN.pillar, other)), 6e-3) if panel.foot]
+    strips = column_strips(replace(two, graded=(DESIGN.pillar, other)), 6e-3)
+    kinds = [panel.pillar for (panel,) in strips if panel.foot]
     assert kinds == [DESIGN.pillar, other]
 
 
@@ -146,7 +147,7 @@ def test_zones_of_a_column_mirror_each_other_up_to_the_edges() -> None:
     """Feet flush with both edges of the plate: what ends at one edge ends at the other."""
     two = replace(DESIGN, zones=2, shared_rows=1, zone_gap_m=2e-3, extension_m=0.0)
     column = Column(two, reductions(two), 3.5 * pi / two.length_m)
-    assert [panel.free for panel in column.panels if panel.free] == [("y-",), ("y+",)]
+    assert [panel.free for (panel,) in column.strips if panel.free] == [("y-",), ("y+",)]
     driven = column.zones(45e3, 75e3, 100.0)
     assert driven.peak_hz[0] == pytest.approx(driven.peak_hz[1], rel=1e-6)
     assert driven.level_db[0] == pytest.approx(driven.level_db[1][[1, 0, 2]], abs=1e-3)
