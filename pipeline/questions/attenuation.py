@@ -329,9 +329,9 @@ class PredictionResult(Result, axes=()):
     )
     rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
 
-    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row", error="db_error")
+    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row")
     decay_error = figure_at("db_error", "expected error of the decay", "dB", name="db_error", error="db_error")
-    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db", error="rows_error_db")
+    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db")
     needed = figure_at("rows_needed", "rows needed, endless ones", name="rows_needed")
 
 

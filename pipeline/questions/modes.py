@@ -70,27 +70,18 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     case: Any = live()
 
     wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None, name="wanted_status")
-    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz", error="found.frequency_error")
+    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz")
     wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%", name="wanted_error")
-    level = figure_at(
-        "found.confinement_db", "confinement", "dB", name="confinement_db", error="found.confinement_error_db"
-    )
+    level = figure_at("found.confinement_db", "confinement", "dB", name="confinement_db")
     level_error = figure_at(
         "found.confinement_error_db", "expected error of the confinement", "dB", name="confinement_error_db",
         error="found.confinement_error_db",
     )  # fmt: skip
-    extension = figure_at(
-        "found.extension_db", "zone to extension", "dB", name="zone_to_extension_db", error="found.extension_error_db"
-    )
-    mac = figure_at("found.mac", "MAC", name="mac", error="found.mac_error")
-    zone_share = figure_at("found.zone_share", "zone share", name="zone_share", error="found.zone_share_error")
-    pillar_share = figure_at(
-        "found.pillar_energy_share", "pillars' share of energy", name="pillar_share",
-        error="found.pillar_energy_share_error",
-    )  # fmt: skip
-    strength = figure_at(
-        "found.strength", "strength in the wanted shape", name="strength", error="found.strength_error"
-    )
+    extension = figure_at("found.extension_db", "zone to extension", "dB", name="zone_to_extension_db")
+    mac = figure_at("found.mac", "MAC", name="mac")
+    zone_share = figure_at("found.zone_share", "zone share", name="zone_share")
+    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy", name="pillar_share")
+    strength = figure_at("found.strength", "strength in the wanted shape", name="strength")
     shape_share = figure_at("found.share", "share of the wanted shape", name="shape_share")
 
     @figure("other modes that carry it", None, name="rivals")

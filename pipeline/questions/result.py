@@ -65,15 +65,32 @@ def figure(
     return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
-def figure_at(place: str, heading: str, unit: str | None = "", **options: Any) -> Figure[Any]:
-    """Declare a figure that is a field of one of the result's parts, by its place; options as `figure` takes them."""
-    return figure(heading, unit, **options)(lambda result: reach(result, place))
+def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float = 1.0, **options: Any) -> Figure[Any]:
+    """Declare a figure that is a field of one of the result's parts, by its place, with the bar that the field declares.
+
+    scale: of its unit, in the field's, such as 1e-6 for a length in um. Options as `figure` takes them.
+    """
+
+    def value(result: Any) -> Any:
+        return _scaled(reach(result, place), scale)
+
+    def bar(result: Any) -> float | None:
+        way, _, name = place.rpartition(".")
+        part = reach(result, way) if way else result
+        about = part.declared.get(name) if part is not None else None
+        return _scaled(getattr(part, about.error), scale) if about and about.error else None
+
+    return figure(heading, unit, **{"error": bar} | options)(value)
+
+
+def _scaled(value: Any, scale: float) -> Any:
+    return value if value is None or scale == 1.0 else value / scale
 
 
 def reach(part: Any, place: str) -> Any:
-    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is None."""
+    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is missing."""
     for name in place.split("."):
-        part = None if part is None else getattr(part, name)
+        part = part.get(name) if isinstance(part, Mapping) else None if part is None else getattr(part, name)
     return part
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure
+from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import BAR, column
 from pipeline.units import MM, UM
 
@@ -107,17 +106,11 @@ class TravelResult(Result, axes=("x_m",)):
         errors = self.flow_error_W or [None] * len(self.flow_W)
         return max(zip(self.flow_W, errors, self.flow_x_m, strict=True), key=lambda each: abs(each[0]))
 
-    wave_hz = figure("travelling wave", "Hz", name="travel_hz", error="frequency_error")(attrgetter("frequency_hz"))
-    ratio = figure("travelling-wave ratio", name="travel_twr", error="twr_error")(attrgetter("twr"))
-    best_ratio = figure("the same with any voltages", name="travel_best_twr", error="best_twr_error")(
-        attrgetter("best_twr")
-    )
-    level_db = figure("confinement, travelling", "dB", name="travel_db", error="confinement_error_db")(
-        attrgetter("confinement_db")
-    )
-    drive_V = figure("drive for 1 um, travelling", "V", name="travel_v_per_um", error="drive_error_V_at_1um")(
-        attrgetter("drive_V_at_1um")
-    )
+    wave_hz = figure_at("frequency_hz", "travelling wave", "Hz", name="travel_hz")
+    ratio = figure_at("twr", "travelling-wave ratio", name="travel_twr")
+    best_ratio = figure_at("best_twr", "the same with any voltages", name="travel_best_twr")
+    level_db = figure_at("confinement_db", "confinement, travelling", "dB", name="travel_db")
+    drive_V = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V", name="travel_v_per_um")
 
     @figure(
         "power along the zone for 1 um", "mW", name="travel_mw",
@@ -127,13 +120,10 @@ class TravelResult(Result, axes=("x_m",)):
         """The largest of the flows; None where patches straddle every section."""
         return None if self.inner_sections == 0 else 1e3 * self.largest_flow_W[0]
 
-    @figure(
-        "crests under the finger", "mm/s", name="travel_crest_mm_s",
+    crest_mm_s = figure_at(
+        "shear.fastest_m_s", "crests under the finger", "mm/s", name="travel_crest_mm_s", scale=MM,
         error=lambda wave: wave.shear and _times(wave.shear.fastest_error_m_s, 1e3),
     )  # fmt: skip
-    def crest_mm_s(self) -> float | None:
-        """Largest speed of the crests under the finger, signed; None without a finger."""
-        return 1e3 * self.shear.fastest_m_s if self.shear else None
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return a row a place of the zone's centre line: u_z, real, imaginary, size and its bar."""
