@@ -385,15 +385,14 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
     def lines(self) -> Iterator[str]:
         """Yield the strip, the cases and the comparison."""
         from pipeline.quantity import figure
-        from pipeline.records.reading import reading_table
 
-        beam, rows = self.beam, self.to_rows()
+        beam = self.beam
         size = f"{beam['length_m'] / MM:g} x {beam['width_m'] / MM:g} x {beam['thickness_m'] / MM:g} mm"
         yield (
             f"free-free {beam['material']} strip {size}, 1 N in the middle, loops {figure(beam['left_m'] / MM)} mm from both "
             "ends; strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond"
         )
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield self.reading()
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:

@@ -105,12 +105,10 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
         from pipeline.quantity import figure as in_digits
         from pipeline.quantity import frequency_with_bar, interval, with_bar
-        from pipeline.records.reading import reading_table
         from solvers.measures.confinement import CONFINED_DB
 
-        rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows[:: max(1, len(rows) // SHOWN)]])
+        yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
             f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
             f"driven motion confined by {CONFINED_DB:g} dB or more": self.confined,

@@ -164,6 +164,5 @@ class Crosstalk(
 
         solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True)
         result = CrosstalkResult.of(solved)
-        for line in result.lines():
-            run.info(line)
+        run.report(result)
         return result

@@ -167,6 +167,11 @@ class Run:
         """Log a fact."""
         self.log.info(text, id)
 
+    def report(self, result: Result) -> None:
+        """Log a result in words."""
+        for line in result.lines():
+            self.info(line)
+
     def left_out(self, what: str, why: str) -> None:
         """Log what the case does not need."""
         self.log.left_out(what, why)

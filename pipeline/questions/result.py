@@ -72,18 +72,19 @@ def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float =
     """
 
     def value(result: Any) -> Any:
-        return _scaled(reach(result, place), scale)
+        return scaled(reach(result, place), scale)
 
     def bar(result: Any) -> float | None:
         way, _, name = place.rpartition(".")
         part = reach(result, way) if way else result
         about = part.declared.get(name) if part is not None else None
-        return _scaled(getattr(part, about.error), scale) if about and about.error else None
+        return scaled(getattr(part, about.error), scale) if about and about.error else None
 
     return figure(heading, unit, **{"error": bar} | options)(value)
 
 
-def _scaled(value: Any, scale: float) -> Any:
+def scaled(value: Any, scale: float) -> Any:
+    """Return a value over a unit in its own, such as 1e-6 for a length in um; None stays."""
     return value if value is None or scale == 1.0 else value / scale
 
 
@@ -148,6 +149,14 @@ class Result(Part):
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
+
+    def reading(self, without: Axis = (), most: int = 0) -> str:
+        """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
+        from pipeline.records.reading import reading_table
+
+        rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
+        step = max(1, len(rows) // most) if most else 1
+        return reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""

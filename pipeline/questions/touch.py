@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure_at
+from pipeline.questions.result import Figure, Result, figure_at, scaled
 from pipeline.records.part import column
 from pipeline.units import MM, UM
 
@@ -105,9 +105,7 @@ class TouchResult(Result, table="states", axes=("state",)):
     def __repr__(self) -> str:
         from pipeline.quantity import figure as in_digits
 
-        amplitudes = [
-            f"{s.state} {in_digits(s.finger_m / UM, _times(s.finger_error_m, 1.0 / UM))} um" for s in self.states
-        ]
+        amplitudes = [f"{s.state} {in_digits(s.finger_m / UM, scaled(s.finger_error_m, UM))} um" for s in self.states]
         return f"<antinode.Touch: {', '.join(amplitudes)}>"
 
     # -- pictures
@@ -160,7 +158,7 @@ class TouchResult(Result, table="states", axes=("state",)):
         there = f"({in_digits(places.x_m[i] / MM)}, {in_digits(places.y_m[j] / MM)}) mm"
         half, here = places.touched_error_m, ""
         if state := self.state("touched"):
-            bar = _times(state.finger_error_m, 1.0 / UM)
+            bar = scaled(state.finger_error_m, UM)
             here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
         return (
             f"Amplitude under {self.fingertip} at {touched.size} places of the touch face, {_tone(places)}: "
@@ -174,10 +172,6 @@ def _tone(places: TouchMapRecord) -> str:
     return frequency(places.frequency_hz, places.frequency_error)
 
 
-def _times(error: float | None, factor: float) -> float | None:
-    return None if error is None else error * factor
-
-
 def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
     from pipeline.quantity import frequency_with_bar, signed, with_bar
 
@@ -185,7 +179,7 @@ def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
     under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
     shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
     quality = "none" if mode.quality_factor is None else with_bar(mode.quality_factor, mode.quality_error)
-    share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%")
+    share = with_bar(100.0 * mode.share, scaled(mode.share_error, 0.01), "%")
     mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
     return (
         f"wanted mode from {before} to {under} ({shift}), quality factor from {quality_given:g} to "
@@ -208,7 +202,7 @@ def _state_in_words(state: TouchStateRecord) -> str:
         drawn = f"; {power} and {with_bar(state.drive_V_at_1um, state.drive_error_V_at_1um, 'V')} at 1 um"
     tone = frequency_with_bar(state.frequency_hz, state.frequency_error)
     drive = with_bar(state.drive_V, state.drive_error_V if state.state == "held" else None, "V")
-    motion = with_bar(state.finger_m / UM, _times(state.finger_error_m, 1.0 / UM), "um")
+    motion = with_bar(state.finger_m / UM, scaled(state.finger_error_m, UM), "um")
     return f"{state.state} at {tone} and {drive}: {motion} at the finger{level}{friction}{drawn}"
 
 
