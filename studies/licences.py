@@ -38,7 +38,6 @@ ENVIRONMENT = {
     "python_version": "3.11",
     "sys_platform": "linux",
 }
-NOT_LOCKED = ("mkl",)  # the page tells of it in words: constraints.txt has no version of it
 
 FAMILIES = (  # the strongest terms first; a licence belongs to the first family that fits
     ("GPL", re.compile(r"(?<!L)GPL|GNU (?:Affero )?General Public", re.I)),
@@ -218,7 +217,7 @@ def lists() -> str:
     """All that stands below the mark. Raises OtherVersion, NotInstalled."""
     versions, requirements = locked(), extras()
     always = closure(requirements.pop(""))
-    names = {extra: closure(needs) - always for extra, needs in requirements.items() if extra not in NOT_LOCKED}
+    names = {extra: closure(needs) - always for extra, needs in requirements.items()}
     packages = {name: package(name, versions) for name in sorted(always.union(*names.values()))}
     homes = {name: [extra for extra, own in names.items() if name in own] for name in packages}
     own = [_listed(f"Extra `{extra}`, beside these", packages, distribution) for extra, distribution in names.items()]

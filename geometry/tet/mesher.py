@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from geometry.cad.solids import Body
 from geometry.cad.surface import CadSurface, cad_surface
@@ -98,7 +97,10 @@ def _attempt(body: Body, edge_m: float, order: int, options: TetOptions, epsilon
     snapped = without_flat_cells(vertices, snapped, cells, boundary, surface)
     _check_corners(snapped, cells, boundary, surface)
     nodes, full = (snapped, cells) if order == 1 else quadratic(snapped, cells, boundary, surface)
-    mesh = _named(body, nodes, full, order, _Labels(region, boundary, surface, options))
+    used, compact = np.unique(full, return_inverse=True)  # orphans dropped
+    mesh = Mesh(nodes[used] / MM, compact.reshape(full.shape).astype(np.int64), "tet", order)
+    regions = {name: np.flatnonzero(region == name) for name in REGIONS if (region == name).any()}
+    mesh = replace(mesh, regions=regions, faces=named_faces(mesh, body, boundary, surface, options.faces))
     check_mesh(mesh, body.volume_m3, options.volume_tolerance)
     check_parts(mesh, body)
     return mesh
@@ -145,24 +147,6 @@ def _check_corners(vertices: FloatArray, cells: IntArray, boundary: Boundary, su
     gap = off_plane(vertices, boundary, surface)
     if gap > ON_PLANE * surface.diagonal:
         raise MeshError(f"a boundary triangle cuts a CAD edge: a corner is {gap:.2e} mm off its plane")
-
-
-@dataclass(frozen=True)
-class _Labels:
-    region: NDArray[np.str_]
-    boundary: Boundary
-    surface: CadSurface
-    options: TetOptions
-
-
-def _named(body: Body, nodes: FloatArray, cells: IntArray, order: int, labels: _Labels) -> Mesh:
-    """Orphans dropped, metres, regions and faces."""
-    used, compact = np.unique(cells, return_inverse=True)
-    cells = compact.reshape(cells.shape).astype(np.int64)
-    bare = Mesh(nodes[used] / MM, cells, "tet", order)
-    regions = {name: np.flatnonzero(labels.region == name) for name in REGIONS if (labels.region == name).any()}
-    faces = named_faces(bare, body, labels.boundary, labels.surface, labels.options.faces)
-    return Mesh(bare.nodes, cells, "tet", order, regions, faces)
 
 
 def check_parts(mesh: Mesh, body: Body) -> None:

@@ -30,7 +30,6 @@ from solvers.touch.friction import (
     SqueezeFilm,
     crest_motion,
     drive_share,
-    motion_along,
 )
 from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
@@ -176,7 +175,8 @@ class _Spots:
 def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
     """The free plate's own motion along x, and (h/2) dw/dx of what the finger changes."""
     places = np.stack(np.meshgrid(mapped.x_m, mapped.y_m, indexing="ij"), axis=-1)
-    free = motion_along(forced, places.reshape(-1, 2), mapped.frequency_hz).reshape(mapped.under.shape)
+    along = forced.motion_by(lambda group: face_motion(group, places.reshape(-1, 2), 0), mapped.frequency_hz)
+    free = along.reshape(mapped.under.shape)
     along = free + case.design.thickness_m / 2.0 * mapped.slope_change
     return crest_motion(along, mapped.under, mapped.frequency_hz)
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
@@ -42,6 +42,15 @@ class Modelled(Result, axes=()):
     """The answer of a model, with the study that its pictures are drawn from."""
 
     study: Any = live()
+
+    @classmethod
+    def of_study(cls, study: Any, document: dict[str, Any], model: str, computed: Iterable[Any], **more: Any) -> Self:
+        """Return the answer of a study: the fields of its document, and its figures next to the thesis' statements."""
+        from pipeline.active.thesis import beside
+
+        known = {name: value for name, value in document.items() if name in cls.declared and name not in more}
+        more["comparison"] = [Compared(**entry) for entry in beside(model, computed)]
+        return cls(**known, **more, study=study)
 
     def compared(self) -> Iterator[str]:
         """Yield a block a statement: the thesis' value, ours, and how they agree."""
@@ -159,7 +168,6 @@ class ActiveMason(
         import numpy as np
 
         from pipeline.active import thesis
-        from pipeline.active.thesis import beside
         from solvers.thesis.circuit import MasonData, mason_study
 
         data = MasonData()
@@ -174,9 +182,7 @@ class ActiveMason(
             if band := self._band(data.target_hz):
                 study = mason_study(data, np.linspace(*band, 3121))
                 _refuse_empty(band, study, whole)
-        return MasonResult(
-            **_fields(study.to_dict()), comparison=_parts(beside("mason", thesis.mason(whole))), study=study
-        )
+        return MasonResult.of_study(study, study.to_dict(), "mason", thesis.mason(whole))
 
     def _band(self, target_hz: float) -> Pair | None:
         """Return the band to show, Hz. Raises InputError beyond the range of a one-dimensional bar."""
@@ -200,14 +206,6 @@ def _refuse_empty(band: Pair, study: MasonStudy, whole: MasonStudy) -> None:
         every = [float(mode) for modes in whole.modes_hz.values() for mode in modes]
         listed = f"from {interval(min(every), max(every))}, {len(every)} of them"
         raise InputError(f"--band = {_shown(band)}: holds no mode of the three bars; they have modes {listed}")
-
-
-def _fields(document: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in document.items() if name != "schema"}
-
-
-def _parts(entries: list[dict[str, str]]) -> list[Compared]:
-    return [Compared(**entry) for entry in entries]
 
 
 # -- pillar ------------------------------------------------------------------------------------------------------------
@@ -298,7 +296,6 @@ class ActivePillar(
         import numpy as np
 
         from pipeline.active import thesis
-        from pipeline.active.thesis import beside
         from solvers.analytic.predesign import pillar_frequencies_hz
         from solvers.thesis.pillar_row import pillar_filter
         from solvers.thesis.scattering import point_force
@@ -310,14 +307,9 @@ class ActivePillar(
         with asked("pillar"):
             row, point = pillar_filter(case.design, np.linspace(*band, 801), loss), point_force()
         cell = _computed_cell(case, run, band) if self.cell else None
-        entries = beside("pillar", thesis.pillar(row, point, cell))
-        return PillarModelResult(
-            **_fields(row.to_dict()),
-            point_force=point.to_dict(),
-            cell=cell,
-            comparison=_parts(entries),
-            study=(row, point),
-        )
+        own = {"point_force": point.to_dict(), "cell": cell}
+        computed = thesis.pillar(row, point, cell)
+        return PillarModelResult.of_study((row, point), row.to_dict(), "pillar", computed, **own)
 
 
 def _computed_cell(case: Case, run: Run, band_hz: Pair) -> dict[str, Any]:
@@ -393,15 +385,14 @@ class BeamResult(Modelled, table="cases", axes=("layout",)):
     def lines(self) -> Iterator[str]:
         """Yield the strip, the cases and the comparison."""
         from pipeline.quantity import figure
-        from pipeline.records.reading import reading_table
 
-        beam, rows = self.beam, self.to_rows()
+        beam = self.beam
         size = f"{beam['length_m'] / MM:g} x {beam['width_m'] / MM:g} x {beam['thickness_m'] / MM:g} mm"
         yield (
             f"free-free {beam['material']} strip {size}, 1 N in the middle, loops {figure(beam['left_m'] / MM)} mm from both "
             "ends; strength = K'/(4 EI beta^3), ratio = rms between the loops over rms beyond"
         )
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield self.reading()
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:
@@ -444,7 +435,6 @@ class ActiveBeam(
     def compute(self, case: Case | None, plan: Plan, run: Run) -> BeamResult:
         """Close the loops at each frequency and gain."""
         from pipeline.active import thesis
-        from pipeline.active.thesis import beside
         from solvers.thesis.active_study import ActiveBeamData, active_beam_study
 
         data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
@@ -457,9 +447,9 @@ class ActiveBeam(
         )
         with asked("beam"):
             study = active_beam_study(data)
-        fields = _fields(study.to_dict())
-        cases = [LoopCase(**one) for one in fields.pop("cases")]
-        return BeamResult(**fields, cases=cases, comparison=_parts(beside("beam", thesis.beam(study))), study=study)
+        document = study.to_dict()
+        cases = [LoopCase(**one) for one in document["cases"]]
+        return BeamResult.of_study(study, document, "beam", thesis.beam(study), cases=cases)
 
 
 # -- shaping -----------------------------------------------------------------------------------------------------------
@@ -555,7 +545,7 @@ class ActiveShaping(
 
     def compute(self, case: Case | None, plan: Plan, run: Run) -> ShapingResult:
         """Compute the study of all beams."""
-        from pipeline.active.thesis import beside, shaping
+        from pipeline.active.thesis import shaping
         from solvers.thesis.shaping_study import ShapingData, document, shaping_study
 
         if case is not None:
@@ -563,5 +553,4 @@ class ActiveShaping(
         data = ShapingData()
         with asked("shaping"):
             study = shaping_study(replace(data, frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz)))
-        entries = beside("shaping", shaping(study))
-        return ShapingResult(**_fields(document(study)), comparison=_parts(entries), study=study)
+        return ShapingResult.of_study(study, document(study), "shaping", shaping(study))

@@ -130,7 +130,6 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
     def compute(self, case: Case | None, plan: Plan, run: Run) -> DqResult:
         """Study the loop of the mode that sweep, table, case or option names."""
         from pipeline.active import loop, thesis
-        from pipeline.active.thesis import beside
         from solvers.control.identification import identify
         from solvers.thesis.loop_design import dq_study
 
@@ -144,10 +143,8 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
             study = dq_study(data)
         if table and measured:
             loop.write_table(table, measured, run.folder, run.log)
-        fields = {name: value for name, value in study.to_dict().items() if name != "schema"}
-        entries = [Compared(**entry) for entry in beside("dq", thesis.dq(study))]
         found = measured.to_dict() if measured else None
-        return DqResult(**fields, measured=found, comparison=entries, study=study)
+        return DqResult.of_study(study, study.to_dict(), "dq", thesis.dq(study), measured=found)
 
     def _data(self, case: Case | None, table: ModeTable | None, run: Run) -> DqData:
         from pipeline.active import loop

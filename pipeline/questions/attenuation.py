@@ -104,14 +104,12 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, and what the rows do where plate theory puts the target mode."""
         from pipeline.quantity import figure
-        from pipeline.records.reading import reading_table
 
-        rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
         yield (
             f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
             f"incoming flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
         )
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows[:: max(1, len(rows) // SHOWN)]])
+        yield self.reading(("taken_error_db",), SHOWN)
         yield from self._at_the_zone()
 
     def _at_the_zone(self) -> Iterator[str]:
@@ -329,9 +327,9 @@ class PredictionResult(Result, axes=()):
     )
     rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
 
-    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row", error="db_error")
+    decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row")
     decay_error = figure_at("db_error", "expected error of the decay", "dB", name="db_error", error="db_error")
-    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db", error="rows_error_db")
+    of_rows = figure_at("rows_db", "predicted by the rows", "dB", name="rows_db")
     needed = figure_at("rows_needed", "rows needed, endless ones", name="rows_needed")
 
 

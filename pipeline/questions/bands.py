@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.questions.question import Question, Run
-from pipeline.questions.result import Result, figure
+from pipeline.questions.result import Figure, Result, figure, figure_at
 from pipeline.records.part import BAR, Part, column
 from pipeline.units import KHZ
 
@@ -123,6 +123,15 @@ class BandPoint(Part):
         "group velocity; None for a wave at rest", "m/s", along="band",
         parts=("group_velocity_x_m_s", "group_velocity_y_m_s"), default=None,
     )  # fmt: skip
+
+
+def _bending(place: int, which: str) -> Figure[float | None]:
+    """Declare a figure with one of the pillars' two bending bands at M; None on a path without M."""
+    about = figure(
+        f"bending at M, {which}", "Hz", name=f"bending_m_{place + 1}_hz",
+        error=lambda bands: next(iter(bands.bending_errors[place:]), None),
+    )  # fmt: skip
+    return about(lambda bands: next(iter(bands.bending_at_m_hz[place:]), None))
 
 
 class BandsResult(Result, table="points", axes=("point", "band")):
@@ -257,45 +266,12 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     # -- figures of a sweep
 
-    @figure("gap from", "Hz", name="gap_lower_hz", error="gap_lower_error")
-    def gap_lower_hz(self) -> float | None:
-        """Lower edge of the widest gap."""
-        return self.widest_gap.lower_hz if self.widest_gap else None
-
-    @figure("gap to", "Hz", name="gap_upper_hz", error="gap_upper_error")
-    def gap_upper_hz(self) -> float | None:
-        """Upper edge of the widest gap."""
-        return self.widest_gap.upper_hz if self.widest_gap else None
-
-    @figure("expected error of gap from", "%", name="gap_lower_error")
-    def gap_lower_error(self) -> float | None:
-        """Relative half-width of the bar of the widest gap's lower edge."""
-        return self.widest_gap.lower_error if self.widest_gap else None
-
-    @figure("expected error of gap to", "%", name="gap_upper_error")
-    def gap_upper_error(self) -> float | None:
-        """Relative half-width of the bar of the widest gap's upper edge."""
-        return self.widest_gap.upper_error if self.widest_gap else None
-
-    @figure("bending at M, first", "Hz", name="bending_m_1_hz", error="bending_m_1_error")
-    def bending_m_1_hz(self) -> float | None:
-        """Lower bending band of the pillars at M."""
-        return next(iter(self.bending_at_m_hz), None)
-
-    @figure("bending at M, second", "Hz", name="bending_m_2_hz", error="bending_m_2_error")
-    def bending_m_2_hz(self) -> float | None:
-        """Upper bending band of the pillars at M."""
-        return next(iter(self.bending_at_m_hz[1:]), None)
-
-    @property
-    def bending_m_1_error(self) -> float | None:
-        """Relative half-width of the bar of bending_m_1_hz."""
-        return next(iter(self.bending_errors), None)
-
-    @property
-    def bending_m_2_error(self) -> float | None:
-        """Relative half-width of the bar of bending_m_2_hz."""
-        return next(iter(self.bending_errors[1:]), None)
+    gap_lower_hz = figure_at("widest_gap.lower_hz", "gap from", "Hz", name="gap_lower_hz")
+    gap_upper_hz = figure_at("widest_gap.upper_hz", "gap to", "Hz", name="gap_upper_hz")
+    gap_lower_error = figure_at("widest_gap.lower_error", "expected error of gap from", "%", name="gap_lower_error")
+    gap_upper_error = figure_at("widest_gap.upper_error", "expected error of gap to", "%", name="gap_upper_error")
+    bending_m_1_hz = _bending(0, "first")
+    bending_m_2_hz = _bending(1, "second")
 
     # -- words and pictures
 

@@ -92,8 +92,7 @@ class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures
             return BoardResult(fault=str(error))
         run.arrays |= {f"board_{name}": played.columns[name] for name in COLUMNS}
         result = BoardResult.of(played, gain=[played.gain.real, played.gain.imag], reference=played.level)
-        for line in result.lines():
-            run.info(line)
+        run.report(result)
         return result
 
 

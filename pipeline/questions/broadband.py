@@ -10,7 +10,7 @@ from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.wave_parts import BroadbandPoint
 from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure
+from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import BAR, column
 from pipeline.units import KHZ
 
@@ -82,12 +82,9 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         return end_errors(self.points, self.frequency_error, ends_hz)
 
     @figure(
-        "stopped about the wanted mode",
-        "Hz",
-        name="stopped_width_hz",
-        error="stopped_width_error_hz",
+        "stopped about the wanted mode", "Hz", name="stopped_width_hz", error="stopped_width_error_hz",
         is_difference=True,
-    )
+    )  # fmt: skip
     def stopped_width_hz(self) -> float:
         """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
@@ -101,26 +98,17 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
         return sum(known) if len(known) == len(errors) else None
 
-    @figure("wanted mode of the column", "Hz", name="column_wanted_hz", error="wanted_error")
-    def column_hz(self) -> float | None:
-        """Frequency of the column's wanted mode."""
-        return self.wanted_hz
-
-    @figure("confinement in the column", "dB", name="column_wanted_db", error="wanted_error_db")
-    def column_db(self) -> float | None:
-        """Confinement of the column's wanted mode."""
-        return self.wanted_db
+    column_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz", name="column_wanted_hz")
+    column_db = figure_at("wanted_db", "confinement in the column", "dB", name="column_wanted_db")
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
         from pipeline.quantity import figure as in_digits
         from pipeline.quantity import frequency_with_bar, interval, with_bar
-        from pipeline.records.reading import reading_table
         from solvers.measures.confinement import CONFINED_DB
 
-        rows = [{key: value for key, value in row.items() if key != "taken_error_db"} for row in self.to_rows()]
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows[:: max(1, len(rows) // SHOWN)]])
+        yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
             f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
             f"driven motion confined by {CONFINED_DB:g} dB or more": self.confined,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.zone_parts import DrivenZone, worst_of
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure
+from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import column
 from pipeline.units import KHZ, MM, NM
 
@@ -48,42 +48,20 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
         """Levels (driven zones, measured zones) in dB."""
         return self.array("level_db")
 
-    @figure("gap between zones", "mm", error="exact")
-    def gap_mm(self) -> float:
-        """Distance of two zones' borders."""
-        return self.gap_m / MM
+    @property
+    def first(self) -> DrivenZone:
+        """The first zone, driven."""
+        return self.zones[0]
 
-    exact = 0.0  # the half-width of the bar of what was given
+    gap_mm = figure_at("gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0)  # as it is given
 
-    @figure("largest cross-talk", "dB", name="crosstalk_db", error="worst_error_db")
+    @figure("largest cross-talk", "dB", name="crosstalk_db", error=lambda levels: worst_of(levels.zones)[1])
     def worst_db(self) -> float | None:
         """The largest level of a zone while another is driven; None with one zone."""
         return worst_of(self.zones)[0]
 
-    @figure("peak of the first zone, driven", "Hz", name="crosstalk_hz", error="first_error")
-    def first_hz(self) -> float:
-        """Frequency at which the first zone moves most."""
-        return self.zones[0].peak_hz
-
-    @figure("passive face, first zone driven", "dB", error="passive_error_db")
-    def passive_db(self) -> float | None:
-        """Level of the passive face while the first zone is driven."""
-        return self.zones[0].passive_db
-
-    @property
-    def worst_error_db(self) -> float | None:
-        """Half-width of the bar of worst_db."""
-        return worst_of(self.zones)[1]
-
-    @property
-    def first_error(self) -> float | None:
-        """Relative half-width of the bar of first_hz."""
-        return self.zones[0].peak_error
-
-    @property
-    def passive_error_db(self) -> float | None:
-        """Half-width of the bar of passive_db."""
-        return self.zones[0].passive_error_db
+    first_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz", name="crosstalk_hz")
+    passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
@@ -118,10 +96,9 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
         drawn, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
         self.draw(table)
-        first = self.zones[0]
-        curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(first.over_rms_m_per_V, start=1)}
+        curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(self.first.over_rms_m_per_V, start=1)}
         style.draw_lines(over.semilogy, np.array(self.frequency_hz) / KHZ, curves)
-        style.mark(over, first.peak_hz / KHZ)
+        style.mark(over, self.first.peak_hz / KHZ)
         over.set(xlabel="frequency (kHz)", ylabel="rms u_z (nm/V)", title="Zone 1 driven")
         over.legend(fontsize=8)
         worst = "one zone" if self.worst_db is None else f"at most {level(self.worst_db)} in another zone"
@@ -187,6 +164,5 @@ class Crosstalk(
 
         solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True)
         result = CrosstalkResult.of(solved)
-        for line in result.lines():
-            run.info(line)
+        run.report(result)
         return result

@@ -292,8 +292,7 @@ class Hybrid(
             inside=inside, behind=len(patches.drivers) - inside, detuning=DETUNING, alpha=self.alpha,
             methods=[_method(name, *figures) for name, figures in solved.methods.items()],
         )  # fmt: skip
-        for line in result.lines():
-            run.info(line)
+        run.report(result)
         return result
 
 

@@ -48,16 +48,14 @@ class LiveResult(Result, axes=()):
     why_not: str = column("why the column has no wanted mode", default="")
     warnings: list[str] = column("what a column cannot tell of this design")
 
-    wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz", error="frequency_error")
+    wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
     error = figure_at("frequency_error", "its expected error, live", "%")
-    level = figure_at(
-        "confinement_db", "confinement, live", "dB", name="live_confinement_db", error="confinement_error_db"
-    )
+    level = figure_at("confinement_db", "confinement, live", "dB", name="live_confinement_db")
     level_error = figure_at(
         "confinement_error_db", "its expected error, live", "dB", name="live_confinement_error_db",
         error="confinement_error_db",
     )  # fmt: skip
-    decay = figure_at("db_per_row", "decay per row, live", "dB", name="live_db_per_row", error="db_error")
+    decay = figure_at("db_per_row", "decay per row, live", "dB", name="live_db_per_row")
 
     @classmethod
     def of_answer(cls, answer: Mapping[str, Any]) -> Self:

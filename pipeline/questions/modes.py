@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
@@ -70,27 +70,18 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     case: Any = live()
 
     wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None, name="wanted_status")
-    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz", error="found.frequency_error")
+    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz")
     wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%", name="wanted_error")
-    level = figure_at(
-        "found.confinement_db", "confinement", "dB", name="confinement_db", error="found.confinement_error_db"
-    )
+    level = figure_at("found.confinement_db", "confinement", "dB", name="confinement_db")
     level_error = figure_at(
         "found.confinement_error_db", "expected error of the confinement", "dB", name="confinement_error_db",
         error="found.confinement_error_db",
     )  # fmt: skip
-    extension = figure_at(
-        "found.extension_db", "zone to extension", "dB", name="zone_to_extension_db", error="found.extension_error_db"
-    )
-    mac = figure_at("found.mac", "MAC", name="mac", error="found.mac_error")
-    zone_share = figure_at("found.zone_share", "zone share", name="zone_share", error="found.zone_share_error")
-    pillar_share = figure_at(
-        "found.pillar_energy_share", "pillars' share of energy", name="pillar_share",
-        error="found.pillar_energy_share_error",
-    )  # fmt: skip
-    strength = figure_at(
-        "found.strength", "strength in the wanted shape", name="strength", error="found.strength_error"
-    )
+    extension = figure_at("found.extension_db", "zone to extension", "dB", name="zone_to_extension_db")
+    mac = figure_at("found.mac", "MAC", name="mac")
+    zone_share = figure_at("found.zone_share", "zone share", name="zone_share")
+    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy", name="pillar_share")
+    strength = figure_at("found.strength", "strength in the wanted shape", name="strength")
     shape_share = figure_at("found.share", "share of the wanted shape", name="shape_share")
 
     @figure("other modes that carry it", None, name="rivals")
@@ -361,19 +352,39 @@ class Shapes(Question[ShapesResult], follows="modes"):
         return ShapesResult(**mode_fields.shapes(solved, case.design))
 
 
-class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
-    """Compute the modes of the bare zone, as the pre-design sees it."""
+class _OfPart:
+    """Modes of a part alone, as the pre-design sees it."""
+
+    name: ClassVar[str]
+
+    def request(self) -> Request:
+        """Return what is asked for."""
+        raise NotImplementedError
 
     def plan(self, case: Case) -> Plan:
-        """Plan the zone."""
-        return _part_plan(self, case, "zone")
+        """Plan the part."""
+        from pipeline.planning.plan import modes_step, plan_of
+
+        return plan_of(case, replace(modes_step(case, self.request()), measure=self.name))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute its modes."""
-        return _part_modes(case, "zone", plan, run)
+        from pipeline.models.modes import solve_modes
+
+        solved = solve_modes(case, self.request(), run, plan.steps[0].choice)
+        run.meshes += solved.meshes
+        return ModesResult.of_solved(solved, case)
 
 
-class PillarModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+class ZoneModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+    """Compute the modes of the bare zone, as the pre-design sees it."""
+
+    def request(self) -> Request:
+        """Return the zone's window."""
+        return _request("zone")
+
+
+class PillarModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
     """Compute the modes of the lone pillar, as the pre-design sees it."""
 
     @classmethod
@@ -383,33 +394,9 @@ class PillarModes(Question[ModesResult], in_studies_only=True, aliases=("parts",
 
         return no_lone_pillar(case.design)
 
-    def plan(self, case: Case) -> Plan:
-        """Plan the pillar."""
-        return _part_plan(self, case, "pillar")
-
-    def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute its modes."""
-        return _part_modes(case, "pillar", plan, run)
-
-
-def _part_request(part: str) -> Request:
-    from pipeline.planning.model_choice import Request
-
-    return Request("pillar", near_hz=0.0, count=4) if part == "pillar" else Request(part)
-
-
-def _part_plan(question: Question[ModesResult], case: Case, part: str) -> Plan:
-    from pipeline.planning.plan import modes_step, plan_of
-
-    return plan_of(case, replace(modes_step(case, _part_request(part)), measure=question.name))
-
-
-def _part_modes(case: Case, part: str, plan: Plan, run: Run) -> ModesResult:
-    from pipeline.models.modes import solve_modes
-
-    solved = solve_modes(case, _part_request(part), run, plan.steps[0].choice)
-    run.meshes += solved.meshes
-    return ModesResult.of_solved(solved, case)
+    def request(self) -> Request:
+        """Return the lowest modes."""
+        return _request("pillar", near_kHz=0.0, count=4)
 
 
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
@@ -469,7 +456,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
         from pipeline.models.user_mesh import UserMesh, solve
 
         mesh = UserMesh(self.mesh_file, self.unit or "m", self.clamp, self.support, self.merge)
-        query = _request("plate", self.band_kHz, self.near_kHz, self.count, None)
+        query = _request("plate", self.band_kHz, self.near_kHz, self.count)
         return _answered(solve(case, mesh, query, run), case, run)
 
 
@@ -480,8 +467,9 @@ def _check_window(near_kHz: float | None, band_kHz: Pair | None) -> None:
 
 
 def _request(
-    part: str, band_kHz: Pair | None, near_kHz: float | None, count: int | None, symmetry: str | None
-) -> Request:
+    part: str, band_kHz: Pair | None = None, near_kHz: float | None = None, count: int | None = None,
+    symmetry: str | None = None,
+) -> Request:  # fmt: skip
     from pipeline.planning.model_choice import Request
 
     return Request(part, hz(band_kHz), None if near_kHz is None else KHZ * near_kHz, count, symmetry)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from geometry.layout import Design
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
+    from solvers.analytic.predesign import PillarSize, ZoneSize
 
 THEORIES = {  # what the result and what the calibration call them
     "zone": {"thin_clamped_hz": "thin_clamped_hz", "clamped_hz": "clamped_hz"},
@@ -169,21 +170,20 @@ def sized(design: Design) -> PredesignResult:
     """Return the analytic sizes of a design, each theory with its expected error."""
     from solvers.analytic.predesign import predesign
 
-    known = predesign(design).to_dict()
-    parts = {
-        name: known[name] and known[name] | {"expected_error": _expected(name, known[name], design)}
-        for name in THEORIES
-    }
+    known = predesign(design)
     return PredesignResult(
-        zone=ZoneSizes(**parts["zone"]) if parts["zone"] else None,
-        pillar=PillarSizes(**parts["pillar"]) if parts["pillar"] else None,
-        limits=known["limits"],
+        zone=ZoneSizes.of(known.zone, **_about("zone", known.zone, design)) if known.zone else None,
+        pillar=PillarSizes.of(known.pillar, **_about("pillar", known.pillar, design)) if known.pillar else None,
+        limits=list(known.limits),
     )
 
 
-def _expected(part: str, sizes: dict[str, Any], design: Design) -> dict[str, float | None]:
-    errors = expected_errors(part, design)
-    return {name: errors.get(name) for name, value in sizes.items() if name.endswith("_hz") and value is not None}
+def _about(part: str, sizes: ZoneSize | PillarSize, design: Design) -> dict[str, Any]:
+    """Return the lengths of a part in mm, and the expected error of each theory's frequency."""
+    errors, known = expected_errors(part, design), vars(sizes).items()
+    lengths = {f"{name}m": value and 1e3 * value for name, value in known if name.endswith("_m")}
+    told = {name: errors.get(name) for name, value in known if name.endswith("_hz") and value is not None}
+    return lengths | {"expected_error": told}
 
 
 def expected_errors(part: str, design: Design) -> dict[str, float]:

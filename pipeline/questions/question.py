@@ -167,6 +167,11 @@ class Run:
         """Log a fact."""
         self.log.info(text, id)
 
+    def report(self, result: Result) -> None:
+        """Log a result in words."""
+        for line in result.lines():
+            self.info(line)
+
     def left_out(self, what: str, why: str) -> None:
         """Log what the case does not need."""
         self.log.left_out(what, why)
@@ -253,7 +258,7 @@ class Question(_Declared, Generic[R]):
         cls.is_measure = is_measure and without_case is None
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
         cls.example = example or f"{cls.name} studies/three-rows.toml"
-        cls.result = get_args(cls.__orig_bases__[0])[0]  # type: ignore[attr-defined]
+        cls.result = next(get_args(each)[0] for each in cls.__orig_bases__ if get_origin(each) is Question)  # type: ignore[attr-defined]
         if instead_of:
             VARIANTS[cls.name] = cls
             return

@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
 from pipeline.questions.attenuation import over
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure_at
+from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import BAR, Part, column, live
 from pipeline.units import KHZ, MM, NM
 
@@ -32,10 +32,6 @@ if TYPE_CHECKING:
 POINTS, SHOWN = 401, 15
 BAND = 0.1  # of a value: how far down a bar is drawn that is longer
 SHARED = 0.2  # of the quality factor that is given: a peak further off it is wider or narrower than its mode
-BARS = {  # fields of error bars
-    "frequency_hz": "frequency_error", "zone_nm_per_V": "zone_error_nm_per_V", "confinement_db": "confinement_error_db",
-    "frequency_shift_hz": "frequency_shift_error_hz", "quality_factor": "quality_error",
-}  # fmt: skip
 
 
 class PeakRecord(Part):
@@ -92,12 +88,6 @@ class PeakRecord(Part):
         return (
             f"{name} at {tone}: {height} rms on the zone ({bar}){level_text}; quality factor from the curve: {quality}"
         )
-
-
-def _of(name: str, place: str, heading: str, unit: str = "", is_barred: bool = True, **more: bool) -> Figure[Any]:
-    """Declare a column with a part's figure and its error bar, None where the response has no such part."""
-    part, _, own = place.rpartition(".")
-    return figure_at(place, heading, unit, name=name, error=f"{part}.{BARS[own]}" if is_barred else "", **more)
 
 
 class ResponseResult(Result, axes=("frequency_hz",)):
@@ -209,20 +199,32 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         own, other = self.wanted_peak, self.highest_peak.frequency_hz
         return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
 
-    wanted_peak_hz = _of("wanted_peak_hz", "wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz")
-    wanted_peak_nm_per_v = _of("wanted_peak_nm_per_v", "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V")
-    wanted_peak_db = _of("wanted_peak_db", "wanted_peak.confinement_db", "confinement at that peak", "dB")
-    highest_peak_hz = _of("highest_peak_hz", "highest_peak.frequency_hz", "highest peak of the response", "Hz")
-    highest_peak_nm_per_v = _of("highest_peak_nm_per_v", "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V")
-    highest_peak_db = _of("highest_peak_db", "highest_peak.confinement_db", "confinement at the highest", "dB")
-    measured_hz = _of("measured_hz", "measured.sweep.frequency_hz", "measured resonance", "Hz")
-    measured_shift_hz = _of(
-        "measured_shift_hz", "measured.sweep.frequency_shift_hz", "measured less computed", "Hz",
+    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz", name="wanted_peak_hz")
+    wanted_peak_nm_per_v = figure_at(
+        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", name="wanted_peak_nm_per_v",
+        error="wanted_peak.zone_error_nm_per_V",
+    )  # fmt: skip
+    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB", name="wanted_peak_db")
+    highest_peak_hz = figure_at(
+        "highest_peak.frequency_hz", "highest peak of the response", "Hz", name="highest_peak_hz"
+    )
+    highest_peak_nm_per_v = figure_at(
+        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", name="highest_peak_nm_per_v",
+        error="highest_peak.zone_error_nm_per_V",
+    )  # fmt: skip
+    highest_peak_db = figure_at(
+        "highest_peak.confinement_db", "confinement at the highest", "dB", name="highest_peak_db"
+    )
+    measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz", name="measured_hz")
+    measured_shift_hz = figure_at(
+        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", name="measured_shift_hz",
         is_difference=True, is_signed=True,
     )  # fmt: skip
-    measured_quality_factor = _of("measured_quality_factor", "measured.sweep.quality_factor", "measured quality factor")
-    measured_db = _of("measured_db", "measured.map.confinement_db", "measured confinement", "dB", False)
-    measured_mac = _of("measured_mac", "measured.map.mac_operating", "MAC, measured to computed", "", False)
+    measured_quality_factor = figure_at(
+        "measured.sweep.quality_factor", "measured quality factor", name="measured_quality_factor"
+    )
+    measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB", name="measured_db")
+    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed", name="measured_mac")
 
     # -- words and pictures
 

@@ -65,15 +65,33 @@ def figure(
     return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
-def figure_at(place: str, heading: str, unit: str | None = "", **options: Any) -> Figure[Any]:
-    """Declare a figure that is a field of one of the result's parts, by its place; options as `figure` takes them."""
-    return figure(heading, unit, **options)(lambda result: reach(result, place))
+def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float = 1.0, **options: Any) -> Figure[Any]:
+    """Declare a figure that is a field of one of the result's parts, by its place, with the bar that the field declares.
+
+    scale: of its unit, in the field's, such as 1e-6 for a length in um. Options as `figure` takes them.
+    """
+
+    def value(result: Any) -> Any:
+        return scaled(reach(result, place), scale)
+
+    def bar(result: Any) -> float | None:
+        way, _, name = place.rpartition(".")
+        part = reach(result, way) if way else result
+        about = part.declared.get(name) if part is not None else None
+        return scaled(getattr(part, about.error), scale) if about and about.error else None
+
+    return figure(heading, unit, **{"error": bar} | options)(value)
+
+
+def scaled(value: Any, scale: float) -> Any:
+    """Return a value over a unit in its own, such as 1e-6 for a length in um; None stays."""
+    return value if value is None or scale == 1.0 else value / scale
 
 
 def reach(part: Any, place: str) -> Any:
-    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is None."""
+    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is missing."""
     for name in place.split("."):
-        part = None if part is None else getattr(part, name)
+        part = part.get(name) if isinstance(part, Mapping) else None if part is None else getattr(part, name)
     return part
 
 
@@ -131,6 +149,14 @@ class Result(Part):
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
+
+    def reading(self, without: Axis = (), most: int = 0) -> str:
+        """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
+        from pipeline.records.reading import reading_table
+
+        rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
+        step = max(1, len(rows) // most) if most else 1
+        return reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""

@@ -104,11 +104,8 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def lines(self) -> Iterator[str]:
         """Yield what was varied, the samples and their statistics."""
-        from pipeline.records.reading import reading_table
-
-        rows = [{name: value for name, value in row.items() if name != "sample"} for row in self.to_rows()]
         yield self._varied()
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield self.reading(("sample",))
         yield from self.summary()
 
     def _varied(self) -> str:

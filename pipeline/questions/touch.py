@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure
-from pipeline.records.part import Part, column
+from pipeline.questions.result import Figure, Result, figure_at, scaled
+from pipeline.records.part import column
 from pipeline.units import MM, UM
 
 if TYPE_CHECKING:
@@ -21,31 +20,9 @@ if TYPE_CHECKING:
     from pipeline.plots.style import ReportFigure
 
 
-def _of(part: Callable[[Any], Part | None], kind: type[Part], field: str, scale: float = 1.0) -> Any:
-    """Return a figure of a part of the answer and its bar as functions; None where there is no part."""
-
-    def value(name: str) -> Callable[[Any], float | None]:
-        def of(answer: Any) -> float | None:
-            found = part(answer)
-            known = None if found is None else getattr(found, name)
-            return None if known is None else known / scale
-
-        return of
-
-    return value(field), value(kind.declared[field].error)
-
-
-def _figure(name: str, heading: str, unit: str, values: Any, **more: bool) -> Figure[float | None]:
-    of, error = values
-    return figure(heading, unit, name=name, error=error, **more)(of)
-
-
-def _of_mode(field: str) -> Any:
-    return _of(attrgetter("mode"), LoadedModeRecord, field)
-
-
-def _of_state(state: str, field: str, scale: float = 1.0) -> Any:
-    return _of(lambda answer: answer.state(state), TouchStateRecord, field, scale)
+def _driven(state: str, field: str, name: str, heading: str, unit: str, scale: float = 1.0) -> Figure[Any]:
+    """Declare a figure of a way of driving the plate; None where it cannot be."""
+    return figure_at(f"by_state.{state}.{field}", heading, unit, name=name, scale=scale)
 
 
 class TouchResult(Result, table="states", axes=("state",)):
@@ -74,37 +51,37 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def state(self, name: str) -> TouchStateRecord | None:
         """Return a state by its name; None where it cannot be."""
-        return next((state for state in self.states if state.state == name), None)
+        return self.by_state.get(name)
 
-    shift_hz = _figure(
-        "touch_shift_hz", "detuning by the finger", "Hz", _of_mode("shift_hz"), is_difference=True, is_signed=True
+    @property
+    def by_state(self) -> dict[str, TouchStateRecord]:
+        """The states by their names."""
+        return {state.state: state for state in self.states}
+
+    shift_hz = figure_at(
+        "mode.shift_hz", "detuning by the finger", "Hz", name="touch_shift_hz", is_difference=True, is_signed=True
     )
-    quality_factor = _figure("touch_quality_factor", "quality factor under the finger", "", _of_mode("quality_factor"))
-    share = _figure("touch_share", "share of the wanted mode under the finger", "", _of_mode("share"))
-    free_um = _figure("free_um", "amplitude at the finger, free", "um", _of_state("free", "finger_m", UM))
-    free_db = _figure("free_db", "confinement, free", "dB", _of_state("free", "confinement_db"))
-    free_mW = _figure("free_mw_at_1um", "power at 1 um, free", "mW", _of_state("free", "drawn_mW_at_1um"))
-    free_V = _figure("free_v_at_1um", "drive at 1 um, free", "V", _of_state("free", "drive_V_at_1um"))
-    touched_um = _figure("touched_um", "amplitude at the finger, touched", "um", _of_state("touched", "finger_m", UM))
-    touched_db = _figure("touched_db", "confinement, touched", "dB", _of_state("touched", "confinement_db"))
-    touched_mW = _figure("touched_mw_at_1um", "power at 1 um, touched", "mW", _of_state("touched", "drawn_mW_at_1um"))
-    touched_V = _figure("touched_v_at_1um", "drive at 1 um, touched", "V", _of_state("touched", "drive_V_at_1um"))
-    shaped_um = _figure("shaped_um", "amplitude at the finger, shaped", "um", _of_state("shaped", "finger_m", UM))
-    shaped_db = _figure("shaped_db", "confinement, shaped", "dB", _of_state("shaped", "confinement_db"))
-    shaped_mW = _figure("shaped_mw_at_1um", "power at 1 um, shaped", "mW", _of_state("shaped", "drawn_mW_at_1um"))
-    shaped_V = _figure("shaped_v_at_1um", "drive at 1 um, shaped", "V", _of_state("shaped", "drive_V_at_1um"))
-    friction_low = _figure(
-        "touch_friction_low", "friction at the low gap over that at rest", "", _of_state("touched", "friction_low")
+    quality_factor = figure_at("mode.quality_factor", "quality factor under the finger", name="touch_quality_factor")
+    share = figure_at("mode.share", "share of the wanted mode under the finger", name="touch_share")
+    free_um = _driven("free", "finger_m", "free_um", "amplitude at the finger, free", "um", UM)
+    free_db = _driven("free", "confinement_db", "free_db", "confinement, free", "dB")
+    free_mW = _driven("free", "drawn_mW_at_1um", "free_mw_at_1um", "power at 1 um, free", "mW")
+    free_V = _driven("free", "drive_V_at_1um", "free_v_at_1um", "drive at 1 um, free", "V")
+    touched_um = _driven("touched", "finger_m", "touched_um", "amplitude at the finger, touched", "um", UM)
+    touched_db = _driven("touched", "confinement_db", "touched_db", "confinement, touched", "dB")
+    touched_mW = _driven("touched", "drawn_mW_at_1um", "touched_mw_at_1um", "power at 1 um, touched", "mW")
+    touched_V = _driven("touched", "drive_V_at_1um", "touched_v_at_1um", "drive at 1 um, touched", "V")
+    shaped_um = _driven("shaped", "finger_m", "shaped_um", "amplitude at the finger, shaped", "um", UM)
+    shaped_db = _driven("shaped", "confinement_db", "shaped_db", "confinement, shaped", "dB")
+    shaped_mW = _driven("shaped", "drawn_mW_at_1um", "shaped_mw_at_1um", "power at 1 um, shaped", "mW")
+    shaped_V = _driven("shaped", "drive_V_at_1um", "shaped_v_at_1um", "drive at 1 um, shaped", "V")
+    friction_low = _driven(
+        "touched", "friction_low", "touch_friction_low", "friction at the low gap over that at rest", ""
     )
-    friction_high = _figure(
-        "touch_friction_high", "friction at the high gap over that at rest", "", _of_state("touched", "friction_high")
+    friction_high = _driven(
+        "touched", "friction_high", "touch_friction_high", "friction at the high gap over that at rest", ""
     )
-    needed_V = _figure(
-        "touch_needed_v",
-        "drive that holds the sensor's amplitude",
-        "V",
-        _of(attrgetter("loop"), LoopRecord, "needed_V"),
-    )
+    needed_V = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V", name="touch_needed_v")
 
     # -- words
 
@@ -128,9 +105,7 @@ class TouchResult(Result, table="states", axes=("state",)):
     def __repr__(self) -> str:
         from pipeline.quantity import figure as in_digits
 
-        amplitudes = [
-            f"{s.state} {in_digits(s.finger_m / UM, _times(s.finger_error_m, 1.0 / UM))} um" for s in self.states
-        ]
+        amplitudes = [f"{s.state} {in_digits(s.finger_m / UM, scaled(s.finger_error_m, UM))} um" for s in self.states]
         return f"<antinode.Touch: {', '.join(amplitudes)}>"
 
     # -- pictures
@@ -183,7 +158,7 @@ class TouchResult(Result, table="states", axes=("state",)):
         there = f"({in_digits(places.x_m[i] / MM)}, {in_digits(places.y_m[j] / MM)}) mm"
         half, here = places.touched_error_m, ""
         if state := self.state("touched"):
-            bar = _times(state.finger_error_m, 1.0 / UM)
+            bar = scaled(state.finger_error_m, UM)
             here = f"; {with_bar(state.finger_m / UM, bar, 'µm')} where the case puts the finger"
         return (
             f"Amplitude under {self.fingertip} at {touched.size} places of the touch face, {_tone(places)}: "
@@ -197,10 +172,6 @@ def _tone(places: TouchMapRecord) -> str:
     return frequency(places.frequency_hz, places.frequency_error)
 
 
-def _times(error: float | None, factor: float) -> float | None:
-    return None if error is None else error * factor
-
-
 def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
     from pipeline.quantity import frequency_with_bar, signed, with_bar
 
@@ -208,7 +179,7 @@ def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
     under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
     shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
     quality = "none" if mode.quality_factor is None else with_bar(mode.quality_factor, mode.quality_error)
-    share = with_bar(100.0 * mode.share, _times(mode.share_error, 100.0), "%")
+    share = with_bar(100.0 * mode.share, scaled(mode.share_error, 0.01), "%")
     mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
     return (
         f"wanted mode from {before} to {under} ({shift}), quality factor from {quality_given:g} to "
@@ -231,7 +202,7 @@ def _state_in_words(state: TouchStateRecord) -> str:
         drawn = f"; {power} and {with_bar(state.drive_V_at_1um, state.drive_error_V_at_1um, 'V')} at 1 um"
     tone = frequency_with_bar(state.frequency_hz, state.frequency_error)
     drive = with_bar(state.drive_V, state.drive_error_V if state.state == "held" else None, "V")
-    motion = with_bar(state.finger_m / UM, _times(state.finger_error_m, 1.0 / UM), "um")
+    motion = with_bar(state.finger_m / UM, scaled(state.finger_error_m, UM), "um")
     return f"{state.state} at {tone} and {drive}: {motion} at the finger{level}{friction}{drawn}"
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
-from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
 from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure
+from pipeline.questions.result import Result, figure, figure_at, scaled
 from pipeline.records.part import BAR, column
 from pipeline.units import MM, UM
 
@@ -22,10 +21,6 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
-
-
-def _times(error: float | None, factor: float) -> float | None:
-    return None if error is None else error * factor
 
 
 class TravelResult(Result, axes=("x_m",)):
@@ -107,33 +102,24 @@ class TravelResult(Result, axes=("x_m",)):
         errors = self.flow_error_W or [None] * len(self.flow_W)
         return max(zip(self.flow_W, errors, self.flow_x_m, strict=True), key=lambda each: abs(each[0]))
 
-    wave_hz = figure("travelling wave", "Hz", name="travel_hz", error="frequency_error")(attrgetter("frequency_hz"))
-    ratio = figure("travelling-wave ratio", name="travel_twr", error="twr_error")(attrgetter("twr"))
-    best_ratio = figure("the same with any voltages", name="travel_best_twr", error="best_twr_error")(
-        attrgetter("best_twr")
-    )
-    level_db = figure("confinement, travelling", "dB", name="travel_db", error="confinement_error_db")(
-        attrgetter("confinement_db")
-    )
-    drive_V = figure("drive for 1 um, travelling", "V", name="travel_v_per_um", error="drive_error_V_at_1um")(
-        attrgetter("drive_V_at_1um")
-    )
+    wave_hz = figure_at("frequency_hz", "travelling wave", "Hz", name="travel_hz")
+    ratio = figure_at("twr", "travelling-wave ratio", name="travel_twr")
+    best_ratio = figure_at("best_twr", "the same with any voltages", name="travel_best_twr")
+    level_db = figure_at("confinement_db", "confinement, travelling", "dB", name="travel_db")
+    drive_V = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V", name="travel_v_per_um")
 
     @figure(
         "power along the zone for 1 um", "mW", name="travel_mw",
-        error=lambda wave: _times(wave.largest_flow_W[1], 1e3),
+        error=lambda wave: scaled(wave.largest_flow_W[1], 1e-3),
     )  # fmt: skip
     def flow_mW(self) -> float | None:
         """The largest of the flows; None where patches straddle every section."""
         return None if self.inner_sections == 0 else 1e3 * self.largest_flow_W[0]
 
-    @figure(
-        "crests under the finger", "mm/s", name="travel_crest_mm_s",
-        error=lambda wave: wave.shear and _times(wave.shear.fastest_error_m_s, 1e3),
+    crest_mm_s = figure_at(
+        "shear.fastest_m_s", "crests under the finger", "mm/s", name="travel_crest_mm_s", scale=MM,
+        error=lambda wave: wave.shear and scaled(wave.shear.fastest_error_m_s, 1e-3),
     )  # fmt: skip
-    def crest_mm_s(self) -> float | None:
-        """Largest speed of the crests under the finger, signed; None without a finger."""
-        return 1e3 * self.shear.fastest_m_s if self.shear else None
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return a row a place of the zone's centre line: u_z, real, imaginary, size and its bar."""
@@ -154,7 +140,7 @@ class TravelResult(Result, axes=("x_m",)):
         if self.confinement_db is not None:
             level = f"; {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
         half = pi / abs(self.wavenumber_per_m) / MM
-        wave = with_bar(half, _times(self.wavenumber_error_per_m, half / abs(self.wavenumber_per_m)), "mm")
+        wave = with_bar(half, scaled(self.wavenumber_error_per_m, abs(self.wavenumber_per_m) / half), "mm")
         first, last = (in_digits(end / MM) for end in self.window_m)
         yield (
             f"travelling-wave ratio {with_bar(self.twr, self.twr_error)} from {first} to {last} mm, "
@@ -164,9 +150,9 @@ class TravelResult(Result, axes=("x_m",)):
         flow = "how much flows along it is unknown: patches straddle every section between the plate's ends"
         if self.inner_sections:
             most, error, x_m = self.largest_flow_W
-            flow = f"{with_bar(1e3 * most, _times(error, 1e3), 'mW')} flow through x = {in_digits(x_m / MM)} mm"
+            flow = f"{with_bar(1e3 * most, scaled(error, 1e-3), 'mW')} flow through x = {in_digits(x_m / MM)} mm"
         drive = with_bar(self.drive_V_at_1um, self.drive_error_V_at_1um, "V")
-        lost = with_bar(1e3 * self.lost_W, _times(self.lost_error_W, 1e3), "mW")
+        lost = with_bar(1e3 * self.lost_W, scaled(self.lost_error_W, 1e-3), "mW")
         yield f"{drive} for 1 um rms in the zone; then {lost} are lost in the plate, {flow}"
         if self.shear:
             yield _of_shear(self.shear)
@@ -249,7 +235,7 @@ def _of_shear(shear: ShearRecord) -> str:
     ]
     limits = [with_bar(each, error) for each, error in ends if each is not None]
     drag = f"; it drags by {' to '.join(limits)} of the friction at rest at most" if limits else "; its drag is unknown"
-    crests = with_bar(1e3 * shear.fastest_m_s, _times(shear.fastest_error_m_s, 1e3), "mm/s")
+    crests = with_bar(1e3 * shear.fastest_m_s, scaled(shear.fastest_error_m_s, 1e-3), "mm/s")
     return f"a finger ({shear.fingertip}) at rest meets crests of {crests} along x{drag}"
 
 
@@ -268,7 +254,7 @@ def _drawn_shear(shear: ShearRecord, width_m: float | None) -> ReportFigure:
     drawn, panels = places.panels(len(fields), width_m)
     for axes, (label, values) in zip(panels, fields.items(), strict=True):
         places.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
-    fastest = with_bar(1e3 * shear.fastest_m_s, _times(shear.fastest_error_m_s, 1e3), "mm/s")
+    fastest = with_bar(1e3 * shear.fastest_m_s, scaled(shear.fastest_error_m_s, 1e-3), "mm/s")
     alt = f"Crests under {shear.fingertip} on the travelling wave: at most {fastest} along x"
     return style.ReportFigure("shear", "A finger on the travelling wave", alt, drawn)
 
@@ -336,8 +322,7 @@ class Travel(
         values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
         outcome = played.board_outcome(wave, run, run.folder, is_played)
         result = TravelResult(**values, **outcome, others=self.others)
-        for line in result.lines():
-            run.info(line)
+        run.report(result)
         return result.with_arrays({}, DesignRecord.of_design(case.design))
 
 

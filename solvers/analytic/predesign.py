@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import ceil, isnan, pi, sqrt
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -69,15 +69,6 @@ class Predesign:
     zone: ZoneSize | None
     pillar: PillarSize | None
     limits: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """The command's document: frequencies in Hz, lengths in mm."""
-        return {
-            "schema": 1,
-            "zone": _millimetres(self.zone),
-            "pillar": _millimetres(self.pillar),
-            "limits": [*self.limits],
-        }
 
 
 def predesign(design: Design) -> Predesign:
@@ -215,18 +206,6 @@ def _solved(excess: Callable[[float], float], start: float) -> float:
     if excess(low) < 0.0 or excess(high) > 0.0:
         raise SolverError("no such length")
     return low if low == high else root_between(excess, low, high, 1e-9 * start)
-
-
-def _millimetres(sizes: ZoneSize | PillarSize | None) -> dict[str, Any] | None:
-    if sizes is None:
-        return None
-    plain = {}
-    for name, value in vars(sizes).items():
-        if name.endswith("_m"):
-            plain[f"{name}m"] = None if value is None else 1e3 * value
-        else:
-            plain[name] = value
-    return plain
 
 
 def _limits(design: Design, zone: ZoneSize | None, pillar: PillarSize | None) -> list[str]:

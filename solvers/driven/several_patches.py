@@ -15,12 +15,15 @@ from geometry.elements import ComplexArray, FloatArray
 from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
 from solvers.errors import SolverError
 from solvers.measures.confinement import peak_hz, ratio_db, wanted_shape, zone_parts
+from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import PatchedPlate
 from solvers.piezo.responses import face_motion, resonances_hz
 from solvers.shaping.modal_table import ModalTable
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import WHOLE
+
+FLIPS = list(product((1.0, -1.0), repeat=2))  # of a panel in x, y >= 0 onto its images
 
 # -- zones -------------------------------------------------------------------------------------------------------------
 # Several zones of one plate: the motion of every zone while one of them is driven.
@@ -75,7 +78,7 @@ def zones_of(forced: ForcedPlate) -> Zones:
     design, fields = forced.design, [basis.group.touch(basis.columns) for basis in forced.modes]
     first = fields[0][0]
     whole = forced.modes[0].group.symmetries == (WHOLE,)
-    flips = [(1.0, 1.0)] if whole else list(product((1.0, -1.0), repeat=2))
+    flips = np.array([(1.0, 1.0)] if whole else FLIPS)
     count = sum(basis.columns.shape[1] for basis in forced.modes)
     grams, areas = np.zeros((design.zones + 1, count, count)), np.zeros(design.zones + 1)
     shapes, norms = np.zeros((design.zones, count)), np.zeros(design.zones)
@@ -98,12 +101,9 @@ def zones_of(forced: ForcedPlate) -> Zones:
     return Zones(forced, means, shapes / np.sqrt(norms * areas[:-1])[:, None])
 
 
-def _added(symmetries: tuple[str, ...], fields: list, flip: tuple[float, ...]) -> FloatArray:
+def _added(symmetries: tuple[str, ...], fields: list, flip: FloatArray) -> FloatArray:
     """u_z of a group's columns at the images of its points, (points, columns)."""
-    signs = [
-        np.prod([-1.0 if mark == "A" and side < 0.0 else 1.0 for mark, side in zip(symmetry, flip, strict=False)])
-        for symmetry in symmetries
-    ]
+    signs = [mirror_signs(symmetry, flip)[2] for symmetry in symmetries]
     return np.sum([sign * field.values for sign, field in zip(signs, fields, strict=True)], axis=0)
 
 
@@ -241,8 +241,10 @@ def _panels(forced: ForcedPlate, motions: list[list[Any]]) -> tuple[FloatArray, 
     places: list[float] = []
     energies: list[FloatArray] = []
     for cell, x, copies, classes in _placed(forced, motions):
-        flips = [(1.0, 1.0)] if classes[0][0] == WHOLE else list(product((1.0, -1.0), repeat=2))
-        moved = np.array([np.sum([_sign(name, flip) * field for name, field in classes], axis=0) for flip in flips])
+        flips = np.array([(1.0, 1.0)] if classes[0][0] == WHOLE else FLIPS)
+        moved = np.array(
+            [np.sum([mirror_signs(name, flip)[2] * field for name, field in classes], axis=0) for flip in flips]
+        )
         energies.append(np.einsum("fi,ij,fj->f", moved.conj(), cell.stiffness, moved).real * copies / len(flips))
         places += [flip[0] * x for flip in flips]
     return np.array(places), np.concatenate(energies)
@@ -259,11 +261,6 @@ def _placed(forced: ForcedPlate, motions: list[list[Any]]) -> Iterator[tuple[Cel
         pairs = zip(cells, plates, strict=True)
         moved = [(plate.symmetry, plate.cell_vectors(cell, motion[:, None])[:, 0]) for cell, (plate, motion) in pairs]
         yield cells[0].cell, float(cells[0].middle[0]), cells[0].copies, moved
-
-
-def _sign(symmetry: str, flip: tuple[float, ...]) -> float:
-    marks = zip(symmetry, flip, strict=False)
-    return float(np.prod([-1.0 if mark == "A" and side < 0.0 else 1.0 for mark, side in marks]))
 
 
 def _on_patches(forced: ForcedPlate, motions: list[list[Any]]) -> FloatArray:

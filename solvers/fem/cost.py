@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from solvers.fem.block_lanczos import basis_size, fits, slice_of
-from solvers.fem.factor.choice import preferred
+from solvers.fem.factor.choice import available
 
 # -- fill of nested dissection -----------------------------------------------------------------------------------------
 # What a nested dissection of a regular grid leads to: entries of the factor and operations, without a matrix
@@ -122,7 +122,7 @@ LARGE = 200_000  # degrees of freedom beyond which whole solids hold no second c
 ENTRY = 12  # bytes of a sparse matrix's entry: a number and a column
 STIFFNESS, MASS = 9 * ENTRY, 3 * ENTRY  # a pair of nodes, of K and of M with three components
 # bytes of an entry of the dissected factor: at the peak of the factorisation, and afterwards
-FACTOR = {"rslab": (30.0, 15.0), "pardiso": (30.0, 15.0), "superlu": (75.0, 60.0)}
+FACTOR = {"rslab": (30.0, 15.0), "superlu": (75.0, 60.0)}
 ANALYSIS, COPY = 60, 30  # bytes of an entry of the matrix: the analysis, what of it stays beside the factor
 VECTORS = 8  # copies of the modes' vectors while they are proven
 DENSE_GAIN = 2.0  # how much faster than vectors' a front's operations run
@@ -190,7 +190,7 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
     """`times` factorisations of a matrix with so many entries, one kept at a time."""
-    peak, _ = FACTOR[preferred(round(dofs))]
+    peak, _ = FACTOR[available()[0]]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
         Stage("factorising", peak * fill.entries + COPY * entries),
@@ -200,7 +200,7 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
     """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
-    kept = FACTOR[preferred(round(dofs))][1] * fill.entries + COPY * entries
+    kept = FACTOR[available()[0]][1] * fill.entries + COPY * entries
     most = slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
     if modes >= dofs - 1.0:

@@ -181,7 +181,7 @@ class CutFacet:
 
     def _between(self, piece: Piece, lines: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Gauss rules between the lines, over the intervals of s between the places where one meets an edge."""
-        (at, weight), (height, share) = _gauss(2 * self.order + 1), _gauss(self.order + 1)
+        (at, weight), (height, share) = gauss(2 * self.order + 1), gauss(self.order + 1)
         ends = self._breaks(piece, lines)
         s = np.concatenate([low + (high - low) * at for low, high in pairwise(ends)])
         ds = np.concatenate([(high - low) * weight for low, high in pairwise(ends)])
@@ -249,10 +249,11 @@ def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -
     return crossed
 
 
-def _gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights on [0, 1]."""
+def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights between two ends."""
     at, weight = legendre.leggauss(count)
-    return (1.0 + at) / 2.0, weight / 2.0
+    half = (high - low) / 2.0
+    return low + half * (at + 1.0), half * weight
 
 
 def _one_sign(values: FloatArray) -> bool:

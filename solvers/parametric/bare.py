@@ -17,7 +17,7 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
 from solvers.fem.assembly import Scale, elasticity
-from solvers.fem.quadrature import gauss_points
+from solvers.fem.quadrature import gauss, gauss_points
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface, bubble_functions
 
@@ -58,17 +58,10 @@ WHOLE: Span = (-1.0, 1.0)
 @lru_cache(maxsize=64)
 def line_integrals(span: Span = WHOLE) -> tuple[tuple[FloatArray, ...], ...]:
     """int f g, int f' g and int f' g' over a part of [-1, 1], of the functions along a side and of those through it."""
-    s, weights = gauss(DEGREE + 2, span)
+    s, weights = gauss(DEGREE + 2, *span)
     plain, derived = line_values(s, False), line_values(s, True)
     pairs = ((plain, plain), (derived, plain), (derived, derived))
     return tuple(tuple(one[i].T @ (weights[:, None] * other[i]) for one, other in pairs) for i in (0, 1))
-
-
-def gauss(count: int, span: Span) -> tuple[FloatArray, FloatArray]:
-    """Gauss points and weights on a part of [-1, 1]."""
-    s, weights = legendre.leggauss(count)
-    half = (span[1] - span[0]) / 2.0
-    return span[0] + half * (s + 1.0), half * weights
 
 
 @lru_cache(maxsize=4)

@@ -16,7 +16,6 @@ from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
@@ -31,7 +30,7 @@ from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.fem.mesh_error import Shares, rim_shares
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo import patch as piezo_patch
-from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs
+from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs, positive_part
 from solvers.piezo.patch import BondedPatch
 from solvers.plates.assembled import Reductions
 from solvers.superelement.plate import AssembledPlate
@@ -95,10 +94,9 @@ class Beneath:
 
     def _more(self, plate: AssembledPlate, place: _Place) -> FloatArray:
         fine = self.kept(("beneath",), place.key, lambda: self._static(place))
-        lacking = fine - _reduced(place.panels, plate, place.patch, place.back)
-        values, vectors = eigh((lacking + lacking.T) / 2.0)
-        more = values > 0.0  # panels meshed finer than their patch lack nothing of it
-        return np.asarray((vectors[:, more] * values[more]) @ vectors[:, more].T)
+        contact = Contact(place.patch.points, place.patch.projection, place.back)
+        # panels meshed finer than their patch lack nothing of it
+        return positive_part(fine - JoinedPanels(place.panels, plate).flexibility(contact))
 
     def kept(self, what: tuple[object, ...], place: str, computed: Callable[[], FloatArray]) -> FloatArray:
         """A symmetric matrix of a place from the cache, or computed and kept there."""
@@ -246,11 +244,3 @@ class _Place:
         place = [np.round(each, 9).tolist() for each in (self.panels.span_m, self.box_m)]
         feet = [(each.pillar, each.centres.round(9).tolist()) for each in self.stands]
         return repr((place, feet, self.panels.clamped, self.back, self.patch.mesh))
-
-
-def _reduced(panels: Panels, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:
-    """E K_r^-1 E' of the panels' reduced matrices, (3 b, 3 b)."""
-    joined = JoinedPanels(panels, plate)
-    free = joined.free & (np.diag(joined.stiffness) > 0.0)  # functions of free sides carry nothing
-    moved = joined.motion(Contact(patch.points, patch.projection, back))[:, free]
-    return np.asarray(moved @ cho_solve(cho_factor(joined.stiffness[np.ix_(free, free)]), moved.T))

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
 from geometry.layout import Pillar, Stand
@@ -265,12 +266,25 @@ class JoinedPanels:
             moved[np.ix_(rows, self._own[place])] += motion.reshape(len(rows), -1) @ self._turned[place]
         return moved
 
+    def flexibility(self, contact: Contact) -> FloatArray:
+        """E K^-1 E' of what a contact feels, (3 b, 3 b), with the clamped sides held."""
+        free = self.free & (np.diag(self.stiffness) > 0.0)  # functions of free sides carry nothing
+        moved = self.motion(contact)[:, free]
+        return np.asarray(moved @ cho_solve(cho_factor(self.stiffness[np.ix_(free, free)]), moved.T))
+
     def _summed(self) -> FloatArray:
         total = np.zeros((self.count,) * 2)
         for place, turn in self._turned.items():
             own = self._own[place]
             total[np.ix_(own, own)] += turn.T @ self.panels.grid.cell(*place).stiffness @ turn
         return (total + total.T) / 2.0
+
+
+def positive_part(matrix: FloatArray) -> FloatArray:
+    """Of a symmetric matrix what its eigenvectors with eigenvalues above 0 make."""
+    values, vectors = eigh((matrix + matrix.T) / 2.0)
+    kept = values > 0.0
+    return np.asarray((vectors[:, kept] * values[kept]) @ vectors[:, kept].T)
 
 
 def between(lines: FloatArray, ends: FloatArray, reach_m: float) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
@@ -402,6 +402,15 @@ class ForcedPlate:
             for total, gram in zip((zone, passive), grams, strict=True):
                 total += quadratic(gram, amplitudes)
         return Curve(np.asarray(frequency_hz), *rms(zone, passive, self.areas_m2), volts[:, self.sensors])
+
+    def motion_by(self, rows: Callable[[Group], Any], frequency_hz: float) -> ComplexArray:
+        """What rows (m, dof) of each group give of the motion at a frequency, per volt of drive, (m,)."""
+        eigenvalue = self.plate.scale.eigenvalue(frequency_hz)
+        volts = self.volts(eigenvalue)
+        moved = [
+            rows(basis.group) @ (basis.columns @ basis.amplitudes(eigenvalue, self.loss, volts)) for basis in self.modes
+        ]
+        return np.asarray(np.sum(moved, axis=0), dtype=complex)
 
     def shape(self, frequency_hz: float) -> tuple[FloatArray, ComplexArray]:
         """Operating shape on the whole touch face: points (q, 2) in m and complex u_z (q,) per volt, m/V."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from geometry.elements import FloatArray
 from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate_error import MARGIN, by_degrees, by_mesh, by_modes, last_degree
 
 # -- frequencies -------------------------------------------------------------------------------------------------------
@@ -76,8 +78,7 @@ def _bonding(basis: GroupModes, vectors: FloatArray) -> FloatArray:
         return np.zeros(len(value))
     if basis.bond is None:
         return np.full(len(value), np.nan)
-    growth = np.max([cell.residual.growth(value) for plate in group.plates for cell in plate.cells], axis=0) - 1.0
-    return np.asarray(basis.bond.frequency + growth * group.yielding(vectors) / (2.0 * value))
+    return np.asarray(basis.bond.frequency + _growth(group, value) * group.yielding(vectors) / (2.0 * value))
 
 
 # -- heights -----------------------------------------------------------------------------------------------------------
@@ -107,8 +108,7 @@ def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
     if group.by_modes is None:
         return None
     volts = forced.volts(forced.plate.scale.eigenvalue(frequency_hz))
-    growth = max(float(cell.residual.growth(value)) - 1.0 for plate in group.plates for cell in plate.cells)
-    lost = basis.bond.gain[index] @ np.abs(volts) + growth * abs(phi @ group.by_modes @ volts)
+    lost = basis.bond.gain[index] @ np.abs(volts) + _growth(group, value) * abs(phi @ group.by_modes @ volts)
     given = abs(basis.gain[index] @ volts)
     return _known(float(lost / given) + 2.0 * float(frequency_errors(basis).total[index])) if given else None
 
@@ -119,11 +119,14 @@ def load_errors(basis: GroupModes) -> FloatArray:
     """
     if basis.bond is None or basis.group.by_modes is None:
         return np.full_like(basis.gain, np.nan)
-    growth = np.max(
-        [cell.residual.growth(basis.eigenvalue) for plate in basis.group.plates for cell in plate.cells], axis=0
-    )
+    growth = np.asarray(_growth(basis.group, basis.eigenvalue))
     left = basis.columns[:, : len(basis.eigenvalue)].T @ basis.group.by_modes
-    return np.asarray(basis.bond.gain + (growth - 1.0)[:, None] * np.abs(left))
+    return np.asarray(basis.bond.gain + growth[:, None] * np.abs(left))
+
+
+def _growth(group: Group, value: float | FloatArray) -> Any:
+    """How much larger at eigenvalues than at rest the answers of modes left out of the panels are at most, less 1."""
+    return np.max([cell.residual.growth(value) for plate in group.plates for cell in plate.cells], axis=0) - 1.0
 
 
 def _known(error: float) -> float | None:

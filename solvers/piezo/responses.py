@@ -14,9 +14,10 @@ from scipy.optimize import minimize_scalar
 from geometry.elements import ComplexArray, FloatArray
 from solvers.control.identification import half_power_quality_factor
 from solvers.measures.confinement import ratio_db
-from solvers.piezo.bond import Contact, displacement_at
+from solvers.piezo.bond import Contact, displacement_at, mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import Group
+from solvers.superelement.plate import WHOLE
 
 # -- points ------------------------------------------------------------------------------------------------------------
 # Response of a patched plate at points of its touch face, as a laser vibrometer sees it.
@@ -52,13 +53,9 @@ def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
     """u_z at the points per unit of each column, (points, columns): the symmetry classes of the group added up."""
     total = np.zeros((len(points_m), basis.columns.shape[1]))
     for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
-        folded, sign = np.array(points_m), np.ones(len(points_m))
-        for axis, mark in enumerate(symmetry):
-            below = folded[:, axis] < 0.0
-            folded[below, axis] *= -1.0
-            sign[below] *= 1.0 if mark == "S" else -1.0
+        folded = np.abs(points_m) if symmetry != WHOLE else points_m
         nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
-        total += sign[:, None] * field.values[nearest]
+        total += mirror_signs(symmetry, points_m)[:, 2:] * field.values[nearest]
     return total
 
 
@@ -228,12 +225,18 @@ def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, 
     charge = loads[:, list(opened)]
     capacitance = plate.capacitance_f[list(opened)] / plate.stiffness_unit
     stiffness = stiffness + (charge / capacitance) @ charge.T
+    eigenvalue, vectors = ritz_modes(stiffness, mass)
+    return plate.scale.frequency(eigenvalue), np.asarray((mass @ vectors).T)
+
+
+def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues (m,) and M-orthonormal vectors (n, m) of K and M (n, n) in directions of which some depend on others."""
     size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
     values, basis = scipy.linalg.eigh(mass * np.outer(size, size))
     kept = values > SAME * values[-1]
     whiten = size[:, None] * basis[:, kept] / np.sqrt(values[kept])
     eigenvalue, vectors = scipy.linalg.eigh(whiten.T @ stiffness @ whiten)
-    return plate.scale.frequency(eigenvalue), np.asarray((mass @ whiten @ vectors).T)
+    return np.asarray(eigenvalue), np.asarray(whiten @ vectors)
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:

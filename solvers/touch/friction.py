@@ -9,8 +9,6 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.responses import face_motion
 
 # -- squeeze film ------------------------------------------------------------------------------------------------------
 # Friction under a finger on a vibrating plate, as far as a squeeze film of air explains it.
@@ -99,17 +97,6 @@ def crest_motion(along_m: ComplexArray, normal_m: ComplexArray, frequency_hz: fl
     turning = (along_m * normal_m.conj()).imag
     crest = np.divide(turning, size, out=np.zeros_like(size), where=size > 0.0)
     return CrestMotion(np.asarray(omega * crest), np.asarray(omega * np.abs(along_m)))
-
-
-def motion_along(forced: ForcedPlate, points_m: FloatArray, frequency_hz: float) -> ComplexArray:
-    """u_x per volt of drive of a plate at points (p, 2) in m of its touch face, (p,)."""
-    eigenvalue = forced.plate.scale.eigenvalue(frequency_hz)
-    volts = forced.volts(eigenvalue)
-    moved = [
-        face_motion(basis.group, points_m, 0) @ (basis.columns @ basis.amplitudes(eigenvalue, forced.loss, volts))
-        for basis in forced.modes
-    ]
-    return np.asarray(np.sum(moved, axis=0), dtype=complex)
 
 
 def contact_half_angle(load: float) -> float:

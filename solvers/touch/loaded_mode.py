@@ -17,11 +17,11 @@ import scipy.linalg
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.piezo.forced import GroupModes
+from solvers.piezo.responses import ritz_modes
 from solvers.touch.touched_plate import TouchedPlate
 
 PASSES, STEPS = 30, 12  # of the linearised problem, of inverse iteration
 NEAR, SETTLED = 1e-4, 1e-12  # relative change of an eigenvalue between them
-SAME = 1e-10  # of the largest: directions of the residual vectors that are combinations of the others
 
 
 @dataclass(frozen=True)
@@ -176,9 +176,5 @@ def _beyond(basis: GroupModes, patches: int, slopes: bool) -> tuple[FloatArray, 
     columns = np.concatenate([own, loads + own] if slopes else [own]) + count
     stiffness, mass = (each[np.ix_(columns, columns)] for each in basis.projected)
     gain = np.vstack([each[patches:, patches:].T for each in basis.residual_gain[: 2 if slopes else 1]])
-    size = 1.0 / np.sqrt(np.maximum(np.diag(mass), 1e-300))
-    values, turn = scipy.linalg.eigh(mass * np.outer(size, size))
-    kept = values > SAME * values[-1]
-    whiten = size[:, None] * turn[:, kept] / np.sqrt(values[kept])
-    eigenvalue, vectors = scipy.linalg.eigh(whiten.T @ stiffness @ whiten)
-    return np.asarray(eigenvalue), np.asarray((whiten @ vectors).T @ gain)
+    eigenvalue, vectors = ritz_modes(stiffness, mass)
+    return eigenvalue, vectors.T @ gain

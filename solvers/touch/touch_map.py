@@ -14,6 +14,7 @@ import scipy.linalg
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
+from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import GroupModes
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
@@ -178,11 +179,6 @@ class Places:
         return TouchMap(self.frequency_hz, np.asarray(x_m), np.asarray(y_m), inner, before, moved, heard, under, change)
 
 
-def touch_map(touched: TouchedPlate, points: Lattice, frequency_hz: float) -> TouchMap:
-    """The finger at every place at one frequency."""
-    return Places.of(touched, points, frequency_hz).map()
-
-
 def _modes(basis: GroupModes) -> FloatArray:
     return basis.columns[:, : len(basis.frequency_hz)]
 
@@ -207,7 +203,7 @@ def _folded(group: Group, points_m: FloatArray) -> tuple[FloatArray, FloatArray]
     distinct, which = _distinct(points_m)
     loads = [face_motion(Group((plate,), group.join, group.loads), distinct).T.toarray() for plate in group.plates]
     chosen = np.eye(len(distinct))[which]
-    signs = [_mirror_sign(symmetry, points_m)[:, None] * chosen for symmetry in group.symmetries]
+    signs = [mirror_signs(symmetry, points_m)[:, 2:] * chosen for symmetry in group.symmetries]
     return scipy.linalg.block_diag(*loads), np.hstack(signs)
 
 
@@ -216,9 +212,3 @@ def _distinct(points_m: FloatArray) -> tuple[FloatArray, IntArray]:
     folded = np.asarray(np.round(np.abs(points_m), 12), dtype=float)
     distinct, which = np.unique(folded, axis=0, return_inverse=True)
     return distinct, which.ravel()
-
-
-def _mirror_sign(symmetry: str, points_m: FloatArray) -> FloatArray:
-    """Sign of u_z at points from that at their images in x, y >= 0."""
-    odd = np.array([mark == "A" for mark in symmetry])
-    return np.where(((points_m < 0.0) & odd).sum(axis=1) % 2 == 1, -1.0, 1.0)

@@ -11,7 +11,6 @@ from typing import Self
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.linalg import cho_factor, cho_solve, eigh
 from scipy.special import eval_jacobi, roots_legendre
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
@@ -26,7 +25,7 @@ from solvers.fem.eigen import factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo.beneath import Beneath
-from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights
+from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
@@ -296,17 +295,6 @@ class TouchedPlate(ForcedPlate):
         return np.asarray(moved if self.missing is None else moved + self.missing @ loads[len(self.plate.patches) :])
 
 
-def contact_motion(plate: ForcedPlate, finger: Finger, frequency_hz: float) -> ComplexArray:
-    """Moments of u_z over a finger's contact, m per volt of drive, on a free or a touched plate."""
-    eigenvalue = plate.plate.scale.eigenvalue(frequency_hz)
-    loads = plate.volts(eigenvalue)
-    moved = [
-        finger.rows(basis.group) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
-        for basis in plate.modes
-    ]
-    return np.asarray(np.sum(moved, axis=0))
-
-
 def rms(moments: ComplexArray) -> float:
     """Root of the mean square over the contact from the moments of peak amplitudes."""
     return float(np.linalg.norm(moments))
@@ -319,15 +307,7 @@ def integration_error(plate: TouchedPlate, frequency_hz: float) -> float:
     """
     own, (points, weights) = plate.contact_motion(frequency_hz), disk_means(plate.finger.degree, FINER)
     places = np.array(plate.finger.at_m) + plate.finger.radius_m * points
-    eigenvalue = plate.plate.scale.eigenvalue(frequency_hz)
-    loads = plate.volts(eigenvalue)
-    moved = np.sum(
-        [
-            face_motion(basis.group, places) @ (basis.columns @ basis.amplitudes(eigenvalue, plate.loss, loads))
-            for basis in plate.modes
-        ],
-        axis=0,
-    )
+    moved = plate.motion_by(lambda group: face_motion(group, places), frequency_hz)
     square = float(weights[0] @ np.abs(moved) ** 2)  # the first polynomial is 1
     if not square:
         return 0.0
@@ -438,10 +418,8 @@ def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger)
     own_box = box - np.repeat(panels.middle_m, 2)
 
     def more() -> FloatArray:
-        lacking = _fine(panels, beneath.reductions, contact, own_box) - _reduced(JoinedPanels(panels, plate), contact)
-        values, vectors = eigh((lacking + lacking.T) / 2.0)
-        kept = values > 0.0
-        return np.asarray((vectors[:, kept] * values[kept]) @ vectors[:, kept].T)
+        reduced = JoinedPanels(panels, plate).flexibility(contact)[2::3, 2::3]
+        return positive_part(_fine(panels, beneath.reductions, contact, own_box) - reduced)
 
     place = repr(
         ([np.round(each, 9).tolist() for each in (panels.span_m, own_box)], panels.clamped, finger.degree, MESH)
@@ -471,10 +449,3 @@ def _loads(mesh: Mesh, contact: Contact, middle_m: FloatArray) -> FloatArray:
     loads = np.zeros((3 * len(mesh.nodes), len(contact.means)))
     loads[3 * on + 2] = (contact.means @ grid_weights(mesh.nodes[on, :2], mesh.order, contact.points - middle_m)).T
     return loads
-
-
-def _reduced(joined: JoinedPanels, contact: Contact) -> FloatArray:
-    """E K_r^-1 E' in the plate's scale."""
-    free = joined.free & (np.diag(joined.stiffness) > 0.0)  # functions of free sides carry nothing
-    moved = joined.motion(contact)[2::3][:, free]
-    return np.asarray(moved @ cho_solve(cho_factor(joined.stiffness[np.ix_(free, free)]), moved.T))

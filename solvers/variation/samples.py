@@ -16,6 +16,7 @@ from geometry.tiling import Signature, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import factor_near
 from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
 from solvers.variation.cells import HEIGHT, SIDE, CellFamily, X, Y
 
@@ -406,10 +407,7 @@ class VariedPlate:
         """The motions of the cell's mirror image, seen in that mirror."""
         out = np.zeros((len(parts[0][2]), self.space.size))
         for start, symmetry, values in parts:
-            sign = 1.0
-            for mark, side in zip(symmetry, turn, strict=True):
-                sign *= -1.0 if side < 0.0 and mark == "A" else 1.0
-            out[:, start : start + values.shape[1]] += sign * values
+            out[:, start : start + values.shape[1]] += mirror_signs(symmetry, np.array(turn))[2] * values
         return out
 
 

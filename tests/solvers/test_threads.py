@@ -40,7 +40,7 @@ def solved() -> tuple[PlateModel, list[Modes]]:
     return model, factoriser.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
 
 
-@pytest.mark.parametrize("backend", [name for name in choice.available() if name in factoriser.THREADED])
+@pytest.mark.parametrize("backend", choice.available())
 def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells and modes to the last bit; a task's factorisations and BLAS have one thread in both."""
     monkeypatch.setenv("ANTINODE_FACTOR", backend)
@@ -57,13 +57,6 @@ def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pyte
     for ours, theirs in zip(modes_of_one, modes_of_two, strict=True):
         assert len(ours.frequency_hz) > 1 and np.array_equal(ours.frequency_hz, theirs.frequency_hz)
         assert np.array_equal(ours.vectors, theirs.vectors)
-
-
-def test_a_factorisation_with_threads_of_its_own_gets_no_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    """MKL PARDISO's classes are solved one after another, each on all threads."""
-    monkeypatch.setenv("ANTINODE_FACTOR", "pardiso")
-    names = factoriser.side_by_side(lambda _: (threading.current_thread().name, threads.threads()), range(3))
-    assert names == [(threading.main_thread().name, 2)] * 3
 
 
 def test_tasks_take_turns_more_often_and_the_interpreter_s_own_interval_comes_back() -> None:

@@ -1,6 +1,6 @@
 """Symmetric factorisations of K - sigma M behind one small protocol: solve, inertia, memory, free.
 
-scipy's SuperLU is always there; rslab and MKL PARDISO are taken when they are installed.
+scipy's SuperLU is always there; rslab is taken when it is installed.
 """
 
 from __future__ import annotations
@@ -15,14 +15,12 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError
 from solvers.fem.factor import choice
-from solvers.fem.factor.pardiso import Pardiso
 from solvers.fem.factor.rslab import Rslab
 from solvers.fem.factor.superlu import SuperLU
 from solvers.machine import room_bytes
 from solvers.threads import Item, Result, go_on
 from solvers.threads import side_by_side as in_threads
 
-THREADED = ("superlu", "rslab")  # MKL PARDISO has threads of its own
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
 
 
@@ -51,41 +49,31 @@ class Factor(Protocol):
 
 
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
-    """The function of every item, each of which factorises: in threads where the factorisation bears it, as memory holds."""
-    if (os.environ.get("ANTINODE_FACTOR") or choice.available()[0]) in THREADED:
-        return in_threads(function, items, bytes_each, room_bytes())
-    return [function(item) for item in items]
+    """The function of every item, each of which factorises: in threads, as memory holds."""
+    return in_threads(function, items, bytes_each, room_bytes())
 
 
 class Factoriser:
     """Factorises matrices of one sparsity pattern, sharing the symbolic analysis, and checks each factor by a solve.
 
-    `backend`, or else the variable ANTINODE_FACTOR, names one of available(); without either the size decides.
+    `backend`, or else the variable ANTINODE_FACTOR, names one of available(), whose first is taken without either.
     Raises SolverError for a name that is not available.
     """
 
     def __init__(self, backend: str | None = None) -> None:
-        self.backend = backend or os.environ.get("ANTINODE_FACTOR") or None
-        if self.backend and self.backend not in choice.available():
+        self.backend = backend or os.environ.get("ANTINODE_FACTOR") or choice.available()[0]
+        if self.backend not in choice.available():
             raise SolverError(
                 f"factorisation '{self.backend}' is not installed; there is {', '.join(choice.available())}"
             )
-        self._symbolic: dict[str, Any] = {}  # of the pattern seen last, by backend
+        self._symbolic: Any = None  # of the pattern seen last
 
     def __call__(self, matrix: sp.csc_array) -> Factor:
         """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
         go_on()
-        factor = self._factor(matrix)
+        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic)
+        self._symbolic = factor.symbolic
         _probe(matrix, factor)
-        return factor
-
-    def _factor(self, matrix: sp.csc_array) -> Factor:
-        backend = self.backend or choice.preferred(matrix.shape[0])
-        if backend == "pardiso":
-            return Pardiso(matrix)  # its analysis and its numbers live in one handle: nothing to share
-        make = Rslab if backend == "rslab" else SuperLU
-        factor = make(matrix, self._symbolic.get(backend))
-        self._symbolic[backend] = factor.symbolic
         return factor
 
 

@@ -58,8 +58,7 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
     monkeypatch.setattr(choice, "available", lambda: ("superlu",))
-    for name in ("Rslab", "Pardiso"):
-        monkeypatch.setattr(factoriser, name, absent)
+    monkeypatch.setattr(factoriser, "Rslab", absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
     monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
     monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: coarse_cells.COARSE)

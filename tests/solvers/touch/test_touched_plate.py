@@ -25,8 +25,8 @@ from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.touch import touched_plate
 from solvers.touch.loaded_mode import known_range, loaded_mode
-from solvers.touch.touch_map import lattice, touch_map
-from solvers.touch.touched_plate import Finger, TouchedPlate, contact_motion, integration_error, power, rms
+from solvers.touch.touch_map import Places, lattice
+from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, None, float("nan"), float("nan"), 0, 3e-3)
@@ -276,13 +276,13 @@ class OnLattice(Finger):
 
 def test_a_place_of_the_map_is_a_finger_there() -> None:
     plate = TouchedPlate(free(), Finger(HEAVY, (0.0, 0.0), SMALL_M))
-    grid = touch_map(plate, lattice(DESIGN, plate), 18e3)
+    grid = Places.of(plate, lattice(DESIGN, plate), 18e3).map()
     i, j = 1, 2  # x and y below 0, in no class's own quarter
     there = OnLattice(HEAVY, (float(grid.x_m[i]), float(grid.y_m[j])), SMALL_M)
     alone = TouchedPlate(free(), there)
     assert grid.x_m[i] < 0.0 and grid.y_m[j] < 0.0
-    assert grid.touched_m[i, j] == pytest.approx(rms(contact_motion(alone, there, 18e3)), rel=1e-7)
-    assert grid.free_m[i, j] == pytest.approx(rms(contact_motion(free(), there, 18e3)), rel=1e-7)
+    assert grid.touched_m[i, j] == pytest.approx(rms(alone.motion_by(there.rows, 18e3)), rel=1e-7)
+    assert grid.free_m[i, j] == pytest.approx(rms(free().motion_by(there.rows, 18e3)), rel=1e-7)
     assert grid.sensor_v[i, j] == pytest.approx(alone.curve(np.array([18e3])).sensor_v_per_v[0], rel=1e-6)
     assert np.abs(grid.x_m).max() + SMALL_M <= DESIGN.length_m / 2.0
     assert np.abs(grid.y_m).max() + SMALL_M <= DESIGN.half_span_m

@@ -14,7 +14,7 @@ from solvers import machine
 from solvers.errors import SingularShift, SolverError, TooLarge
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_near
-from solvers.fem.factor import choice, pardiso, superlu
+from solvers.fem.factor import choice, superlu
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.factor.superlu import alike, postordered, quotient
@@ -146,33 +146,16 @@ def test_the_variable_names_the_factorisation(monkeypatch: pytest.MonkeyPatch) -
         Factoriser()
 
 
-@pytest.mark.parametrize(
-    ("installed", "small", "large"),
-    [
-        (("rslab", "pardiso", "superlu"), "rslab", "rslab"),
-        (("pardiso", "superlu"), "superlu", "pardiso"),
-        (("superlu",), "superlu", "superlu"),
-    ],
-)
-def test_the_size_decides_when_nobody_does(
-    installed: tuple[str, ...], small: str, large: str, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(("installed", "first"), [(("rslab",), "rslab"), ((), "superlu")])
+def test_rslab_is_taken_where_it_is_and_superlu_is_always_there(
+    installed: tuple[str, ...], first: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(choice, "available", lambda: installed)
-    assert (choice.preferred(1000), choice.preferred(100_000)) == (small, large)
-
-
-def test_superlu_is_always_there_and_a_broken_mkl_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken() -> None:
-        raise ImportError("Shared library mkl_rt not found.")
-
-    monkeypatch.setattr(choice.importlib.util, "find_spec", lambda name: name == "pypardiso")
-    monkeypatch.setattr(pardiso, "load", broken)
+    monkeypatch.setattr(choice.importlib.util, "find_spec", lambda name: name if name in installed else None)
+    monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
     choice.available.cache_clear()
     try:
-        assert choice.available() == ("superlu",)
-        monkeypatch.setattr(pardiso, "load", lambda: None)
-        choice.available.cache_clear()
-        assert choice.available() == ("pardiso", "superlu")
+        assert choice.available() == (*installed, "superlu")
+        assert Factoriser().backend == first
     finally:
         choice.available.cache_clear()
 
