@@ -20,13 +20,13 @@ from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
+from solvers.accuracy.bands import mesh_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.piezo.peak_errors import frequency_errors
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import mesh_error
 from solvers.waves.bloch import BlochCell
 from studies.bonded_solid import UNSURE, BondedPlate, solid_modes
 from studies.ritz_blocks import free_block_hz

@@ -24,12 +24,12 @@ from pipeline.planning.refinement import MARGIN, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.fem.mesh_error import largest
+from solvers.accuracy.bands import MeshErrors, mesh_error, truncation_bars
+from solvers.accuracy.mesh import largest
+from solvers.accuracy.plate import ModeErrors
 from solvers.plates.assembled import Reductions
 from solvers.plates.supercell import Supercell, staggered_tiling
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
-from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (

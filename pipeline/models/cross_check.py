@@ -9,10 +9,10 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import mode_fields, mode_rows, modes
-from pipeline.planning import calibration
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed
 from pipeline.records.record import MeshRecord
+from solvers.accuracy import calibration
 
 BELOW = 0.002  # before anything is taken from them tetrahedra lie above the truth: what is looked for below it
 Compared = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]

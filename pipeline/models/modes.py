@@ -20,7 +20,7 @@ from pipeline.models.mode_parts import CountRecord, WantedRecord
 from pipeline.models.mode_rows import ModeRow, mode_rows
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.wanted_search import Wanted
-from pipeline.planning import calibration, error_bar, foresight, simplifications
+from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
@@ -47,15 +47,16 @@ from pipeline.planning.refinement import (
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from pipeline.records.record import MeshRecord
+from solvers.accuracy import calibration
+from solvers.accuracy.mesh import largest
+from solvers.accuracy.plate import ModeErrors
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
-from solvers.fem.mesh_error import largest
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
 from solvers.measures.confinement import Confinement, measure, share_error, strength_force, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
 from solvers.plates.assembled import PlateModel
-from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]

@@ -20,11 +20,11 @@ from pipeline.case.model import Case
 from pipeline.logs import WarningLog
 from pipeline.models.unit_cell import lattice_model
 from pipeline.planning.model_choice import cell_model_choice
+from solvers.accuracy.bands import mesh_error
 from solvers.errors import SolverError
 from solvers.parametric.affine import DesignBox, Sizes
 from solvers.parametric.bands import FLAT, BandBases, bands
 from solvers.parametric.cell import ParametricCell
-from solvers.superelement.lattice_error import mesh_error
 
 ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
 MIN_ERROR = 1e-5

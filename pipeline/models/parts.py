@@ -26,9 +26,7 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.errors import CountMismatch, SolverError
-from solvers.fem.eigen import SymmetricPencil, modes_near
-from solvers.fem.mesh_error import (
+from solvers.accuracy.mesh import (
     CoarserMeshes,
     LowerOrders,
     Nested,
@@ -37,6 +35,8 @@ from solvers.fem.mesh_error import (
     clamped_shares,
     rim_shares,
 )
+from solvers.errors import CountMismatch, SolverError
+from solvers.fem.eigen import SymmetricPencil, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from pipeline.planning import calibration
+from solvers.accuracy import calibration
 from solvers.control.identification import half_power_points
 from solvers.driven.curve_bars import doubts, rms_bars, with_peak
 from solvers.driven.error_bars import (

@@ -30,15 +30,7 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
-from solvers.errors import SolverError
-from solvers.fem.assembly import assemble
-from solvers.fem.eigen import PlainPencil, lowest_pairs
-from solvers.fem.mesh_error import Nested, Shares, prolonged_eigenvalues
-from solvers.plates.assembled import Reductions
-from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import (
+from solvers.accuracy.bands import (
     STILL,
     ReductionError,
     cutoff_hz,
@@ -51,7 +43,15 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
-from solvers.superelement.plate_error import ModeErrors
+from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
+from solvers.accuracy.plate import ModeErrors
+from solvers.errors import SolverError
+from solvers.fem.assembly import assemble
+from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.plates.assembled import Reductions
+from solvers.superelement.cell import Cell
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.bloch import BlochCell
 
 ROUNDS = 8

@@ -12,8 +12,8 @@ from math import ceil, inf, pi, prod, sqrt
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from pipeline.planning import calibration
-from pipeline.planning.calibration import MeshLevel
+from solvers.accuracy import calibration
+from solvers.accuracy.calibration import MeshLevel
 from solvers.analytic.beams import roots
 from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of

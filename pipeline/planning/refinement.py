@@ -19,9 +19,9 @@ from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
+from solvers.accuracy.plate import MARGIN
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.plate_error import MARGIN
 
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 SHORT = (

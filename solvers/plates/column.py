@@ -14,12 +14,12 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
+from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh
 from solvers.errors import SolverError
 from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 

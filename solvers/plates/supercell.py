@@ -9,11 +9,11 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import Tiling, signature
+from solvers.accuracy.bands import STILL
+from solvers.accuracy.plate import ModeErrors, mode_errors
 from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import ROUNDING
-from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
-from solvers.superelement.plate_error import ModeErrors, mode_errors
 from solvers.threads import one_thread
 
 

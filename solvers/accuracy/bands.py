@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
+from solvers.accuracy.mesh import shares_of
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
 
@@ -173,4 +174,4 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     moving = _moving(waves)
     changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
     layer, order = (np.where(moving, change, 0.0) for change in changes)
-    return MeshErrors(error.taken * layer, error.shares.of_modes(waves.eigenvalue, layer, order))
+    return MeshErrors(error.taken * layer, shares_of(error).of_modes(waves.eigenvalue, layer, order))
