@@ -14,9 +14,9 @@ from geometry.layout import Design, region_materials
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.forced import forced_plate
 from pipeline.models.modes import Request, solve_modes
 from pipeline.models.parts import tet_cell
-from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.models.zone_parts import DrivenZone
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord

@@ -11,7 +11,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.records.record import MeshRecord
 from pipeline.units import UM
 from solvers.accuracy import calibration

@@ -13,7 +13,7 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import shear
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.models.shear import Driven
 from pipeline.models.travel_parts import PatternMode
 from pipeline.records.record import MeshRecord
