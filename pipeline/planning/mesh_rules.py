@@ -170,6 +170,11 @@ def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSett
     return HexSettings(row.order, shrunk * design.pillar.base_m, row.layers, row.factor, along)
 
 
+def lone_mesh(part: str, design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the zone or of the lone pillar for modes up to a frequency."""
+    return (zone_mesh if part == "zone" else pillar_mesh)(design, row, high_hz)
+
+
 def _shrunk(part: str, design: Design, high_hz: float) -> float:
     """Factor on the element size: a bending wavelength falls as one over the root of its frequency."""
     return min(1.0, sqrt(good_to_hz(part, design) / high_hz)) if high_hz > 0.0 else 1.0

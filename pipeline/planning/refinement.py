@@ -200,8 +200,10 @@ def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
         level = mesh_rules.finer_level("whole" if choice.part == "plate" else choice.part, choice.mesh_level)
     if level is None:
         return None
-    own = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(choice.part)
-    mesh = own(design, level, choice.good_to_hz) if own else mesh_rules.cell_mesh(design, level)
+    if choice.part in ("zone", "pillar"):
+        mesh = mesh_rules.lone_mesh(choice.part, design, level, choice.good_to_hz)
+    else:
+        mesh = mesh_rules.cell_mesh(design, level)
     reduction = choice.reduction
     if reduction is not None:
         mesh = mesh_rules.with_nodes_for(reduction.ample, mesh)
