@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.case.plausible import short_wave
 from pipeline.errors import InputError
@@ -18,7 +19,7 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.mode_parts import CountRecord, WantedRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
-from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows
+from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import (
@@ -653,3 +654,27 @@ def _place(row: ModeRow) -> tuple[float, str]:
 
 def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
+
+
+def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
+    """Describe the wanted mode, its error bar, and the count."""
+    said = verdict_text(part_modes.wanted, design) if part_modes.wanted else []
+    row = part_modes.wanted_row
+    if row and part_modes.index(row) is None:
+        said.append("It lies outside the modes listed above.")
+    if row and part_modes.bar:
+        said.append(f"expected errors: {part_modes.bar.text()}")
+    return [*said, count_text(part_modes)]
+
+
+def count_text(part_modes: PartModes) -> str:
+    """Say what the count by inertia counts and what it proves."""
+    check = part_modes.count
+    text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
+    if part_modes.counts == "mesh":
+        return text
+    if part_modes.more_in_mesh is None:
+        return f"{text}; how many the meshes behind it have is not bounded"
+    if part_modes.more_in_mesh == 0:
+        return f"{text}; the meshes behind it have no more of them up to {frequency(check.high_hz)}"
+    return f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {frequency(check.high_hz)}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry.layout import Design
 from pipeline.case.model import Case
@@ -34,9 +34,6 @@ from solvers.measures.wanted_mode import (
     verdict,
     weights,
 )
-
-if TYPE_CHECKING:
-    from pipeline.models.modes import PartModes
 
 
 class ModeRow(ModeRecord):
@@ -219,17 +216,6 @@ def _joined(low: Count, high: Count) -> Count:
 # -- in words ----------------------------------------------------------------------------------------------------------
 
 
-def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
-    """Describe the wanted mode, its error bar, and the count."""
-    said = verdict_text(part_modes.wanted, design) if part_modes.wanted else []
-    row = part_modes.wanted_row
-    if row and part_modes.index(row) is None:
-        said.append("It lies outside the modes listed above.")
-    if row and part_modes.bar:
-        said.append(f"expected errors: {part_modes.bar.text()}")
-    return [*said, count_text(part_modes)]
-
-
 def verdict_text(wanted: Wanted, design: Design) -> list[str]:
     """Say which mode is the wanted one, or why none is."""
     name, row = f"(0, {design.nodal_lines})", wanted.row
@@ -274,19 +260,6 @@ def _level(row: ModeRow) -> str:
 
 def _alone(row: ModeRow) -> str:
     return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
-
-
-def count_text(part_modes: PartModes) -> str:
-    """Say what the count by inertia counts and what it proves."""
-    check = part_modes.count
-    text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
-    if part_modes.counts == "mesh":
-        return text
-    if part_modes.more_in_mesh is None:
-        return f"{text}; how many the meshes behind it have is not bounded"
-    if part_modes.more_in_mesh == 0:
-        return f"{text}; the meshes behind it have no more of them up to {frequency(check.high_hz)}"
-    return f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {frequency(check.high_hz)}"
 
 
 def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:

@@ -187,7 +187,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
-        from pipeline.models.wanted import wanted_lines
+        from pipeline.models.modes import wanted_lines
         from pipeline.planning.error_bar import WidestBar
         from pipeline.records.reading import reading_table
 

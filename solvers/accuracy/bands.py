@@ -17,8 +17,10 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.accuracy.mesh import shares_of
+from solvers.accuracy.plate import ModeErrors, mode_errors
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.periodic import Periodic
 
 HIDDEN, BEYOND = (
     0.3,
@@ -155,6 +157,17 @@ def _brought(lattice: Lattice, waves: Waves, degree: IntArray) -> FloatArray:
     lower = np.linalg.cholesky(lattice.boundary(waves.wavevector, still)[np.ix_(order, order)])
     np.add.at(parts, degree[free][order], np.abs(lower.conj().T @ waves.dofs[free][order]) ** 2)
     return np.where(moving, parts / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
+
+
+def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and what truncation and the cells' meshes may
+    put each of them off by.
+    """
+    tones, waves = row.waves(wavevector, count)
+    plate, moving, errors_of = row.at(wavevector), tones > STILL * tones[-1], np.zeros((5, len(tones)))
+    errors = mode_errors(plate, plate.pencil(), waves[:, moving], rims=1.0)
+    errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
+    return tones, ModeErrors(*errors_of)
 
 
 def _moving(waves: Waves) -> BoolArray:

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
-from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh
+from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes
 from solvers.errors import SolverError
 from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
 from solvers.measures.mode_mixing import Overlaps
@@ -93,7 +93,7 @@ def _extrapolated(frequency_hz: FloatArray, level_db: FloatArray, at_hz: float) 
 
 # -- errors of a column ------------------------------------------------------------------------------------------------
 # Error bars of a column of cells: of its modes' frequencies, and of the level of its forced motion.
-# Frequencies: as those of an assembled plate (`plate_error`), summed over the column's cells. Levels: the exact
+# Frequencies: as those of an assembled plate (`solvers.accuracy.plate`), summed over the column's cells. Levels: the exact
 # stiffness differs from the column's by d with |d_jj| <= 2 e_j l_j, l_j the eigenvalue of mode j and e_j the relative
 # bar of its frequency, and |d_ij| <= 2 e_j w_i w_j. Each d_jj changes the modal amplitude s_j = f_j / (l_j (1 + i/Q)
 # - l), by much near a resonance; each d_ij adds d_ij s_j / (l_i (1 + i/Q) - l) to that of mode i, of which a
@@ -111,12 +111,8 @@ def mode_errors(
     What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
     sides brought bounds the next ones.
     """
-    modes = np.zeros_like(value)
-    for place in column.placed_cells:
-        local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
-        with np.errstate(invalid="ignore"):
-            growth = place.cell.residual.growth(value)
-            modes += 0.5 * value * growth * _energy(local, place.row.flexibility @ local)
+    with np.errstate(invalid="ignore"):
+        modes = by_modes(column, value, vectors)
     modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
     along, layer = (_brought(column, pencil, value, vectors, part) for part in (_last_bubbles, _last_layer))
     return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))

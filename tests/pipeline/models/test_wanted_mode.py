@@ -11,8 +11,7 @@ import pytest
 
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.models.modes import PartModes, solve_modes
-from pipeline.models.wanted import wanted_lines
+from pipeline.models.modes import PartModes, solve_modes, wanted_lines
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
 from tests.helpers import coarse_cells
