@@ -10,11 +10,11 @@ from typing import Any
 
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
-from pipeline.planning.calibration import FIELDS, MIXING, TABLE
 from pipeline.records import store
 from pipeline.records.outputs import csv_bytes
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
+from solvers.accuracy.calibration import FIELDS, MIXING, TABLE
 from studies import ladder
 from studies.accuracy import CONFINEMENT, QUANTITIES, cases, references
 

@@ -14,19 +14,19 @@ from geometry.layout import Design, region_materials
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.logs import TerminalLog
+from pipeline.models.forced import forced_plate
 from pipeline.models.modes import Request, solve_modes
 from pipeline.models.parts import tet_cell
-from pipeline.models.patched_plate import forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
+from solvers.accuracy.bands import mesh_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.piezo.peak_errors import frequency_errors
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import mesh_error
 from solvers.waves.bloch import BlochCell
 from studies.bonded_solid import UNSURE, BondedPlate, solid_modes
 from studies.ritz_blocks import free_block_hz

@@ -25,8 +25,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.case.reading import read_toml
 from pipeline.explore.answer import BATCH, Document, Explorer, Scene, compute
 from pipeline.logs import TerminalLog, WarningLog
-from pipeline.models.parametric import BANDS, CellModel, cell_model
-from pipeline.models.parametric_mesh import with_sizes
+from pipeline.models.parametric import BANDS, CellModel, cell_model, with_sizes
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice

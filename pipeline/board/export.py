@@ -205,7 +205,7 @@ def write_gains(
     `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
     plate has no wanted one.
     """
-    from pipeline.models.patched_plate import forced_plate
+    from pipeline.models.forced import forced_plate
 
     plate = forced or forced_plate(case, log)
     if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
@@ -233,7 +233,7 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
 
 def _about_wanted(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
     """The plate, solved anew about its wanted mode where that lies outside its band."""
-    from pipeline.models.patched_plate import forced_plate
+    from pipeline.models.forced import forced_plate
 
     tone, (low, high) = forced.wanted_hz(), forced.band_hz
     if tone is None or low < tone < high:

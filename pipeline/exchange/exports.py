@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import wanted_text
+from pipeline.models.wanted import verdict_text
 from pipeline.records import outputs
 
 CAD = ("stl", "step", "3mf")
@@ -110,7 +110,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from geometry.formats.vtk import write_vtu
     from geometry.mesh import Mesh
     from pipeline.models.modes import Request, solve_modes
-    from pipeline.models.wanted_text import warn_of_wanted
+    from pipeline.models.wanted import warn_of_wanted
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
@@ -132,7 +132,7 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     """Mode table of the wanted mode and its neighbours; `force` takes the most similar mode where none is the wanted one."""
     from pipeline.board.export import write_table
     from pipeline.models.modes import solve_modes
-    from pipeline.models.wanted_text import warn_of_wanted
+    from pipeline.models.wanted import warn_of_wanted
     from pipeline.planning.model_choice import of_case
 
     part_modes = solve_modes(case, of_case(case), log).whole_window
@@ -143,7 +143,7 @@ def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
     if index is None and force and part_modes.rows:
         index = max(range(len(part_modes.rows)), key=lambda i: part_modes.rows[i].mac or 0.0)
     if index is None:
-        (said,) = wanted_text.verdict(part_modes.wanted, case.design)
+        (said,) = verdict_text(part_modes.wanted, case.design)
         raise InputError(
             f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
             "similar mode with --force"

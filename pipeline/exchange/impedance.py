@@ -16,7 +16,7 @@ POINTS = 801
 
 def write(case: Case, path: Path, log: Log) -> Path:
     """Compute the impedance of the driven patches in parallel, sensors open, and write it as the ending says."""
-    from pipeline.models.patched_plate import forced_plate
+    from pipeline.models.forced import forced_plate
     from pipeline.records import outputs
     from solvers.piezo.responses import admittance
 

@@ -25,8 +25,7 @@ from pipeline.models.live_column import (
     end_layer,
     live_modes,
 )
-from pipeline.models.parametric import CellModel
-from pipeline.models.parametric_mesh import sizes_of
+from pipeline.models.parametric import CellModel, sizes_of
 from pipeline.planning import mesh_rules
 from pipeline.quantity import figure, frequency, level, percent
 from pipeline.search.limits import mass_kg
@@ -430,7 +429,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     from pipeline.models import modes
 
     solved = modes.solve_modes(case, of_case(case), log)
-    row, bar = solved.wanted.row if solved.wanted else None, solved.bar
+    row, bar = solved.wanted_row, solved.bar
     if row is None:
         return {"why_not": "no mode of the wanted shape in the window"}
     return {

@@ -18,8 +18,7 @@ from pipeline.errors import InputError
 from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, Explorer, Limit
 from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
-from pipeline.models.parametric import CellModel
-from pipeline.models.parametric_mesh import MeshTable
+from pipeline.models.parametric import CellModel, MeshTable
 from pipeline.planning import mesh_rules
 from pipeline.quantity import figure
 from pipeline.units import MM

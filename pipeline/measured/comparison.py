@@ -20,7 +20,7 @@ from pipeline.measured.parts import (
     MeasuredRecord,
     MeasuredSweepRecord,
 )
-from pipeline.models.response import SolvedResponse
+from pipeline.models.forced import SolvedResponse
 from pipeline.planning.model_choice import driven_band_hz
 from pipeline.quantity import frequency, percentage
 from pipeline.units import MM

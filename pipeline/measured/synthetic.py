@@ -14,7 +14,7 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.measured.comparison import operating_field
 from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
-from pipeline.models.response import SolvedResponse
+from pipeline.models.forced import SolvedResponse
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
 from pipeline.units import MM

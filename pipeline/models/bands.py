@@ -26,13 +26,13 @@ from pipeline.planning.refinement import MARGIN, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.fem.mesh_error import largest
+from solvers.accuracy.bands import MeshErrors, mesh_error, truncation_bars, waves_of
+from solvers.accuracy.mesh import largest
+from solvers.accuracy.plate import ModeErrors
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
 from solvers.superelement.periodic import Periodic
-from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (
@@ -327,7 +327,7 @@ class StaggeredCell:
         Waves of the lattice at k and at k + (2 pi / a, 0), a the pitch along x, are its waves at k.
         """
         folded = np.array([2.0 * np.pi / self.row.vectors_m[0, 0], 0.0])
-        (one, its), (two, others) = (self.row.solve(k, count) for k in (wavevector, wavevector + folded))
+        (one, its), (two, others) = (waves_of(self.row, k, count) for k in (wavevector, wavevector + folded))
         tones = np.concatenate([one, two])
         lowest = np.argsort(tones, kind="stable")[:count]
         errors = (np.concatenate([getattr(each, f.name) for each in (its, others)])[lowest] for f in fields(ModeErrors))

@@ -17,10 +17,11 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.wave_parts import BroadbandPoint, Transmission
-from pipeline.planning import calibration, mesh_rules
+from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, driven_band_hz
 from pipeline.planning.refinement import MARGIN
 from pipeline.planning.simplifications import hexahedra
+from solvers.accuracy import calibration
 from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.wanted_mode import verdict
 from solvers.plates.assembled import Reductions

@@ -8,11 +8,12 @@ from typing import Any
 from geometry.elements import FloatArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models import mode_fields, mode_rows, modes
-from pipeline.planning import calibration
+from pipeline.models import mode_fields, modes
+from pipeline.models.wanted import ModeRow
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed
 from pipeline.records.record import MeshRecord
+from solvers.accuracy import calibration
 
 BELOW = 0.002  # before anything is taken from them tetrahedra lie above the truth: what is looked for below it
 Compared = tuple[list[MeshRecord], dict[str, FloatArray], dict[str, Any]]
@@ -23,7 +24,7 @@ def excess(across: float) -> float:
     return (calibration.by_tetrahedra("plate", 1.0) or 0.0) / across**2
 
 
-def compared(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, bar: float, log: Log) -> Compared:
+def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, log: Log) -> Compared:
     """Return meshes, tet_* arrays and figures of the wanted mode by tetrahedra; no figures where it was not found.
 
     Parameters
@@ -38,7 +39,7 @@ def compared(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, ba
         Where the verdict goes.
     """
     part_modes = _by_tetrahedra(case, structured, bar, log)
-    row = part_modes.wanted.row if part_modes.wanted else None
+    row = part_modes.wanted_row
     if row is None:
         log.warning(
             "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
@@ -79,7 +80,7 @@ def compared(case: Case, own: modes.PartModes, structured: mode_rows.ModeRow, ba
     return part_modes.meshes, arrays, figures
 
 
-def _by_tetrahedra(case: Case, structured: mode_rows.ModeRow, bar: float, log: Log) -> modes.PartModes:
+def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> modes.PartModes:
     """The modes of the plate meshed whole about the wanted one's frequency, as far as it takes to find it."""
     tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))

@@ -9,11 +9,11 @@ import numpy as np
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.models.zone_parts import DrivenZone
-from pipeline.planning import calibration
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
+from solvers.accuracy import calibration
 from solvers.driven.curve_bars import doubts
 from solvers.driven.error_bars import frequency_error, frequency_errors
 from solvers.driven.several_patches import curve_half_widths, peak_half_widths, zone_volts, zones_of

@@ -11,10 +11,10 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray
 from geometry.layout import Design, Pillar
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.patched_plate import forced_plate
-from pipeline.planning import calibration
+from pipeline.models.forced import forced_plate
 from pipeline.records.record import MeshRecord
 from pipeline.units import UM
+from solvers.accuracy import calibration
 from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widths, in_parts
 from solvers.driven.error_bars import frequency_error, frequency_errors
 from solvers.driven.forms import Forms, best_volts, face_grams, forms

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.case.plausible import short_wave
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import parts, wanted_search
+from pipeline.models import parts
 from pipeline.models.mode_parts import CountRecord, WantedRecord
-from pipeline.models.mode_rows import ModeRow, mode_rows
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
-from pipeline.models.wanted_search import Wanted
-from pipeline.planning import calibration, error_bar, foresight, simplifications
+from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows, verdict_text
+from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
@@ -47,15 +47,16 @@ from pipeline.planning.refinement import (
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from pipeline.records.record import MeshRecord
+from solvers.accuracy import calibration
+from solvers.accuracy.mesh import largest
+from solvers.accuracy.plate import ModeErrors
 from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
-from solvers.fem.mesh_error import largest
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
 from solvers.measures.confinement import Confinement, measure, share_error, strength_force, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
 from solvers.plates.assembled import PlateModel
-from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 
 __all__ = ["DEFAULT_COUNT", "Expected", "PartModes", "Request", "solve_modes", "with_defaults"]
@@ -86,6 +87,16 @@ class PartModes:
     wanted: Wanted | None = None
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # to a band that holds no mode
+
+    @property
+    def wanted_row(self) -> ModeRow | None:
+        """The wanted mode; None where there is none."""
+        return self.wanted.row if self.wanted else None
+
+    def each(self, change: Callable[[ModeRow], ModeRow]) -> PartModes:
+        """The same modes, in ascending order, changed one by one."""
+        wanted = self.wanted and self.wanted.each(change)
+        return replace(self, rows=tuple(sorted(map(change, self.rows), key=_place)), wanted=wanted)
 
     def all_rows(self, searched: bool) -> tuple[ModeRow, ...]:
         """The rows, and those that a search for the wanted mode went through: other modes that were solved are nobody's."""
@@ -124,7 +135,7 @@ class PartModes:
 
     def wanted_part(self) -> WantedRecord | None:
         """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
-        row = self.wanted.row if self.wanted else None
+        row = self.wanted_row
         if self.wanted is None or row is None:
             return self.wanted.record() if self.wanted else None
         share, error = self._pillar_share(row) if self.part == "plate" else (None, None)
@@ -233,7 +244,7 @@ def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:
 
 def _decisive(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> float | None:
     """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the wanted mode's."""
-    row = part_modes.wanted.row if part_modes.wanted and isinstance(part_modes.model, PlateModel) else None
+    row = part_modes.wanted_row if isinstance(part_modes.model, PlateModel) else None
     rows = (row,) if row else part_modes.rows
     return largest(np.array([_mesh_error(each, errors) for each in rows], dtype=float))
 
@@ -251,8 +262,7 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
             return replace(row, computed_hz=row.frequency_hz * (1.0 + taken))
         return replace(row, computed_hz=row.frequency_hz, frequency_hz=row.frequency_hz * (1.0 - taken))
 
-    wanted = part_modes.wanted and part_modes.wanted.each(with_both)
-    return replace(part_modes, rows=tuple(sorted(map(with_both, part_modes.rows), key=_place)), wanted=wanted)
+    return part_modes.each(with_both)
 
 
 def _mesh_error(row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
@@ -277,8 +287,7 @@ def _with_errors(choice: ModelChoice, part_modes: PartModes, errors: dict[str | 
         parts = {"mesh": mesh, "truncation": truncation}
         return replace(row, error=mesh + truncation, error_parts=parts)
 
-    wanted = part_modes.wanted and part_modes.wanted.each(with_error)
-    return replace(part_modes, rows=tuple(map(with_error, part_modes.rows)), wanted=wanted)
+    return part_modes.each(with_error)
 
 
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
@@ -297,7 +306,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
             bars |= {
                 (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
             }
-    own = part_modes.wanted.row if part_modes.wanted else None
+    own = part_modes.wanted_row
     if own and part_modes.bar:
         level = {"confinement_error_db": part_modes.bar.confinement_db}
         bars[own.symmetry, own.column] = bars.get((own.symmetry, own.column), {}) | level
@@ -307,8 +316,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
         share_bar = share_error(row.zone_share, own.get("confinement_error_db"))
         return replace(row, **own, zone_share_error=share_bar)
 
-    wanted = part_modes.wanted and part_modes.wanted.each(with_bar)
-    return replace(part_modes, rows=tuple(map(with_bar, part_modes.rows)), wanted=wanted)
+    return part_modes.each(with_bar)
 
 
 def _measure_bars(
@@ -510,11 +518,11 @@ def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
     if window is None:
         return None
     if query.expected:
-        return wanted_search.look_about(query.expected, one.count, one.rows, one.between)
+        return look_about(query.expected, one.count, one.rows, one.between)
     if not query.search:
-        return wanted_search.look_among(one.rows, one.count)
+        return look_among(one.rows, one.count)
     bound = one.largest_outside if isinstance(one.model, PlateModel) else None
-    return wanted_search.look(window, one.count, one.rows, one.between, bound)
+    return look(window, one.count, one.rows, one.between, bound)
 
 
 def _nearest_hz(query: Request, classes: dict[str | None, _Class]) -> float | None:
@@ -544,7 +552,7 @@ def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors])
         return None
     together = np.hstack(every)
     worst = together[:, int(np.argmax(together.sum(axis=0)))]
-    row = part_modes.wanted.row if part_modes.wanted else None
+    row = part_modes.wanted_row
     own = errors[row.symmetry] if row else None
     mine = (own.modes, own.degrees, own.through) if row and own else worst[:, None]
     column = row.column if row and own else 0
@@ -555,7 +563,7 @@ def _bar(
     case: Case, choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
 ) -> ErrorBar | None:
     """Error bar of the wanted mode's frequency and confinement; None without a wanted mode."""
-    row = part_modes.wanted.row if part_modes.wanted else None
+    row = part_modes.wanted_row
     if row is None or part_modes.wanted is None:
         return None
     bar = ErrorBar(_mesh_error(row, errors), _truncation(choice, row, errors))
@@ -569,7 +577,7 @@ def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[floa
     """What the wanted mode's confinement and its level over the plate beyond the rows may be off by, dB, where frequencies may
     be by `error`, relative: an error mixes its neighbours into it. None without a wanted mode or such a part.
     """
-    row = part_modes.wanted.row if part_modes.wanted else None
+    row = part_modes.wanted_row
     if row is None or part_modes.wanted is None or row.confinement_db is None:
         return None, None
     siblings = list(part_modes.wanted.rows)
@@ -646,3 +654,27 @@ def _place(row: ModeRow) -> tuple[float, str]:
 
 def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
+
+
+def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
+    """Describe the wanted mode, its error bar, and the count."""
+    said = verdict_text(part_modes.wanted, design) if part_modes.wanted else []
+    row = part_modes.wanted_row
+    if row and part_modes.index(row) is None:
+        said.append("It lies outside the modes listed above.")
+    if row and part_modes.bar:
+        said.append(f"expected errors: {part_modes.bar.text()}")
+    return [*said, count_text(part_modes)]
+
+
+def count_text(part_modes: PartModes) -> str:
+    """Say what the count by inertia counts and what it proves."""
+    check = part_modes.count
+    text = f"count by inertia of the {part_modes.counts}: {check.expected}, found: {check.found}"
+    if part_modes.counts == "mesh":
+        return text
+    if part_modes.more_in_mesh is None:
+        return f"{text}; how many the meshes behind it have is not bounded"
+    if part_modes.more_in_mesh == 0:
+        return f"{text}; the meshes behind it have no more of them up to {frequency(check.high_hz)}"
+    return f"{text}; the meshes behind it have at most {part_modes.more_in_mesh} more up to {frequency(check.high_hz)}"

@@ -16,7 +16,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, hex_mesh, interpolation, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.scenes import HexSettings
-from geometry.layout import Design, Pillar, region_materials
+from geometry.layout import Design, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
 from geometry.tiling import Panel
 from pipeline.case.model import Case
@@ -26,9 +26,7 @@ from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import fingerprint
 from pipeline.records.record import MeshRecord
-from solvers.errors import CountMismatch, SolverError
-from solvers.fem.eigen import SymmetricPencil, modes_near
-from solvers.fem.mesh_error import (
+from solvers.accuracy.mesh import (
     CoarserMeshes,
     LowerOrders,
     Nested,
@@ -37,6 +35,8 @@ from solvers.fem.mesh_error import (
     clamped_shares,
     rim_shares,
 )
+from solvers.errors import CountMismatch, SolverError
+from solvers.fem.eigen import SymmetricPencil, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -88,16 +88,19 @@ def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshReco
 
 def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
     """Build the model of a given choice."""
-    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[choice.part](case, choice, log, meshes)
-
-
-def _solid(
-    case: Case, what: str, mesh: Mesh, clamped: tuple[str, ...], mirrored: bool, meshes: list[MeshRecord], log: Log
-) -> SolidModel:
-    meshes.append(mesh_record(what, mesh))
-    warn_of_locking(case.design, mesh, log)
-    materials = region_materials(case.design.material, case.design.pillar)
-    return SolidModel(mesh, materials, clamped, mirrored, case.design.touch_lines_m)
+    design, part = case.design, choice.part
+    if choice.reduction:
+        return _assembled(design, choice, log)
+    if choice.edge_m:
+        mesh = _tetrahedra(design, part, choice.edge_m, choice.quarter, log)
+    else:
+        assert choice.hexahedra
+        mesh = hex_mesh(_boxes(design, part, choice.hexahedra), choice.hexahedra.order)
+    meshes.append(mesh_record(part, mesh))
+    warn_of_locking(design, mesh, log)
+    clamped = ("foot",) if choice.edge_m and part == "pillar" else CLAMPED[part]
+    materials = region_materials(design.material, design.pillar)
+    return SolidModel(mesh, materials, clamped, choice.quarter, design.touch_lines_m)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
@@ -120,12 +123,6 @@ def _boxes(design: Design, part: str, settings: HexSettings) -> Boxes:
         assert design.pillar
         return pillar_boxes(design.pillar, settings)
     return (zone_boxes if part == "zone" else plate_boxes)(design, settings)
-
-
-def _of_hexahedra(case: Case, choice: ModelChoice, meshes: list[MeshRecord], log: Log) -> SolidModel:
-    assert choice.hexahedra
-    mesh = hex_mesh(_boxes(case.design, choice.part, choice.hexahedra), choice.hexahedra.order)
-    return _solid(case, choice.part, mesh, CLAMPED[choice.part], choice.quarter, meshes, log)
 
 
 def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> MeshErrorSource | None:
@@ -176,29 +173,6 @@ def foot_shares(design: Design, mesh: HexSettings) -> Shares:
     return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
 
 
-def _zone(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
-    if not choice.edge_m:
-        return _of_hexahedra(case, choice, meshes, log)
-    return _solid(case, "zone", tet_zone(case.design, choice.edge_m, log), ("y+",), choice.quarter, meshes, log)
-
-
-def _pillar(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> SolidModel:
-    assert case.design.pillar
-    if choice.edge_m:
-        mesh = tet_pillar(case.design.pillar, choice.edge_m, log)
-        return _solid(case, "pillar", mesh, ("foot",), choice.quarter, meshes, log)
-    return _of_hexahedra(case, choice, meshes, log)
-
-
-def _plate(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -> PartModel:
-    if choice.reduction:
-        return _assembled(case.design, choice, log)
-    if not choice.edge_m:
-        return _of_hexahedra(case, choice, meshes, log)
-    mesh = tet_plate(case.design, choice.edge_m, choice.quarter, log)
-    return _solid(case, "plate", mesh, (), choice.quarter, meshes, log)
-
-
 def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
     assert choice.reduction
     reductions = Reductions(
@@ -234,28 +208,19 @@ def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callabl
     return mesh, f"tet {edge!r} {fingerprint.file_hash(Path(file)) if file else ''}"
 
 
-def tet_zone(design: Design, edge_m: float, log: Log) -> Mesh:
-    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces."""
+def _tetrahedra(design: Design, part: str, edge_m: float, quarter: bool, log: Log) -> Mesh:
+    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces; the whole lone pillar, finer towards its
+    clamped foot; the plate, or its quarter x, y >= 0.
+    """
     from geometry.tet import scenes
 
-    with log.step("mesh the zone by tetrahedra"):
-        return scenes.tet_zone(design, edge_m, "xy")
-
-
-def tet_pillar(pillar: Pillar, edge_m: float, log: Log) -> Mesh:
-    """The whole lone pillar, finer towards its clamped foot."""
-    from geometry.tet import scenes
-
-    with log.step("mesh the pillar by tetrahedra"):
-        return scenes.tet_pillar(pillar, edge_m)
-
-
-def tet_plate(design: Design, edge_m: float, quarter: bool, log: Log) -> Mesh:
-    """The plate, or its quarter x, y >= 0."""
-    from geometry.tet import scenes
-
-    with log.step("mesh the plate by tetrahedra"):
-        return scenes.tet_plate(design, edge_m, quarter)
+    with log.step(f"mesh the {part} by tetrahedra"):
+        if part == "zone":
+            return scenes.tet_zone(design, edge_m, "xy")
+        if part == "plate":
+            return scenes.tet_plate(design, edge_m, quarter)
+        assert design.pillar
+        return scenes.tet_pillar(design.pillar, edge_m)
 
 
 def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:

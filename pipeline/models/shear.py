@@ -13,7 +13,7 @@ from geometry.elements import ComplexArray, FloatArray, IntArray
 from pipeline.case.attachments import Touch
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.touch_bars import contacts_at, missing_at_ends
+from pipeline.models.touch_states import contacts_at, missing_at_ends
 from pipeline.models.travel_parts import ShearRecord
 from pipeline.quantity import figure
 from pipeline.units import GIB, MM

@@ -10,9 +10,8 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case, Tolerance
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models import patched_plate
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
-from pipeline.models.peak_bars import AROUND_PEAK, DECAYED
+from pipeline.models.forced import AROUND_PEAK, DECAYED, driven, refuse_patches
 from pipeline.models.tolerance_parts import SampleRecord
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
@@ -104,7 +103,7 @@ def _varied(case: Case, given: Tolerance, choice: ModelChoice, band: tuple[float
     design = case.design
     assert design.pillar
     if case.patches:
-        patched_plate.refuse_patches(case, band)
+        refuse_patches(case, band)
     if choice.model != SUPERELEMENT or choice.kind != HEX or choice.reduction is None:
         raise InputError(
             f"{case.name}: [tolerance]: pillars are varied in assembled cells of hexahedra: solve.model must be auto or "
@@ -128,7 +127,7 @@ def _varied(case: Case, given: Tolerance, choice: ModelChoice, band: tuple[float
         f"{reductions.fresh} panels reduced now, {reductions.reused} taken from the cache"
     )
     if case.patches:
-        forced = patched_plate.driven(case, model, band, log)
+        forced = driven(case, model, band, log)
     else:
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):

@@ -12,14 +12,13 @@ from geometry.elements import ComplexArray
 from geometry.fingertips import Fingertip
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.patched_plate import forced_plate
-from pipeline.models.touch_bars import with_bars, with_map_bars
+from pipeline.models.forced import forced_plate
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord
-from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of
-from pipeline.planning import calibration
+from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of, with_bars, with_map_bars
 from pipeline.quantity import figure, frequency, interval
 from pipeline.records.record import MeshRecord
 from pipeline.units import GIB, KHZ
+from solvers.accuracy import calibration
 from solvers.errors import SolverError
 from solvers.machine import room_bytes
 from solvers.piezo.forced import ForcedPlate

@@ -30,15 +30,7 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
-from solvers.errors import SolverError
-from solvers.fem.assembly import assemble
-from solvers.fem.eigen import PlainPencil, lowest_pairs
-from solvers.fem.mesh_error import Nested, Shares, prolonged_eigenvalues
-from solvers.plates.assembled import Reductions
-from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import (
+from solvers.accuracy.bands import (
     STILL,
     ReductionError,
     cutoff_hz,
@@ -51,7 +43,15 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
-from solvers.superelement.plate_error import ModeErrors
+from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
+from solvers.accuracy.plate import ModeErrors
+from solvers.errors import SolverError
+from solvers.fem.assembly import assemble
+from solvers.fem.eigen import PlainPencil, lowest_pairs
+from solvers.plates.assembled import Reductions
+from solvers.superelement.cell import Cell
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.bloch import BlochCell
 
 ROUNDS = 8
@@ -122,11 +122,6 @@ def lattice_model(
     return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, bar[0])
 
 
-def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
-    """What reduces the cell on the mesh of a choice, whose record is added to `meshes`."""
-    return _from_tetrahedra(design, choice.edge_m, log, meshes) if choice.edge_m else _from_hexahedra(design, log)
-
-
 def _solved(lattice: Lattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
     """The lowest waves at wavevectors (n, 2)."""
     return [lattice.waves(k, case.bands.count) for k in wavevectors]
@@ -150,32 +145,22 @@ def truncated_bars(lattice: Lattice, waves: Sequence[Waves], count: int, beyond:
     return modes + truncation_bars(last, further_degrees([parts[:, :count] for _, parts in estimates])) + beyond
 
 
-def _from_hexahedra(design: Design, log: Log) -> Reduce:
+def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRecord]) -> Reduce:
+    """What reduces the cell on the mesh of a choice: of tetrahedra, whose record is added to `meshes`, or of hexahedra."""
+    mesh, halved = tet_cell(design, choice.edge_m, log) if choice.edge_m else (None, ())
+    panel = replace(lattice_panel(design), halved=halved) if mesh else lattice_panel(design)
+    if mesh:
+        meshes.append(mesh_record("cell", mesh))
+
     def reduce(reduction: ReductionSettings) -> Cell:
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+        own = (None, lambda _: mesh) if mesh else (CellCache(), None)
+        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, *own)
         with log.step("reduce the cell"):
-            cell = reductions.cell(lattice_panel(design))
+            cell = reductions.cell(panel)
         source = "reduced now" if reductions.fresh else "taken from the cache"
-        log.info(
-            f"cell of {cell.mesh_dof} degrees of freedom in its mesh, {Lattice(cell).dof} at a wavevector, {source}"
-        )
-        return cell
-
-    return reduce
-
-
-def _from_tetrahedra(design: Design, edge_m: float, log: Log, meshes: list[MeshRecord]) -> Reduce:
-    mesh, halved = tet_cell(design, edge_m, log)
-    meshes.append(mesh_record("cell", mesh))
-
-    def reduce(reduction: ReductionSettings) -> Cell:
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, None, lambda panel: mesh)
-        with log.step("reduce the cell"):
-            cell = reductions.cell(replace(lattice_panel(design), halved=halved))
-        dof = Lattice(cell).dof
-        log.info(
-            f"cell of {mesh.dof} degrees of freedom in its mesh, {dof} at a wavevector; opposite faces need not match"
-        )
+        more = "; opposite faces need not match" if mesh else f", {source}"
+        size, dof = mesh.dof if mesh else cell.mesh_dof, Lattice(cell).dof
+        log.info(f"cell of {size} degrees of freedom in its mesh, {dof} at a wavevector{more}")
         return cell
 
     return reduce

@@ -9,8 +9,7 @@ from math import prod
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import bonded_boxes
-from geometry.hex.scenes import HexSettings, grid_lines
+from geometry.hex.scenes import HexSettings, bonded_scene, grid_lines
 from geometry.layout import mirrored_axes
 from pipeline.case.model import Case
 from pipeline.planning import foresight, simplifications
@@ -25,9 +24,7 @@ from solvers.fem.cost import (
     assembly,
     eliminated,
     factorisation,
-    grid_fill,
     modal_solve,
-    nodal,
 )
 
 PENCIL = 24.0  # bytes of an entry of K and of M
@@ -236,18 +233,14 @@ class _Patches:
         span.reshape(2, 2)[mirrors, 0] = 0.0
         assert self.case.patches
         settings, face = self._meshes[0], _face(box, self._meshes[0])
-        boxes = bonded_boxes(span, thickness_m, (), box, self.case.patches.face == "back", settings)
-        counts = tuple(len(each) - 1 for each in (boxes.x, boxes.y, boxes.z))
-        order = settings.order
-        nodes = float(prod(order * n + 1 for n in counts))
-        pairs = float(prod(n * (order + 1) ** 2 - (n - 1) for n in counts))
-        mesh = MeshCounts(float(prod(counts)), (order + 1) ** 3, nodes, pairs, grid_fill(counts, nodal(order)))
+        back = self.case.patches.face == "back"
+        mesh = foresight.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
         answers = Stage("the answers beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
-        solve = factorisation(mesh.dofs, 9.0 * pairs, mesh.fill, 1.0)
+        solve = factorisation(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, 1.0)
         solve = solve.then(
             Cost((answers,), 8.0 * mesh.fill.entries * face / 2.0 ** len(mirrors)), 15.0 * mesh.fill.entries
         )
-        kept = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * pairs
+        kept = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs
         times = COARSER * self.distinct * 2 ** len(mirrors)
         whole = assembly(mesh).then(solve, kept)
         return replace(whole, operations=times * whole.operations)

@@ -8,9 +8,9 @@ from typing import Any
 
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning.calibration import TET
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import level, percent
+from solvers.accuracy.calibration import TET
 
 
 @dataclass(frozen=True)

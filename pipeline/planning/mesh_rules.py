@@ -12,8 +12,8 @@ from math import ceil, inf, pi, prod, sqrt
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from pipeline.planning import calibration
-from pipeline.planning.calibration import MeshLevel
+from solvers.accuracy import calibration
+from solvers.accuracy.calibration import MeshLevel
 from solvers.analytic.beams import roots
 from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thin_plate_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
@@ -168,6 +168,11 @@ def pillar_mesh(design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSett
     shrunk = _shrunk("pillar", design, high_hz)
     along = row.share * shrunk * _along(design)
     return HexSettings(row.order, shrunk * design.pillar.base_m, row.layers, row.factor, along)
+
+
+def lone_mesh(part: str, design: Design, row: MeshLevel, high_hz: float = 0.0) -> HexSettings:
+    """Elements of the zone or of the lone pillar for modes up to a frequency."""
+    return (zone_mesh if part == "zone" else pillar_mesh)(design, row, high_hz)
 
 
 def _shrunk(part: str, design: Design, high_hz: float) -> float:

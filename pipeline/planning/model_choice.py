@@ -10,10 +10,10 @@ from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
-from pipeline.planning.calibration import HEX, TET, TET_ORDER
 from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from pipeline.quantity import figure, percent
+from solvers.accuracy.calibration import HEX, TET, TET_ORDER
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_symmetry
 from solvers.superelement.interface import ReductionSettings
@@ -76,7 +76,7 @@ class ModelChoice:
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
     """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
     check_model(case, part == "zone" or _hexahedra(case, part))
-    return {"plate": _plate, "zone": _zone, "pillar": _pillar}[part](case, high_hz)
+    return _plate(case, high_hz) if part == "plate" else _lone_part(case, part, high_hz)
 
 
 def _hexahedra(case: Case, part: str) -> bool:
@@ -99,25 +99,18 @@ def check_model(case: Case, hexahedra: bool) -> None:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
 
 
-def _zone(case: Case, high_hz: float) -> ModelChoice:
+def _lone_part(case: Case, part: str, high_hz: float) -> ModelChoice:
+    """The zone between clamped sides, or the pillar on a clamped foot, whose tetrahedra mesh it whole."""
     design, accuracy = case.design, case.solve.accuracy
-    no_cad, quarter = simplifications.hexahedra(case, "zone"), simplifications.mirror_images(design, "zone")
-    level, top_hz = mesh_rules.reaching("zone", design, accuracy, high_hz)
-    hexahedra = mesh_rules.zone_mesh(design, level, top_hz) if no_cad else None
-    edge = None if no_cad else mesh_rules.tet_edge_m(2.0 * design.thickness_m, accuracy)
-    return _choice(case, "zone", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
-
-
-def _pillar(case: Case, high_hz: float) -> ModelChoice:
-    design, accuracy = case.design, case.solve.accuracy
-    assert design.pillar
-    case.require_one_kind("the lone pillar is")
-    no_cad = simplifications.hexahedra(case, "pillar")
-    quarter = simplifications.mirror_images(design, "pillar") if no_cad else None  # tetrahedra mesh the whole pillar
-    level, top_hz = mesh_rules.reaching("pillar", design, accuracy, high_hz)
-    hexahedra = mesh_rules.pillar_mesh(design, level, top_hz) if no_cad else None
-    edge = None if no_cad else mesh_rules.tet_edge_m(design.pillar.smallest_m, accuracy)
-    return _choice(case, "pillar", SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
+    if part == "pillar":
+        case.require_one_kind("the lone pillar is")
+    no_cad = simplifications.hexahedra(case, part)
+    quarter = simplifications.mirror_images(design, part) if no_cad or part == "zone" else None
+    level, top_hz = mesh_rules.reaching(part, design, accuracy, high_hz)
+    hexahedra = mesh_rules.lone_mesh(part, design, level, top_hz) if no_cad else None
+    smallest_m = design.pillar.smallest_m if part == "pillar" and design.pillar else 2.0 * design.thickness_m
+    edge = None if no_cad else mesh_rules.tet_edge_m(smallest_m, accuracy)
+    return _choice(case, part, SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
 
 
 def _plate(case: Case, high_hz: float) -> ModelChoice:

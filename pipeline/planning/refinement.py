@@ -19,9 +19,9 @@ from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
+from solvers.accuracy.plate import MARGIN
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.plate_error import MARGIN
 
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
 SHORT = (
@@ -200,8 +200,10 @@ def _on_next_level(choice: ModelChoice, design: Design) -> ModelChoice | None:
         level = mesh_rules.finer_level("whole" if choice.part == "plate" else choice.part, choice.mesh_level)
     if level is None:
         return None
-    own = {"zone": mesh_rules.zone_mesh, "pillar": mesh_rules.pillar_mesh}.get(choice.part)
-    mesh = own(design, level, choice.good_to_hz) if own else mesh_rules.cell_mesh(design, level)
+    if choice.part in ("zone", "pillar"):
+        mesh = mesh_rules.lone_mesh(choice.part, design, level, choice.good_to_hz)
+    else:
+        mesh = mesh_rules.cell_mesh(design, level)
     reduction = choice.reduction
     if reduction is not None:
         mesh = mesh_rules.with_nodes_for(reduction.ample, mesh)

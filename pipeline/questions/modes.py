@@ -107,7 +107,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     def of_solved(cls, solved: PartModes, case: Case) -> ModesResult:
         """Return the result of solved modes."""
         from pipeline.models.mode_fields import closed_surface
-        from pipeline.models.mode_rows import widest_bar
+        from pipeline.models.wanted import widest_bar
 
         modes = [
             ModeRecord.of(row, surface=partial(closed_surface, solved, case, place))
@@ -178,7 +178,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
-        from pipeline.models import wanted_text
+        from pipeline.models.modes import wanted_lines
         from pipeline.planning.error_bar import WidestBar
         from pipeline.records.reading import reading_table
 
@@ -188,7 +188,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
-            yield from wanted_text.lines(self.solved, self.case.design)
+            yield from wanted_lines(self.solved, self.case.design)
 
     def draw(self, ax: Axes) -> None:
         """Draw the confinement of each mode over its frequency, the wanted mode marked; without one, frequencies alone."""
@@ -307,7 +307,7 @@ class _InStudies(Modes):
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes and keep what other questions go on from."""
         from pipeline.models.modes import solve_modes
-        from pipeline.models.wanted_text import warn_of_wanted
+        from pipeline.models.wanted import warn_of_wanted
 
         solved = solve_modes(case, self.request(case), run, plan.steps[0].choice).whole_window
         run.meshes += solved.meshes
@@ -340,7 +340,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
         if run.all_fields:
             with run.step("fields in full"):
                 store.save_arrays(run.folder, mode_fields.full_fields(solved), store.FIELDS)
-        index = solved.index(solved.wanted.row if solved.wanted else None)
+        index = solved.index(solved.wanted_row)
         if index is None:
             raise Unanswered
         with run.step("fields"):
@@ -476,7 +476,7 @@ def _request(
 
 
 def _answered(solved: PartModes, case: Case, run: Run) -> ModesResult:
-    from pipeline.models.mode_rows import widest_bar
+    from pipeline.models.wanted import widest_bar
 
     run.meshes += solved.meshes
     widest_bar(solved.rows).warn(case, run)

@@ -188,7 +188,7 @@ def _about(part: str, sizes: ZoneSize | PillarSize, design: Design) -> dict[str,
 
 def expected_errors(part: str, design: Design) -> dict[str, float]:
     """Return the expected relative error of each theory's frequency compared with the solid; {} without a calibration."""
-    from pipeline.planning import calibration
+    from solvers.accuracy import calibration
 
     slender = design.nodal_lines * design.thickness_m / design.length_m
     if part == "pillar":

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from geometry.elements import FloatArray
     from pipeline.case.model import Case
     from pipeline.measured.comparison import Measurements
-    from pipeline.models.response import SolvedResponse
+    from pipeline.models.forced import SolvedResponse
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
     from solvers.piezo.forced import ForcedPlate
@@ -153,7 +153,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         """Return the result of a solved response, with the error bars of its curves and peaks."""
         import numpy as np
 
-        from pipeline.models.peak_bars import curve_errors
+        from pipeline.models.forced import curve_errors
         from solvers.piezo.peak_errors import frequency_error
         from solvers.piezo.responses import circuit_shift
 
@@ -349,7 +349,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
 def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
     """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
-    from pipeline.models.peak_bars import level_error_db, quality_error
+    from pipeline.models.forced import level_error_db, quality_error
     from solvers.piezo.peak_errors import frequency_error, height_error
 
     return PeakRecord.of(
@@ -402,12 +402,12 @@ class Response(
     def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
         """Compute the curves and peaks, and compare them with what was measured."""
         from pipeline.measured.comparison import compare
-        from pipeline.models.response import gridded, solve
+        from pipeline.models.forced import gridded, solve_response
         from pipeline.records.record import DesignRecord
         from solvers.threads import one_thread
 
         files = self._measured(case)
-        solved = solve(case, plan.steps[0].choice, run, hz(self.band_kHz), self.points, run.meshes)
+        solved = solve_response(case, plan.steps[0].choice, run, hz(self.band_kHz), self.points, run.meshes)
         run.solved["forced"] = solved.forced
         with one_thread():
             result = ResponseResult.of_solved(solved, case)

@@ -70,7 +70,7 @@ class TetModes(
         structured = run.solved.get("modes")
         if structured is None:
             structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), run.log)
-        row = structured.wanted.row if structured.wanted else None
+        row = structured.wanted_row
         bar = (structured.bar.frequency if structured.bar else None) or 0.0
         if row is None:
             run.log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")

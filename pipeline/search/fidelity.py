@@ -275,7 +275,7 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
-    row, bar = part_modes.wanted.row if part_modes.wanted else None, part_modes.bar
+    row, bar = part_modes.wanted_row, part_modes.bar
     if row is None:
         return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
     measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)

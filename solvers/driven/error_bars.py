@@ -140,7 +140,7 @@ def variations(
 ) -> Iterator[tuple[Variation, ...]]:
     """Plates within the bars about the resonance nearest to a frequency, those of one source together.
 
-    share: of the bound on mixing that is expected (`pipeline.planning.calibration`).
+    share: of the bound on mixing that is expected (`solvers.accuracy.calibration`).
     """
     moving = bases(forced)
     number, index = _nearest(moving, resonating_hz)

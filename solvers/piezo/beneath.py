@@ -24,10 +24,10 @@ from geometry.layout import Design, Stand, mirrored_axes
 from geometry.materials import Material
 from geometry.mesh import Mesh
 from geometry.tiling import Tiling, signature
+from solvers.accuracy.mesh import Shares, rim_shares
 from solvers.errors import TooLarge
 from solvers.fem.assembly import System
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
-from solvers.fem.mesh_error import Shares, rim_shares
 from solvers.fem.solid import constrain, free_mask
 from solvers.piezo import patch as piezo_patch
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs, positive_part

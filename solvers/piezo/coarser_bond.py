@@ -20,8 +20,8 @@ import numpy as np
 from scipy.linalg import eigh, svd
 
 from geometry.elements import FloatArray
+from solvers.accuracy.mesh import amid
 from solvers.fem.eigen import factor_near
-from solvers.fem.mesh_error import amid
 from solvers.piezo.patched_plate import CoarserBond, Group, gains_at
 
 ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is none of its modes about the band

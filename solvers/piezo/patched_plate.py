@@ -18,11 +18,11 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, mirrored_axes
+from solvers.accuracy.mesh import Shares
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.fem.mesh_error import Shares
 from solvers.measures.confinement import TouchField, wanted_shape, wanted_symmetry
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts

@@ -9,9 +9,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from geometry.elements import FloatArray
+from solvers.accuracy.plate import MARGIN, by_degrees, by_mesh, by_modes, last_degree
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import Group
-from solvers.superelement.plate_error import MARGIN, by_degrees, by_mesh, by_modes, last_degree
 
 # -- frequencies -------------------------------------------------------------------------------------------------------
 # How far the frequencies of a patched plate's modes may be wrong: mesh, reduction and bonding together.

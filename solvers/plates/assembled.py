@@ -19,18 +19,18 @@ from geometry.layout import Design, Pillar, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature, tile
+from solvers.accuracy.cell import extrapolated, recovered
+from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
+from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import PlainPencil, SymmetricPencil
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
-from solvers.fem.mesh_error import Nested, Shares, StressRecovery, rim_shares
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import ReductionSettings
-from solvers.superelement.nested import extrapolated, recovered
 from solvers.superelement.plate import WHOLE, AssembledPlate, Grid
-from solvers.superelement.plate_error import ModeErrors, mode_errors, more_below
 from solvers.superelement.reduction import CellBuilder, Coarser, SymmetryClass, reduce_cell
 
 HIGHEST = 4  # order of hexahedra

@@ -13,7 +13,6 @@ from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.fem import quadrature
 from solvers.fem.assembly import Scale
-from solvers.fem.mesh_error import SHADE, Shares
 from solvers.fem.solid import rigid_body_modes
 from solvers.fem.surface import facet_quadrature
 from solvers.superelement.interface import VERTICES, Interface
@@ -181,11 +180,6 @@ class MeshError:
     spread: float
     edge: float
     order: int = 0
-
-    @property
-    def shares(self) -> Shares:
-        """What the two changes tell."""
-        return Shares(self.taken, self.spread, self.edge, doubt=SHADE if self.edge else 0.0, order=self.order)
 
     def kept(self, keep: IntArray) -> MeshError:
         """The same for some of the degrees of freedom."""

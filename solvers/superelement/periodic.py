@@ -19,9 +19,7 @@ from solvers.fem.eigen import PlainPencil
 from solvers.superelement.cell import Cell, with_further
 from solvers.superelement.interface import Ties
 from solvers.superelement.lattice import ROUNDING
-from solvers.superelement.lattice_error import STILL
 from solvers.superelement.plate import PlacedCell
-from solvers.superelement.plate_error import ModeErrors, mode_errors
 from solvers.threads import one_thread
 
 
@@ -54,20 +52,15 @@ class Periodic:
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none)."""
-        return self.solve(wavevector, count)[0]
+        return self.waves(wavevector, count)[0]
 
-    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-        """The same, and what truncation and the cells' meshes may put each of them off by."""
-        plate = self.at(wavevector)
-        stiffness, mass = plate.matrices
+    def waves(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ComplexArray]:
+        """The same, and the free degrees of freedom (dof, count) of the waves."""
+        stiffness, mass = self.at(wavevector).matrices
         with one_thread():
             values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
         rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
-        tones = self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values))
-        moving, errors_of = tones > STILL * tones[-1], np.zeros((5, len(tones)))
-        errors = mode_errors(plate, plate.pencil(), waves[:, moving], rims=1.0)
-        errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
-        return tones, ModeErrors(*errors_of)
+        return self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values)), waves
 
 
 @dataclass(frozen=True)

@@ -62,7 +62,7 @@ def generic_names(source: str) -> list[str]:
 
 def test_a_build_holds_one_package_with_data_and_marker_of_types(built: Path) -> None:
     assert [entry.name for entry in built.iterdir()] == ["antinode"]
-    for place in ("py.typed", "__init__.py", "__main__.py", "_lib/pipeline/planning/calibration.csv"):
+    for place in ("py.typed", "__init__.py", "__main__.py", "_lib/solvers/accuracy/calibration.csv"):
         assert (built / "antinode" / place).is_file(), place
     for place in ("docs/glossary.md", "results/reference/band_gap.csv", "studies/rows.toml", "firmware/host/rig.c"):
         assert (built / "antinode" / "_lib" / place).is_file(), place

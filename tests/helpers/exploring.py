@@ -21,8 +21,7 @@ from pipeline.explore.answer import Explorer, Scene
 from pipeline.explore.server import Server, serve
 from pipeline.logs import WarningLog
 from pipeline.models import parametric as cell_model
-from pipeline.models.parametric import CellModelCache, Offline
-from pipeline.models.parametric_mesh import MeshTable
+from pipeline.models.parametric import CellModelCache, MeshTable, Offline
 from pipeline.paths import ROOT
 from solvers.parametric.affine import DesignBox
 from solvers.parametric.foot import FixedMesh

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.planning import calibration
 from pipeline.report.html import write_page
+from solvers.accuracy import calibration
 from solvers.analytic.predesign import predesign
 from studies import accuracy, ladder
 

@@ -14,7 +14,7 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from pipeline.models.patched_plate import FOLLOWS
+from pipeline.models.forced import FOLLOWS
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch

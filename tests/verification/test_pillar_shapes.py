@@ -18,7 +18,8 @@ from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
 from pipeline.paths import STUDIES
-from pipeline.planning import calibration, mesh_rules
+from pipeline.planning import mesh_rules
+from solvers.accuracy import calibration
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel

@@ -12,7 +12,7 @@ from pipeline.board.table_file import from_bytes
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from solvers.piezo.forced import ForcedPlate, in_phase_signs
 from tests.helpers.scenes import three_patches
 

@@ -20,7 +20,7 @@ from pipeline.cli.main import main
 from pipeline.exchange import impedance
 from pipeline.measured import universal
 from pipeline.measured.synthetic import grid
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.responses import admittance, circuit_shift, point_response
 from tests.helpers.recording_log import RecordingLog

@@ -24,7 +24,7 @@ from pipeline.explore import server as served_module
 from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_design
 from pipeline.explore.server import Beside, Server
 from pipeline.logs import WarningLog
-from pipeline.models import parametric_mesh
+from pipeline.models import parametric
 from pipeline.models.live_column import (
     FACE,
     INNER,
@@ -36,8 +36,16 @@ from pipeline.models.live_column import (
     boundary_error,
     end_layer,
 )
-from pipeline.models.parametric import CellModelCache, require_foot
-from pipeline.models.parametric_mesh import ACCURACY, MeshTable, corner_weights, off_by, sizes_of, with_sizes
+from pipeline.models.parametric import (
+    ACCURACY,
+    CellModelCache,
+    MeshTable,
+    corner_weights,
+    off_by,
+    require_foot,
+    sizes_of,
+    with_sizes,
+)
 from pipeline.planning import mesh_rules
 from pipeline.records.cache import SUFFIX
 from solvers.analytic.predesign import free_kx_per_m
@@ -230,15 +238,15 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
         spread = np.array([-1e-3, 0.0, 1e-3])[:, None]
         return np.array([np.full((3, 10), high) + spread, np.full((3, 10), 1e-3)])
 
-    monkeypatch.setattr(parametric_mesh, "off_by", apart)
-    table = parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map)
+    monkeypatch.setattr(parametric, "off_by", apart)
+    table = parametric.mesh_table(explorer.scene.case, cell, bases, [middle], map)
     assert table is not None and table.high == pytest.approx(np.full((16, 10), 2e-3))
     assert table.corners == pytest.approx(np.full((16, 10), 2e-3)) and table.margin == pytest.approx(4.0)
     assert table.at(middle) == pytest.approx(np.full(10, 8e-3)), "0.8 + 0.1 + 0.1 less the 0.2 taken"
     corrected = replace(explorer.model, mesh=table).bands(middle).frequency_hz
     assert corrected == pytest.approx(bands(cell, bases, middle).frequency_hz / 1.002)
-    monkeypatch.setattr(parametric_mesh, "off_by", lambda task: np.full((2, 3, 10), np.nan))
-    assert parametric_mesh.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
+    monkeypatch.setattr(parametric, "off_by", lambda task: np.full((2, 3, 10), np.nan))
+    assert parametric.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
 
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
@@ -247,9 +255,9 @@ def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Exp
     sizes = cell.box.spread(0)[5]
     at = [number for number, label in enumerate(bases.labels) if label][:3]
     computed_hz = bands(cell, bases, sizes).frequency_hz[at]
-    case = parametric_mesh.with_sizes(explorer.scene.case, sizes, 0.03, 10)
+    case = parametric.with_sizes(explorer.scene.case, sizes, 0.03, 10)
     twice = np.tile(bases.fractions[at] * np.pi / sizes[3], (2, 1))
-    both = parametric_mesh.off_by((case, twice, np.vstack([computed_hz, 1.05 * computed_hz])))
+    both = parametric.off_by((case, twice, np.vstack([computed_hz, 1.05 * computed_hz])))
     off, worse = both[:, :3], both[:, 3:]
     (high, bar), moving = off, np.isfinite(off[0])
     assert both.shape == (2, 6, 10) and moving[1:].all() and not moving[0].all(), "at rest nothing is told"

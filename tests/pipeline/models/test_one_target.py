@@ -11,8 +11,8 @@ import pytest
 from geometry.elements import FloatArray
 from pipeline.case.model import Case, load_case
 from pipeline.models import parts
+from pipeline.models.forced import driven, forced_plate
 from pipeline.models.modes import PartModes, solve_modes
-from pipeline.models.patched_plate import driven, forced_plate
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate

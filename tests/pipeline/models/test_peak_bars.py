@@ -12,8 +12,8 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from pipeline.models import peak_bars
-from pipeline.models.peak_bars import AROUND_PEAK, DECAYED, curve_errors, quality_error
+from pipeline.models import forced as driven_plate
+from pipeline.models.forced import AROUND_PEAK, DECAYED, curve_errors, quality_error
 from solvers.driven.curve_bars import Doubts
 from solvers.driven.error_bars import Variation, bases
 from solvers.piezo.forced import Curve, Drive, ForcedPlate
@@ -47,10 +47,10 @@ def peak_near(plate: ForcedPlate, tone: float) -> Peak:
 def known(monkeypatch: pytest.MonkeyPatch, error: float) -> None:
     """All resonances are known to a relative error, loads exactly, and no modes mix."""
     monkeypatch.setattr(
-        peak_bars, "frequency_errors", lambda of: [np.full(len(b.frequency_hz), error) for b in bases(of)]
+        driven_plate, "frequency_errors", lambda of: [np.full(len(b.frequency_hz), error) for b in bases(of)]
     )
-    monkeypatch.setattr(peak_bars, "height_error", lambda of, hz: 0.0)
-    monkeypatch.setattr(peak_bars.calibration, "mixing", lambda: 0.0)
+    monkeypatch.setattr(driven_plate, "height_error", lambda of, hz: 0.0)
+    monkeypatch.setattr(driven_plate.calibration, "mixing", lambda: 0.0)
 
 
 def test_the_bar_grows_with_those_of_the_resonances_and_covers_each_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,7 +79,7 @@ def test_an_unknown_resonance_leaves_the_bar_unknown(monkeypatch: pytest.MonkeyP
     peak = peak_near(plate, highest_hz(plate, *BAND_HZ, 401))
     known(monkeypatch, 0.01)
     assert quality_error(plate, Peak(peak.frequency_hz, peak.zone_rms, peak.passive_rms, None)) is None
-    monkeypatch.setattr(peak_bars, "height_error", lambda of, hz: None)
+    monkeypatch.setattr(driven_plate, "height_error", lambda of, hz: None)
     assert quality_error(plate, peak) is None
     known(monkeypatch, float("nan"))
     assert quality_error(plate, peak) is None
@@ -98,7 +98,7 @@ def doubts_of(plate: ForcedPlate, frequency: float, load: float) -> Doubts:
 def test_the_curves_bars_cover_each_resonance_that_moves(monkeypatch: pytest.MonkeyPatch) -> None:
     """Anywhere within its bar, of a percent here; one of them moves a curve by more than half of its bar."""
     plate = forced()
-    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
+    monkeypatch.setattr(driven_plate, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
     curve = plate.curve(np.linspace(*BAND_HZ, 41))
     bars, used = curve_errors(plate, curve), 0.0
     assert bars is not None and bars.shape == (2, 41)
@@ -115,7 +115,7 @@ def test_the_curves_bars_cover_each_resonance_that_moves(monkeypatch: pytest.Mon
 def test_louder_patches_raise_the_curves_by_as_much(monkeypatch: pytest.MonkeyPatch) -> None:
     """The residual's loads among them: a curve is linear in them."""
     plate = forced()
-    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.0, 0.02))
+    monkeypatch.setattr(driven_plate, "doubts", lambda *_: doubts_of(plate, 0.0, 0.02))
     curve = plate.curve(np.linspace(*BAND_HZ, 5))
     bars = curve_errors(plate, curve)
     assert bars is not None and (bars >= 0.02 * rms_of(curve) * (1.0 - 1e-9)).all()
@@ -126,9 +126,9 @@ def test_curves_without_an_estimate_have_none(monkeypatch: pytest.MonkeyPatch) -
     plate, charged = forced(), copy(forced())
     charged.circuit = "open"
     curve = plate.curve(np.array([20e3]))
-    monkeypatch.setattr(peak_bars, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
+    monkeypatch.setattr(driven_plate, "doubts", lambda *_: doubts_of(plate, 0.01, 0.0))
     assert curve_errors(plate, curve) is not None and curve_errors(charged, curve) is None
-    monkeypatch.setattr(peak_bars, "doubts", lambda *_: None)
+    monkeypatch.setattr(driven_plate, "doubts", lambda *_: None)
     assert curve_errors(plate, curve) is None
 
 

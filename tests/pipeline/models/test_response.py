@@ -13,9 +13,10 @@ import pytest
 
 from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
-from pipeline.models import response
+from pipeline.models.forced import _widest_bar
 from pipeline.planning.error_bar import WidestBar
 from solvers.control.identification import half_power_quality_factor
+from solvers.piezo import peak_errors
 from solvers.piezo.peak_errors import FrequencyErrors
 from tests.helpers.recording_log import RecordingLog
 
@@ -82,14 +83,14 @@ def test_the_widest_bar_of_the_band_and_its_largest_part_are_named(monkeypatch: 
     bars = np.array([[1e-3, 2e-3, 0.5], [3e-3, 1e-3, 0.5], [1e-3, 4e-3, 0.5]])
     tones = SimpleNamespace(frequency_hz=np.array([61e3, 70e3, 90e3])), SimpleNamespace(frequency_hz=np.array([65e3]))
     known = [FrequencyErrors(*bars), FrequencyErrors(*bars[:, :1])]
-    monkeypatch.setattr(response, "frequency_errors", lambda basis: known[basis is tones[1]])
+    monkeypatch.setattr(peak_errors, "frequency_errors", lambda basis: known[basis is tones[1]])
     forced: Any = SimpleNamespace(modes=tones)
-    widest = response._widest_bar(forced, 60e3, 80e3)
+    widest = _widest_bar(forced, 60e3, 80e3)
     assert widest.error == pytest.approx(7e-3) and widest.of == "the resonance at 70.0 kHz"
     assert widest.parts == {"mesh": 2e-3, "reduction": 1e-3, "bonding": 4e-3} and widest.largest_part == "bonding"
     bars[0, 0] = np.nan
-    assert response._widest_bar(forced, 60e3, 80e3).error is response._widest_bar(forced, 1e3, 2e3).error is None
-    assert response._widest_bar(forced, 69e3, 80e3).error == widest.error
+    assert _widest_bar(forced, 60e3, 80e3).error is _widest_bar(forced, 1e3, 2e3).error is None
+    assert _widest_bar(forced, 69e3, 80e3).error == widest.error
 
 
 def test_a_band_without_estimates_says_so(document: dict) -> None:

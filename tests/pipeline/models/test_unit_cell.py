@@ -8,7 +8,7 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.models import unit_cell
 from pipeline.planning import mesh_rules
-from pipeline.planning.calibration import MeshLevel
+from solvers.accuracy.calibration import MeshLevel
 from solvers.superelement.interface import Interface, ReductionSettings
 from tests.helpers.recording_log import RecordingLog
 

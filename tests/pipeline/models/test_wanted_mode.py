@@ -11,8 +11,7 @@ import pytest
 
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.models.modes import PartModes, solve_modes
-from pipeline.models.wanted_text import lines
+from pipeline.models.modes import PartModes, solve_modes, wanted_lines
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
 from tests.helpers import coarse_cells
@@ -73,7 +72,7 @@ def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(n
 def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
     lowest = plate_modes(None, 0.0, 3)
     assert lowest.wanted and lowest.wanted.status == "none" and lowest.bar is None
-    said = " ".join(lines(lowest, case().design))
+    said = " ".join(wanted_lines(lowest, case().design))
     assert "is expected between" in said and "do not reach it" in said
 
 

@@ -13,9 +13,10 @@ import pytest
 
 from geometry.hex.boxes import cell_boxes, hex_mesh, pillar_boxes, zone_boxes
 from pipeline.case.model import load_case
-from pipeline.planning import calibration, mesh_rules
-from pipeline.planning.calibration import HEX, SAFETY, Measured, table
+from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import ModelChoice, cell_model_choice, model_choice_of
+from solvers.accuracy import calibration
+from solvers.accuracy.calibration import HEX, SAFETY, Measured, table
 from studies import ladder
 
 CASE = Path(__file__).resolve().parents[3] / "studies" / "three-rows.toml"

@@ -9,11 +9,11 @@ from geometry.errors import MeshError
 from pipeline.case.model import Case, case_from_dict
 from pipeline.models import modes
 from pipeline.planning import foresight, mesh_rules, refinement
-from pipeline.planning.calibration import MeshLevel
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice, model_choice_of
 from pipeline.planning.refinement import EDGE_RATE, SHORTER, finer_mesh
 from pipeline.planning.resources import Demand
 from pipeline.questions.bands import Bands
+from solvers.accuracy.calibration import MeshLevel
 from solvers.errors import SolverError
 from tests.helpers.asked import solve_bands
 from tests.helpers.recording_log import RecordingLog

@@ -394,8 +394,8 @@ WORK = {
         "pipeline/models/bands.py",
         "pipeline/models/attenuation.py",
     ),
-    "patches": ("solvers/piezo/", "pipeline/models/patched_plate.py"),
-    "response": ("pipeline/models/response.py", "pipeline/board/export.py:modal_gains"),
+    "patches": ("solvers/piezo/", "pipeline/models/forced.py"),
+    "response": ("pipeline/models/forced.py", "pipeline/board/export.py:modal_gains"),
     "CAD": ("geometry/cad/", "geometry/tet/", "pipeline/models/cross_check.py"),
     "drawing": ("pipeline/plots/", "pipeline/report/"),
 }

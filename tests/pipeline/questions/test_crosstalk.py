@@ -17,7 +17,7 @@ from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models import driven_zones, parts
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.models.touch_parts import TouchStateRecord
 from pipeline.models.zone_parts import DrivenZone
 from pipeline.plots import style

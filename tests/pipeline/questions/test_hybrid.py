@@ -13,7 +13,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.models import hybrid
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.planning.plan import response_step
 from pipeline.questions.hybrid import Hybrid, HybridResult
 from pipeline.questions.question import ask

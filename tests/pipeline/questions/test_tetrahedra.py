@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.case.model import load_case
-from pipeline.models import cross_check, modes, wanted_search
+from pipeline.models import cross_check, modes, wanted
 from pipeline.paths import ROOT
 from pipeline.planning.mesh_rules import PLATE_TETRAHEDRA
 from pipeline.planning.model_choice import Expected
@@ -46,7 +46,7 @@ def test_a_window_without_the_expected_mode_is_widened_until_it_holds_it(
     """A weak mode of the right shape lies in the first window: it does not pass for the one expected."""
     solve = Spectrum()
     rows, known = solve(*window)
-    result = wanted_search.look_about(Expected(35e3, 0.28), known, rows, solve)
+    result = wanted.look_about(Expected(35e3, 0.28), known, rows, solve)
     assert result.row is SPECTRUM[2]
     assert (len(solve.asked) > 1) == widened
     assert result.count and result.count.expected == len(result.rows) and result.low_hz <= WANTED_HZ <= result.high_hz

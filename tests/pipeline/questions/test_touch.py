@@ -13,7 +13,7 @@ import pytest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from pipeline.models import touch
-from pipeline.models.patched_plate import forced_plate
+from pipeline.models.forced import forced_plate
 from pipeline.questions.touch import TouchResult
 from solvers.piezo.forced import ForcedPlate
 from studies.reproduction import _power_by_design

@@ -18,6 +18,7 @@ from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
+from solvers.accuracy.bands import reduction_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
@@ -25,7 +26,6 @@ from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
 from solvers.parametric.touch_face import APART, fitted_touch
 from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import reduction_error
 from solvers.superelement.symmetry import diagonal_image
 
 ALUMINIUM, STEEL = Material("aluminium", 70e9, 2700.0, 0.34), Material("steel", 200e9, 7800.0, 0.3)

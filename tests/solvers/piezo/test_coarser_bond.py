@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from solvers.accuracy.mesh import Shares
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
-from solvers.fem.mesh_error import Shares
 from solvers.piezo.coarser_bond import extrapolated_modes
 from solvers.piezo.patched_plate import CoarserBond, Group
 

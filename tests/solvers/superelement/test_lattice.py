@@ -14,13 +14,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.tiling import Panel
-from solvers.analytic.plate_waves import lamb_hz, shear_speed
-from solvers.errors import SolverError
-from solvers.fem.assembly import assemble
-from solvers.plates.assembled import Reductions
-from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, Waves
-from solvers.superelement.lattice_error import (
+from solvers.accuracy.bands import (
     _brought,
     cutoff_hz,
     further_degrees,
@@ -28,6 +22,12 @@ from solvers.superelement.lattice_error import (
     truncation,
     truncation_bars,
 )
+from solvers.analytic.plate_waves import lamb_hz, shear_speed
+from solvers.errors import SolverError
+from solvers.fem.assembly import assemble
+from solvers.plates.assembled import Reductions
+from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Lattice, Waves
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 

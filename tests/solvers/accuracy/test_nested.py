@@ -14,14 +14,14 @@ from geometry.layout import Design
 from geometry.materials import Material
 from geometry.tiling import lattice_panel
 from pipeline.case.model import load_case
+from solvers.accuracy.bands import mesh_error
+from solvers.accuracy.plate import AT_RIMS, mode_errors
 from solvers.fem.eigen import modes_in_band
 from solvers.plates import assembled
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
-from solvers.superelement.lattice_error import mesh_error
-from solvers.superelement.plate_error import AT_RIMS, mode_errors
 
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10

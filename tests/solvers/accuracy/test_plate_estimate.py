@@ -10,10 +10,10 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from solvers.accuracy.plate import mode_errors
 from solvers.fem.eigen import modes_near
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.plate_error import mode_errors
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

@@ -1,4 +1,4 @@
-"""The wanted mode of a part, searched by one rule (`solvers.measures.wanted_mode`) whatever was asked for.
+"""The wanted mode among the modes of a part, searched by one rule (`solvers.measures.wanted_mode`), and the verdict in words.
 
 What was asked for decides what is listed and saves solves. Where it lies elsewhere altogether, nothing is searched, and that
 is said.
@@ -6,14 +6,23 @@ is said.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from math import isfinite
+from typing import Any
 
-from pipeline.models.mode_parts import RivalRecord, WantedMode, WantedRecord
-from pipeline.planning.model_choice import Expected
-from solvers.fem.eigen import Count
+from geometry.layout import Design
+from pipeline.case.model import Case
+from pipeline.logs import Log
+from pipeline.models.mode_parts import ModeRecord, RivalRecord, WantedMode, WantedRecord
+from pipeline.planning.error_bar import WidestBar
+from pipeline.planning.model_choice import SIGNS, Expected
+from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
+from pipeline.records.part import live
+from solvers.fem.eigen import Count, Modes
+from solvers.measures.confinement import Confinement
 from solvers.measures.wanted_mode import (
+    CLEAR,
     NONE,
     Largest,
     Status,
@@ -26,8 +35,52 @@ from solvers.measures.wanted_mode import (
     weights,
 )
 
-if TYPE_CHECKING:
-    from pipeline.models.mode_rows import ModeRow
+
+class ModeRow(ModeRecord):
+    """One mode: its record, where its vector is (class and column), and what its bar is made of (relative)."""
+
+    column: int = live()
+    extension_db: float | None = live()
+    error_parts: dict[str, float] = live(default_factory=dict)
+
+
+def widest_bar(rows: Sequence[ModeRow]) -> WidestBar:
+    """Find the widest bar of some modes, and what it is made of; unknown where one of them has no bar."""
+    bars = [row.error for row in rows]
+    known = [bar for bar in bars if bar is not None]
+    if not known or len(known) < len(bars):
+        return WidestBar(None)
+    row = rows[bars.index(max(known))]
+    return WidestBar(row.error, f"the mode at {frequency(row.frequency_hz, row.error)}", row.error_parts)
+
+
+MEASURES = ("zone_share", "confinement_db", "mac", "strength", "extension_db")
+
+
+def mode_rows(modes: Modes, symmetry: str | None, measures: Confinement | None, first: int = 0) -> list[ModeRow]:
+    """Return one row a mode with columns counted from `first`; a measure without meaning is None."""
+    return [
+        ModeRow(
+            frequency_hz=float(frequency),
+            residual=float(modes.residual[i]),
+            symmetry=symmetry,
+            parity=SIGNS[symmetry] if symmetry else None,
+            error=None,
+            confinement_error_db=None,
+            column=first + i,
+            error_parts={},
+            **{name: _number(getattr(measures, name)[i]) if measures else None for name in MEASURES},
+        )
+        for i, frequency in enumerate(modes.frequency_hz)
+    ]
+
+
+def _number(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+# -- the search --------------------------------------------------------------------------------------------------------
+
 
 ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
 SURE = (
@@ -158,3 +211,61 @@ def _completed(
 
 def _joined(low: Count, high: Count) -> Count:
     return Count(low.low_hz, high.high_hz, low.expected + high.expected, low.found + high.found, low.below)
+
+
+# -- in words ----------------------------------------------------------------------------------------------------------
+
+
+def verdict_text(wanted: Wanted, design: Design) -> list[str]:
+    """Say which mode is the wanted one, or why none is."""
+    name, row = f"(0, {design.nodal_lines})", wanted.row
+    window = interval(wanted.low_hz, wanted.high_hz, to=" and ")
+    if row is None and wanted.count is None:
+        return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
+    if row is None:
+        return [f"No mode between {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
+    level_text = _level(row)
+    tone = frequency_with_bar(row.frequency_hz, row.error)
+    if wanted.status == "single":
+        return [f"wanted {name} mode: {tone}, {_alike(row)}{level_text}"]
+    others = "; ".join(_named(rival) for rival in wanted.rivals)
+    how = "is split among several modes" if others or not wanted.is_open else "may be split among several modes"
+    return [
+        f"The wanted {name} shape {how}: strongest at {tone}, "
+        f"{_alike(row)}{level_text}" + (f"; others: {others}" if others else _alone(row)) + _outside(wanted)
+    ]
+
+
+def _outside(wanted: Wanted) -> str:
+    """Say what modes that were not computed may carry, where that could rival the strongest."""
+    if not wanted.is_open or wanted.reach_hz is None:
+        return ""
+    reach = interval(*wanted.reach_hz)
+    most = figure(wanted.missing, wanted.missing)
+    return f"; modes outside the searched range of {reach} may have a strength of up to {most}"
+
+
+def _named(row: ModeRow) -> str:
+    tone = frequency_with_bar(row.frequency_hz, row.error)
+    return f"{tone} ({_alike(row)}{_level(row)})"
+
+
+def _alike(row: ModeRow) -> str:
+    return f"MAC {figure(row.mac, row.mac_error)}, strength {figure(row.strength, row.strength_error)}"
+
+
+def _level(row: ModeRow) -> str:
+    return "" if row.confinement_db is None else f", {with_bar(row.confinement_db, row.confinement_error_db, 'dB')}"
+
+
+def _alone(row: ModeRow) -> str:
+    return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
+
+
+def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
+    """Log which mode is the wanted one; a warning where none is, or where several share its shape."""
+    (said,) = verdict_text(wanted, case.design)
+    if wanted.status == "single":
+        log.info(said)
+    else:
+        log.warning("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)

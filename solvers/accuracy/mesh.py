@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial, inf, pi
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,7 +16,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.scenes import HexSettings
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, Mesh, jacobians
-from solvers.analytic.edge_singularity import (
+from solvers.accuracy.singularity import (
     Wedge,
     antiplane_exponent,
     clamped_edge_exponent,
@@ -28,6 +28,9 @@ from solvers.fem.assembly import Scale, elasticity
 from solvers.fem.eigen import SymmetricPencil, factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import Pencil, SolidModel
+
+if TYPE_CHECKING:
+    from solvers.superelement.cell import MeshError
 
 # -- nested meshes -----------------------------------------------------------------------------------------------------
 # The error of a mesh, told by two coarser ones nested in it: one without the innermost layer, one of an order less.
@@ -52,7 +55,7 @@ SHADE = (
 LONG = 0.6
 ALMOST_SMOOTH = 0.98  # an exponent: beyond, the layer brings next to nothing of an edge
 # of what the elements beside the innermost one miss by themselves, of motion in the plane across an edge and along it: as
-# finite elements about wedges tell (tests/solvers/analytic/test_rim_by_elements.py)
+# finite elements about wedges tell (tests/solvers/accuracy/test_rim_by_elements.py)
 OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 # of the layer's change what moves in the plane across a rim: 74 cells of `python -m studies.error_bars` and of seeds 7 and 8
 # err least with 0.65 to 0.85, and round pillars that twist have next to none of it
@@ -115,6 +118,11 @@ class Shares:
     def away(self, layer: FloatArray, order: FloatArray) -> FloatArray:
         """The part that waves have away from it."""
         return smooth_half_width(order - self.edge * layer, self.smooth, self.order, self.waves)
+
+
+def shares_of(error: MeshError) -> Shares:
+    """Return what the changes of a reduced cell by its coarser meshes show."""
+    return Shares(error.taken, error.spread, error.edge, doubt=SHADE if error.edge else 0.0, order=error.order)
 
 
 def smooth_half_width(change: FloatArray, share: float, order: int, waves: float = 1.0) -> FloatArray:

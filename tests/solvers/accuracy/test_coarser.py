@@ -14,8 +14,7 @@ from geometry.hex.boxes import hex_mesh, interpolation, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import Material
-from solvers.fem.eigen import modes_in_band
-from solvers.fem.mesh_error import (
+from solvers.accuracy.mesh import (
     LAYER,
     SMOOTH,
     UNRESOLVED,
@@ -30,6 +29,7 @@ from solvers.fem.mesh_error import (
     rim_shares,
     smooth_half_width,
 )
+from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 
 STEEL = Material("steel", 210e9, 7850.0, 0.3)

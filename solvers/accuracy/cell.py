@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
+from solvers.accuracy.mesh import Nested, Shares, StressRecovery
 from solvers.fem.factor.factoriser import side_by_side
-from solvers.fem.mesh_error import Nested, Shares, StressRecovery
 from solvers.superelement.cell import Cell, MeshError, check_rigid
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread

@@ -22,9 +22,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from solvers.accuracy.mesh import shares_of, smooth_half_width
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.fem.mesh_error import smooth_half_width
 from solvers.superelement.cell import Cell
 from solvers.superelement.plate import AssembledPlate
 
@@ -151,10 +151,11 @@ def by_mesh(
         changes = error.changes(plate.cell_vectors(placed_cell, vectors), value)
         by_layer, by_order = (placed_cell.copies * change for change in changes)
         taken += error.taken * by_layer
-        rim += error.shares.rim * by_layer
+        shares = shares_of(error)
+        rim += shares.rim * by_layer
         order += by_order - error.edge * by_layer
-        if shares := error.shares.doubt * error.taken:
-            beyond += shares * (by_layer - by_order / error.edge)
+        if shares.doubt:
+            beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
     known = [each.cell.mesh_error for each in plate.placed_cells]
     smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
     return taken, rims * np.abs(rim) + smooth + np.maximum(beyond, 0.0)

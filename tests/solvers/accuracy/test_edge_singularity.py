@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import brentq
 
 from geometry.materials import Material
-from solvers.analytic.edge_singularity import (
+from solvers.accuracy.singularity import (
     CLAMPED,
     FREE,
     Wedge,

@@ -9,9 +9,9 @@ import pytest
 
 from geometry.materials import Material
 from geometry.mesh import Mesh
+from solvers.accuracy.mesh import StressRecovery
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_in_band
-from solvers.fem.mesh_error import StressRecovery
 from solvers.fem.solid import SolidModel
 from tests.helpers import bodies
 

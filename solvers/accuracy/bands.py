@@ -16,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
+from solvers.accuracy.mesh import shares_of
+from solvers.accuracy.plate import ModeErrors, mode_errors
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.periodic import Periodic
 
 HIDDEN, BEYOND = (
     0.3,
@@ -156,6 +159,17 @@ def _brought(lattice: Lattice, waves: Waves, degree: IntArray) -> FloatArray:
     return np.where(moving, parts / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
 
 
+def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and what truncation and the cells' meshes may
+    put each of them off by.
+    """
+    tones, waves = row.waves(wavevector, count)
+    plate, moving, errors_of = row.at(wavevector), tones > STILL * tones[-1], np.zeros((5, len(tones)))
+    errors = mode_errors(plate, plate.pencil(), waves[:, moving], rims=1.0)
+    errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
+    return tones, ModeErrors(*errors_of)
+
+
 def _moving(waves: Waves) -> BoolArray:
     """Which are no rigid-body waves, (n,)."""
     return np.asarray(waves.frequency_hz > STILL * waves.frequency_hz[-1])
@@ -173,4 +187,4 @@ def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
     moving = _moving(waves)
     changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
     layer, order = (np.where(moving, change, 0.0) for change in changes)
-    return MeshErrors(error.taken * layer, error.shares.of_modes(waves.eigenvalue, layer, order))
+    return MeshErrors(error.taken * layer, shares_of(error).of_modes(waves.eigenvalue, layer, order))

@@ -13,8 +13,8 @@ from scipy.sparse.linalg import spsolve
 
 from geometry.elements import FloatArray
 from geometry.materials import Material
-from solvers.analytic.edge_singularity import Wedge, antiplane_exponent, edge_exponent, rim_error, rim_wedges
-from solvers.fem.mesh_error import OUTER_ACROSS, OUTER_ALONG
+from solvers.accuracy.mesh import OUTER_ACROSS, OUTER_ALONG
+from solvers.accuracy.singularity import Wedge, antiplane_exponent, edge_exponent, rim_error, rim_wedges
 
 FACTOR, REACH, POINTS = 0.15, 3, 24  # of a layer; elements from the rim to where the load is; of the quadrature there
 WITHIN = 0.07  # of a share: a sum of one-dimensional errors stands for elements that share their nodes
