@@ -43,8 +43,7 @@ class Tiling:
     """Grid lines x (nx + 1) and y (ny + 1) in m, symmetric about 0, and the foot in each panel, {(i, j): (x, y)}.
 
     mirrored: whether a pillar is its own mirror image, and with it the plate. pillars: those of the rows of panels j, where
-    rows of pillars differ. periodic: the tiling repeats along x and y, and no side of it is free. lines_m: y where parts of the
-    touch face meet.
+    rows of pillars differ. lines_m: y where parts of the touch face meet.
     """
 
     x: FloatArray
@@ -52,7 +51,6 @@ class Tiling:
     feet: dict[tuple[int, int], tuple[float, float]]
     mirrored: bool = True
     pillars: Mapping[int, Pillar] = field(default_factory=dict)
-    periodic: bool = False
     lines_m: tuple[float, ...] = ()
 
     def panel(self, i: int, j: int) -> Panel:
@@ -80,7 +78,7 @@ class Tiling:
 
     def free_sides(self, i: int, j: int) -> tuple[str, ...]:
         """Sides of panel (i, j) to which nothing is attached and nothing need be."""
-        if self.periodic or (i, j) not in self.feet:
+        if (i, j) not in self.feet:
             return ()
         ends = {"x-": i == 0, "x+": i == len(self.x) - 2, "y-": j == 0, "y+": j == len(self.y) - 2}
         return tuple(side for side, at_end in ends.items() if at_end)

@@ -122,7 +122,7 @@ class Case:
         self.require_one_kind(command)
         if self.design.stagger:
             where = self.source if self.source is not None else self.name
-            what = f"{command} of rows in line alone; bands, modes, response and search know staggered ones"
+            what = f"{command} of rows in line alone; attenuation, bands, modes, response and search take staggered ones, too"
             raise InputError(f"{where}: array.stagger = true: {what}")
 
     def to_dict(self) -> dict[str, Any]:

@@ -401,7 +401,7 @@ def _flexural_db(row: Row, frequency_hz: float) -> float | None:
     waves = row.waves(frequency_hz)
     kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
     ky = waves.wavenumber_per_m[kept]
-    labels = label_of(row.cell, waves.dofs[:, kept], np.vstack([np.full(len(ky), row.kx, dtype=complex), ky]))
+    labels = label_of(row.periodic, waves.dofs[:, kept], np.vstack([np.full(len(ky), row.kx, dtype=complex), ky]))
     flexural = [
         abs(float(waves.db_per_row[i])) for i, label in zip(kept, labels, strict=True) if label.name == "flexural"
     ]

@@ -13,6 +13,7 @@ from geometry.elements import BoolArray
 from geometry.lattice import path_through
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models.bands import corner_bar, staggered_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
@@ -22,6 +23,8 @@ from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.plates.column import level_bars
 from solvers.superelement.interface import Interface
+from solvers.superelement.lattice import Lattice
+from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, stacked
@@ -71,24 +74,64 @@ def solve(
     model
         The reduced cell of the case's bands, where there is one already.
     """
-    low, high = band_hz
     meshes: list[MeshRecord] = []
-    if model is None or model.lattice.cell.dropped_hz < CLEAR * high:  # a cell of low bands alone leaves out too much
-        path = path_through(case.bands.path, 1, case.design.pitch_x_m, case.design.pitch_y_m)
-        corners = path.wavevectors[[segment.last for segment in path.segments]]
-        model = lattice_model(case, choice, corners, log, meshes, high_hz=high)
-    cell = model.lattice.cell  # the one that the bands use: reduced once for both
-    row, coarser, bare = Row(cell, kx), _coarser(model, kx), _kept(KeptRow(bare_cell(case, cell.interface, log), kx))
-    rows = case.design.rows
+    (low, high), rows = band_hz, case.design.rows
+    make = _staggered if case.design.stagger else _in_line
+    cells = make(case, choice, log, high, meshes, model)
+    row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
     with log.step(f"{points} frequencies"):
         samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
-    expected = error_bar.log_mesh_error(choice, case, log, model.mesh_error)
+    expected = error_bar.log_mesh_error(choice, case, log, cells.mesh_error)
     with log.step("error bars of the decay"):
-        error = None if expected is None else expected + model.reduction_error
+        error = None if expected is None else expected + cells.reduction_error
         samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
     _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, rows, tone), error, log)
-    pitch_y_m, reduction = case.design.pitch_y_m, model.reduction_error
-    return SolvedAttenuation(model.name, kx, pitch_y_m, rows, expected, reduction, samples, meshes)
+    pitch_y_m = case.design.pitch_y_m
+    return SolvedAttenuation(cells.name, kx, pitch_y_m, rows, expected, cells.reduction_error, samples, meshes)
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """A row, the same with one degree less along its sides, the plate beside it, and relative errors of the row's bands."""
+
+    name: str
+    row: Periodic
+    coarser: Periodic
+    bare: Periodic
+    mesh_error: float | None
+    reduction_error: float
+
+
+def _in_line(
+    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None
+) -> _Cells:
+    """The cell that the bands use, reduced once for both; a cell of low bands alone leaves out too much."""
+    if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
+        path = path_through(case.bands.path, 1, *case.design.cell_m)
+        corners = path.wavevectors[[segment.last for segment in path.segments]]
+        model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz)
+    cell = model.lattice.cell
+    row, bare = Periodic([cell]), Periodic([bare_cell(case, cell.interface, log)])
+    return _Cells(model.name, row, _coarser(row), bare, model.mesh_error, model.reduction_error)
+
+
+def _staggered(
+    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None
+) -> _Cells:
+    """A row of staggered ones, which is reduced for the bands in the same way."""
+    assert choice.reduction
+    reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
+    path = path_through(case.bands.path, 1, *case.design.cell_m)
+    choice, cell = staggered_cell(case, replace(choice, reduction=reduction), path, log)
+    by_mesh, truncated = corner_bar(cell, path, case.bands.count)
+    return _Cells(choice.name, cell.row, _coarser(cell.row), cell.bare, by_mesh, truncated)
+
+
+def _coarser(row: Periodic) -> Periodic:
+    """The same row with boundary functions of one degree less along its sides."""
+    face = row.cells[0].interface
+    lower = Interface(max(face.along - 1, 1), face.through)
+    return Periodic([Lattice(cell).up_to(lower, cell.dropped_hz).cell for cell in row.cells], row.shift)
 
 
 _last: list[KeptRow] = []
@@ -99,13 +142,6 @@ def _kept(row: KeptRow) -> KeptRow:
     if not (_last and _last[0].same == row.same):
         _last[:] = [row]
     return _last[0]
-
-
-def _coarser(model: LatticeModel, kx: float) -> Row:
-    """The same row with boundary functions of one degree less along its sides."""
-    cell = model.lattice.cell
-    face = Interface(max(cell.interface.along - 1, 1), cell.interface.through)
-    return Row(model.lattice.up_to(face, cell.dropped_hz).cell, kx)
 
 
 def carried(waves: RowWaves, fewer: RowWaves) -> BoolArray:
@@ -181,7 +217,7 @@ def _waves(row: Row, coarser: Row, frequency_hz: float, row_waves: RowWaves) -> 
 
 
 def _described(row: Row, row_waves: RowWaves, kept: Any) -> list[Wave]:
-    labels = label_of(row.cell, row_waves.dofs[:, kept], wavevectors(row, row_waves, kept))
+    labels = label_of(row.periodic, row_waves.dofs[:, kept], wavevectors(row, row_waves, kept))
     waves = []
     for index, label in zip(kept, labels, strict=True):
         ky, db = row_waves.wavenumber_per_m[index], abs(float(row_waves.db_per_row[index]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -11,6 +11,8 @@ import numpy as np
 from geometry.decimation import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
 from geometry.lattice import Path, path_through, zone_grid
+from geometry.layout import Design
+from geometry.tiling import lattice_panel
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -26,9 +28,10 @@ from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.fem.mesh_error import largest
 from solvers.plates.assembled import Reductions
-from solvers.plates.supercell import Supercell, staggered_tiling
+from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.lattice_error import MeshErrors, mesh_error, truncation_bars
+from solvers.superelement.periodic import Periodic
 from solvers.superelement.plate_error import ModeErrors
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
@@ -132,7 +135,7 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
     return {f"{side}_error": nearest_error(frequencies_hz, errors, getattr(gap, f"{side}_hz")) for side in sides}
 
 
-AnyCell = TypeVar("AnyCell", WholeCell, Supercell)
+AnyCell = TypeVar("AnyCell", WholeCell, "StaggeredCell")
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
 MAX_POINTS = 500
@@ -293,30 +296,63 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
 
 
 def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Join the panels of two staggered rows."""
-    design = case.design
-
-    def joined(choice: ModelChoice) -> Supercell:
-        assert choice.reduction
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, choice.reduction, CellCache())
-        with log.step("reduce the panels of two rows"):
-            return Supercell(staggered_tiling(design), reductions)
-
-    choice, cell = _fine_enough(case, choice, path, joined, log)
+    """Solve the cell of staggered rows, its bands folded into the zone of the rectangle of two rows."""
+    choice, cell = staggered_cell(case, choice, path, log)
     return _sampled(case, choice.name, cell, path, [], log)
+
+
+@dataclass(frozen=True)
+class StaggeredCell:
+    """One row of staggered ones: a panel with a pillar and a bare one, each half a pitch wide; and the bare row."""
+
+    row: Periodic
+    bare: Periodic
+
+    @classmethod
+    def of(cls, design: Design, reduction: ReductionSettings) -> StaggeredCell:
+        """Reduce the panels of a design's rows."""
+        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+        narrow = replace(design, pitch_x_m=design.pitch_x_m / 2.0)
+        cells = [reductions.cell(lattice_panel(each)) for each in (narrow, replace(narrow, pillar=None))]
+        return cls(Periodic(cells, shift=1), Periodic(cells[1:] * 2, shift=1))
+
+    @property
+    def dof(self) -> int:
+        """Free degrees of freedom at a wavevector."""
+        return self.row.dof
+
+    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+        """The `count` lowest frequencies in Hz at a wavevector (2,) in rad/m of the rectangle of two rows, and their errors.
+
+        Waves of the lattice at k and at k + (2 pi / a, 0), a the pitch along x, are its waves at k.
+        """
+        folded = np.array([2.0 * np.pi / self.row.vectors_m[0, 0], 0.0])
+        (one, its), (two, others) = (self.row.solve(k, count) for k in (wavevector, wavevector + folded))
+        tones = np.concatenate([one, two])
+        lowest = np.argsort(tones, kind="stable")[:count]
+        errors = (np.concatenate([getattr(each, f.name) for each in (its, others)])[lowest] for f in fields(ModeErrors))
+        return tones[lowest], ModeErrors(*errors)
+
+
+def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell]:
+    """The cell of staggered rows on the first mesh that meets the accuracy at the path's corners, and its choice."""
+
+    def joined(choice: ModelChoice) -> StaggeredCell:
+        assert choice.reduction
+        with log.step("reduce the panels of a row"):
+            return StaggeredCell.of(case.design, choice.reduction)
+
+    return _fine_enough(case, choice, path, joined, log)
 
 
 def _fine_enough(
     case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
 ) -> tuple[ModelChoice, AnyCell]:
     """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds."""
-    corners = path.wavevectors[[segment.last for segment in path.segments]]
 
     def bar(cell: AnyCell) -> tuple[float | None, float]:
         with log.step("error of the mesh at the path's corners"):
-            _, estimates = _each_once(corners, case.bands.count, cell.solve)
-        truncated = MARGIN * max(float(each.total.max()) for each in estimates)
-        return largest(np.concatenate([each.mesh for each in estimates])), truncated
+            return corner_bar(cell, path, case.bands.count)
 
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
@@ -324,8 +360,16 @@ def _fine_enough(
     return on_finer_meshes((choice, build(choice)), bar, build, demand, case, log)
 
 
+def corner_bar(cell: WholeCell | StaggeredCell, path: Path, count: int) -> tuple[float | None, float]:
+    """Half-widths of the lowest bands' bars at the path's corners, relative: by the mesh (None: unknown), by truncation."""
+    corners = path.wavevectors[[segment.last for segment in path.segments]]
+    _, estimates = _each_once(corners, count, cell.solve)
+    truncated = MARGIN * max(float(each.total.max()) for each in estimates)
+    return largest(np.concatenate([each.mesh for each in estimates])), truncated
+
+
 def _sampled(
-    case: Case, name: str, cell: WholeCell | Supercell, path: Path, meshes: list[MeshRecord], log: Log
+    case: Case, name: str, cell: WholeCell | StaggeredCell, path: Path, meshes: list[MeshRecord], log: Log
 ) -> SolvedBands:
     """Solve a cell that gives frequencies and sampled gaps only."""
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")

@@ -177,7 +177,7 @@ def transmitted_shares(stack: RowStiffness, bare: Row, frequency_hz: float) -> T
     going = np.flatnonzero(half.flux > 0.0)
     if not len(going):
         return None
-    labels = [label.name for label in label_of(bare.cell, half.dofs[:, going], wavevectors(bare, half, going))]
+    labels = [label.name for label in label_of(bare.periodic, half.dofs[:, going], wavevectors(bare, half, going))]
     if "flexural" not in labels:
         return None
     incoming = int(going[labels.index("flexural")])

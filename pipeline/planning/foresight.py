@@ -467,13 +467,15 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     inside = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
     if case.design.stagger:
         path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
-        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + inside)
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, 2.0 * (min(wavevectors, path) + inside))  # folded
     return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + inside, COARSE_CELLS)
 
 
 def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     """Demand of complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
+    if case.design.stagger:
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, frequencies)
     return _of_cell(case, _advised(case, choice), 2.0 * DENSE_OPERATIONS, frequencies, COARSE_CELLS)
 
 
@@ -533,10 +535,10 @@ def _reduced_cell(case: Case, choice: ModelChoice, reduction: ReductionSettings)
     if design.pillar:
         functions = min(_kept_modes(case, reduction, pitch, mesh), 0.8 * mesh.dofs)
     reducing = panel_reduction(mesh, face, functions, copies, "d" in design.cell_mirrors and len(halved) == 2)
-    cells = 2 if design.stagger else 1  # of two rows: two panels with a pillar, two bare ones
+    cells = 2 if design.stagger else 1  # of a row: a panel with a pillar and a bare one
     whole = face.count + functions
     reducing = replace(reducing, operations=reducing.operations + cells * (CELL_OPERATIONS + LOWERED * whole**3))
-    return reducing, round(cells**2 * (face.vertex_block + 2 * face.side_block) + cells * functions), cells * whole
+    return reducing, round(cells * (face.vertex_block + 2 * face.side_block + functions)), cells * whole
 
 
 def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, float], mesh: MeshCounts) -> float:

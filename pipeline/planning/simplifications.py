@@ -176,8 +176,6 @@ def no_lattice(design: Design, measure: str) -> Simplification | None:
     """Leave out bands without a pitch, attenuation without a pitch or pillars, and both where rows differ."""
     if design.is_graded:
         return Simplification("no_lattice", measure, "rows differ: no unit cell stands for all of them")
-    if measure == "attenuation" and design.stagger:
-        return Simplification("no_lattice", measure, "rows are staggered: cells of neighbouring rows are not in line")
     no_pitch = design.pitch_x_m != design.pitch_x_m
     if measure == "bands" and no_pitch:
         return Simplification("no_lattice", "bands", "the case has no pitch")

@@ -249,7 +249,7 @@ class Attenuation(
         from pipeline.planning.model_choice import SOLID
 
         super().check(case)
-        case.require_lattice("decay per row is")
+        case.require_one_kind("decay per row is")
         if self.kx_per_m is None:
             case.require("zone", command="attenuation without --kx")
         if case.solve.model == SOLID:

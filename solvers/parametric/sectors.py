@@ -15,8 +15,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import boundary_phases
+from solvers.superelement.interface import Interface, Ties
 
 ROOT = float(np.sqrt(0.5))
 RANK = 1e-9  # of the largest singular value
@@ -123,7 +122,7 @@ def _basis(
     face: Interface, symmetry: Symmetry, classes: tuple[FloatArray, ...], members: tuple[Member, ...], phase: FloatArray
 ) -> FloatArray:
     """An orthonormal real basis of the boundary motions that keep Bloch's condition in a sector, (rows, m)."""
-    waves = boundary_phases(face, phase)
+    waves = Ties(face, [0]).closed(phase)
     pieces: dict[int, ComplexArray] = {}
     for number, factor in members:
         turn = 1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j

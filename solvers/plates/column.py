@@ -19,7 +19,7 @@ from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profi
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh
+from solvers.superelement.plate_error import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 
@@ -111,12 +111,8 @@ def mode_errors(
     What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
     sides brought bounds the next ones.
     """
-    modes = np.zeros_like(value)
-    for place in column.placed_cells:
-        local = np.where(place.dofs[:, None] >= 0, vectors[np.maximum(place.dofs, 0)], 0.0)
-        with np.errstate(invalid="ignore"):
-            growth = place.cell.residual.growth(value)
-            modes += 0.5 * value * growth * _energy(local, place.row.flexibility @ local)
+    with np.errstate(invalid="ignore"):
+        modes = by_modes(column, value, vectors)
     modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
     along, layer = (_brought(column, pencil, value, vectors, part) for part in (_last_bubbles, _last_layer))
     return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))

@@ -6,16 +6,18 @@ Legendre polynomials through the thickness. Opposite sides carry the same functi
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.hex.scenes import HexSettings
 
 VERTICES = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 SIDES = ("x-", "x+", "y-", "y+")
+OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))  # of the vertex lines from the first, in cells
 
 
 @dataclass(frozen=True)
@@ -74,7 +76,7 @@ class Interface:
     @property
     def free(self) -> IntArray:
         """One vertex line and one side along each axis, which the others of a lattice follow, (free,)."""
-        return np.concatenate([self.vertex(0), self.side(0), self.side(2)])
+        return np.concatenate([self.vertex(0), self.side(2), self.side(0)])
 
     def within(self, smaller: Interface) -> IntArray:
         """Degrees of freedom of an interface of lower degrees among these, in its order."""
@@ -137,6 +139,61 @@ class Interface:
         columns = columns * np.sign(leading)
         _, once = np.unique(np.round(columns, 9), axis=1, return_index=True)
         return np.asarray(columns[:, np.sort(once)])
+
+
+class Ties:
+    """What each degree of freedom of cells side by side follows in a lattice: u(r + a) = u(r) exp(i k.a).
+
+    a1 leads from the first of the cells to the next one's place beyond the last, a2 to the next row, `shift` cells further on.
+    Free are the lower edge and what lies inside; a row left open keeps its upper edge free, too.
+
+    column (dof,): the free one, numbered [lower edge, inside], an edge as [vertex line, side] of each cell; offset (dof, 2): by
+    how many a1 and a2 it lies beyond it. edge, inside: how many there are of both.
+    """
+
+    def __init__(self, face: Interface, modes: Sequence[int], shift: int = 0) -> None:
+        self.count, self.shift = len(modes), shift
+        self.edge = self.count * (face.vertex_block + face.side_block)
+        self.inside = self.count * face.side_block + sum(modes)
+        self.starts = np.cumsum([0, *(face.count + own for own in modes)])
+        self.column = np.empty(self.starts[-1], dtype=np.int64)
+        self.offset = np.zeros((self.starts[-1], 2))
+        fixed = self.edge + self.count * face.side_block
+        for index, own in enumerate(modes):
+            start = int(self.starts[index])
+            self._tie(face, start, index)
+            self.column[start + face.count : start + face.count + own] = fixed + np.arange(own)
+            fixed += own
+
+    def _tie(self, face: Interface, start: int, index: int) -> None:
+        """The boundary of cell `index`, whose degrees of freedom begin at `start`."""
+        block = face.vertex_block + face.side_block
+        along_y = [(face.vertex(corner), dx, dy, 0, block) for corner, (dx, dy) in enumerate(OFFSETS)]
+        along_y += [(face.side(2 + dy), 0, dy, face.vertex_block, block) for dy in (0, 1)]
+        along_x = [(face.side(dx), dx, 0, self.edge, face.side_block) for dx in (0, 1)]
+        for dofs, dx, dy, first, step in along_y + along_x:
+            periods, place = divmod(index + dx - dy * self.shift, self.count)
+            self.column[start + dofs] = first + place * step + np.arange(len(dofs))
+            self.offset[start + dofs] = periods, dy
+
+    @property
+    def dof(self) -> int:
+        """Free degrees of freedom of the lattice."""
+        return self.edge + self.inside
+
+    def closed(self, phase: FloatArray) -> ComplexArray:
+        """T (dof, free) of the lattice, at phases (2,) of a1 and a2."""
+        return self._transform(self.column, phase, self.dof)
+
+    def open(self, phase: FloatArray) -> ComplexArray:
+        """T (dof, free) of the row with [lower edge, upper edge, inside], at phases (2,) of a1 and a2."""
+        beyond = (self.offset[:, 1] > 0.0) | (self.column >= self.edge)
+        return self._transform(self.column + self.edge * beyond, phase, self.dof + self.edge)
+
+    def _transform(self, column: IntArray, phase: FloatArray, width: int) -> ComplexArray:
+        out = np.zeros((len(column), width), dtype=complex)
+        out[np.arange(len(column)), column] = np.exp(1j * self.offset @ phase)
+        return out
 
 
 def bubble_functions(s: FloatArray, degree: int) -> FloatArray:

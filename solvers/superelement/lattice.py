@@ -16,15 +16,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
 
-from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import OFFSETS, Interface, Ties
 from solvers.superelement.symmetry import C2Symmetry, c2_symmetry
 from solvers.threads import one_thread
 
 ROUNDING = 1e-12  # of the pencil's norms: smaller eigenvalues are rigid-body modes
-OFFSETS = ((0, 0), (1, 0), (0, 1), (1, 1))
 EQUAL = 1e-7  # relative distance of eigenvalues that count as one
 SPARE = 4  # waves above those asked for, which what is left out couples them with
 
@@ -49,15 +48,8 @@ class Lattice:
 
     def __init__(self, cell: Cell) -> None:
         self.cell = cell
-        face = cell.interface
-        width = face.vertex_block + 2 * face.side_block
-        self.dof = width + len(cell.fixed_hz)
-        column, offset = _followed(face)
-        modes = len(cell.fixed_hz)
-        self.column = np.concatenate(
-            [column, width + np.arange(modes)]
-        )  # the free degree of freedom that each of the cell's follows
-        self.offset = np.vstack([offset, np.zeros((modes, 2))])  # and by how many pitches it lies beyond it
+        ties = Ties(cell.interface, [len(cell.fixed_hz)])
+        self.dof, self.column, self.offset = ties.dof, ties.column, ties.offset
 
     @cached_property
     def _steps(self) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -239,25 +231,6 @@ def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
     apart = np.diff(eigenvalue) > np.maximum(EQUAL * np.abs(eigenvalue[1:]), rounding)
     bounds = [0, *(np.flatnonzero(apart) + 1), len(eigenvalue)]
     return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
-
-
-def _followed(face: Interface) -> tuple[IntArray, FloatArray]:
-    """For each boundary degree of freedom the free one that it follows, (count,), and by how many pitches it lies beyond it."""
-    column, offset = np.empty(face.count, dtype=np.int64), np.zeros((face.count, 2))
-    for index, step in enumerate(OFFSETS):
-        column[face.vertex(index)], offset[face.vertex(index)] = np.arange(face.vertex_block), step
-    for index, step in enumerate((OFFSETS[0], OFFSETS[1], OFFSETS[0], OFFSETS[2])):
-        start = face.vertex_block + (index // 2) * face.side_block
-        column[face.side(index)], offset[face.side(index)] = start + np.arange(face.side_block), step
-    return column, offset
-
-
-def boundary_phases(face: Interface, phase: FloatArray) -> ComplexArray:
-    """The boundary's motion from the free boundary degrees of freedom at phases (2,) a pitch, (count, free)."""
-    column, offset = _followed(face)
-    out = np.zeros((face.count, face.vertex_block + 2 * face.side_block), dtype=complex)
-    out[np.arange(face.count), column] = np.exp(1j * offset @ phase)
-    return out
 
 
 def _times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:

@@ -21,7 +21,7 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
-from solvers.superelement.cell import Cell, Expansion, SurfaceRule
+from solvers.superelement.cell import Cell, Expansion, SurfaceRule, with_further
 from solvers.superelement.interface import SIDES, VERTICES, Interface
 
 WHOLE = ""  # no mirror: every panel is assembled
@@ -73,6 +73,11 @@ class AssembledPlate:
     def cells(self) -> list[Cell]:
         """The different cells."""
         return list({id(placed_cell.cell): placed_cell.cell for placed_cell in self.placed_cells}.values())
+
+    def widened(self) -> AssembledPlate:
+        """The same with the further boundary functions that its cells know."""
+        cells = {key: with_further(cell) for key, cell in self.grid.cells.items()}
+        return AssembledPlate(self.tiling, cells, self.symmetry)
 
     def pencil(self) -> PlainPencil:
         """K and M of the class, per whole plate."""

@@ -25,7 +25,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.mesh_error import smooth_half_width
-from solvers.superelement.cell import Cell, with_further
+from solvers.superelement.cell import Cell
 from solvers.superelement.plate import AssembledPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
@@ -64,8 +64,37 @@ class ModeErrors:
         return self.modes + self.by_degrees
 
 
+class Assembly(Protocol):
+    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
+
+    @property
+    def placed_cells(self) -> Sequence[Any]:
+        """The cells in their places."""
+
+    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
+        """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
+
+
+class Joined(Assembly, Protocol):
+    """An assembly whose degrees of freedom are its cells' own, each placed with `dofs` and a `coefficient`."""
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of all."""
+
+    @property
+    def cells(self) -> Sequence[Cell]:
+        """The different cells."""
+
+    def pencil(self) -> PlainPencil:
+        """K and M."""
+
+    def widened(self) -> Joined:
+        """The same with the further boundary functions that its cells know."""
+
+
 def mode_errors(
-    plate: AssembledPlate, pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+    plate: Joined, pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> ModeErrors:
     """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex.
 
@@ -107,17 +136,6 @@ def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArra
     return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
-class Assembly(Protocol):
-    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
-
-    @property
-    def placed_cells(self) -> Sequence[Any]:
-        """The cells in their places."""
-
-    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
-        """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
-
-
 def by_mesh(
     plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> tuple[FloatArray, FloatArray]:
@@ -152,16 +170,14 @@ def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexAr
     return np.asarray(0.5 * value * total)
 
 
-def _by_further(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
     """Half of r' (K_ee - l M_ee)^-1 r over the modes' l, e the further functions of the cells and l the largest, (k,).
 
     Infinite where those have modes of their own below.
     """
     if not len(value):
         return np.zeros(0)
-    wide = AssembledPlate(
-        plate.tiling, {key: with_further(cell) for key, cell in plate.grid.cells.items()}, plate.symmetry
-    )
+    wide = plate.widened()
     pencil, place = wide.pencil(), _places(plate, wide)
     fresh = np.setdiff1d(np.arange(wide.dof), place)
     stiffness, mass = (sp.csr_array(matrix)[fresh] for matrix in (pencil.stiffness, pencil.mass))
@@ -173,7 +189,7 @@ def _by_further(plate: AssembledPlate, value: FloatArray, vectors: FloatArray | 
     return _energy(force, factor.solve(force)) / (2.0 * value)
 
 
-def _places(plate: AssembledPlate, wide: AssembledPlate) -> IntArray:
+def _places(plate: Joined, wide: Joined) -> IntArray:
     """Where the plate's degrees of freedom stand among those with further functions, (dof,)."""
     out = np.empty(plate.dof, dtype=np.int64)
     for one, other in zip(plate.placed_cells, wide.placed_cells, strict=True):
@@ -184,7 +200,7 @@ def _places(plate: AssembledPlate, wide: AssembledPlate) -> IntArray:
     return out
 
 
-def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
+def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
     """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
     chosen = np.zeros(plate.dof, dtype=bool)
     for placed_cell in plate.placed_cells:
@@ -194,7 +210,7 @@ def _dofs(plate: AssembledPlate, of_cell: Callable[[Cell], IntArray]) -> BoolArr
     return chosen
 
 
-def last_degree(plate: AssembledPlate) -> BoolArray:
+def last_degree(plate: Joined) -> BoolArray:
     """Which of the plate's degrees of freedom are the bubbles of the highest degree, (dof,)."""
     return _dofs(plate, _last_bubbles)
 

@@ -15,6 +15,7 @@ from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice, Waves, degenerate
+from solvers.superelement.periodic import Periodic
 
 # -- branches ----------------------------------------------------------------------------------------------------------
 # Waves followed along a path through their crossings, by the modal overlap of their shapes.
@@ -204,28 +205,34 @@ class Label:
     pillar_share: float
 
 
-def label_of(cell: Cell, dofs: ComplexArray, wavevector: ComplexArray, with_pillars: bool = False) -> list[Label]:
-    """Labels of waves with degrees of freedom (cell dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
+def label_of(
+    cells: Cell | Periodic, dofs: ComplexArray, wavevector: ComplexArray, with_pillars: bool = False
+) -> list[Label]:
+    """Labels of waves with the cells' degrees of freedom (dof, n) at wavevectors (2, n) in rad/m, complex where they decay.
 
     Flexural: <|u_z|^2> above a quarter of <|u|^2> (pillars on one face mix in-plane motion into every wave), means
     through the thickness and along the boundary lines. Else longitudinal
     when the plane wave exp(i (k + G).r) that u resembles most has u || k + G, else shear; at k = 0 give a short
     vector for the direction meant. "pillar" with `with_pillars` where the pillar has over half of the kinetic energy.
     """
-    motion, weights = _line_motion(cell, dofs)
+    of = cells if isinstance(cells, Periodic) else Periodic([cells])
+    points, weights, motion = _line_motion(of, dofs)
     square = np.einsum("p,pck->ck", weights, np.abs(motion) ** 2)
     flexural = square[2] / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
-    longitudinal = _longitudinal(cell, motion, np.asarray(wavevector, dtype=complex))
-    pillar = pillar_share(cell, dofs)
+    longitudinal = _longitudinal(of, points, weights[:, None, None] * motion[:, :2], weights, np.asarray(wavevector))
+    pillar = pillar_share(of, dofs)
     return [
         _label(float(out), float(along), float(moving), with_pillars)
         for out, along, moving in zip(flexural, longitudinal, pillar, strict=True)
     ]
 
 
-def pillar_share(cell: Cell, dofs: ComplexArray) -> FloatArray:
-    """The pillar's share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
-    part, whole = (np.einsum("ik,ik->k", dofs.conj(), matrix @ dofs).real for matrix in (cell.pillar_mass, cell.mass))
+def pillar_share(cells: Periodic, dofs: ComplexArray) -> FloatArray:
+    """The pillars' share of the kinetic energy, u^H M_pillar u / u^H M u, (n,)."""
+    part, whole = (
+        sum(np.einsum("ik,ik->k", own.conj(), getattr(cell, name) @ own).real for cell, own in cells.parts(dofs))
+        for name in ("pillar_mass", "mass")
+    )
     return np.asarray(np.clip(part / whole, 0.0, 1.0))
 
 
@@ -235,12 +242,17 @@ def _label(flexural: float, longitudinal: float, pillar: float, with_pillars: bo
     return Label("pillar" if with_pillars and pillar > HALF else plate, plate, flexural, longitudinal, pillar)
 
 
-def _line_motion(cell: Cell, dofs: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Thickness means (points, 3, n) at quadrature points of the four sides, and the points' weights (sum 1)."""
-    face = cell.interface
-    _, weights, values = _lines(face, cell.size_m[:2])
-    layer = dofs[: face.count].reshape(-1, 3, dofs.shape[1])[:: face.layers]
-    return np.tensordot(values, layer, axes=1), weights
+def _line_motion(cells: Periodic, dofs: ComplexArray) -> tuple[FloatArray, FloatArray, ComplexArray]:
+    """Quadrature points (points, 2) in m on the sides of the cells, their weights (sum 1), thickness means (points, 3, n)."""
+    points, weights, motion = [], [], []
+    for (cell, own), middle_m in zip(cells.parts(dofs), cells.middles_m, strict=True):
+        face = cell.interface
+        place, weight, values = _lines(face, cell.size_m[:2])
+        layer = own[: face.count].reshape(-1, 3, own.shape[1])[:: face.layers]
+        points.append(place + np.array([middle_m, 0.0]))
+        weights.append(weight / len(cells.cells))
+        motion.append(np.tensordot(values, layer, axes=1))
+    return np.concatenate(points), np.concatenate(weights), np.concatenate(motion)
 
 
 def line_gram(face: Interface) -> FloatArray:
@@ -261,32 +273,37 @@ def _lines(face: Interface, size_m: tuple[float, float]) -> tuple[FloatArray, Fl
     return points[:, :2] * np.array(size_m) / 2.0, weights / weights.sum(), values
 
 
-def _longitudinal(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> FloatArray:
+def _longitudinal(
+    cells: Periodic, points: FloatArray, weighted: ComplexArray, weights: FloatArray, wavevector: ComplexArray
+) -> FloatArray:
     """|<l, u>|^2 / (|<l, u>|^2 + |<t, u>|^2) for the k + G that has the plane wave, l or t, that u resembles most, (n,).
 
-    Where several are equally like, as at corners of the Brillouin zone, their squares are added up.
+    Where several are equally like, as at corners of the Brillouin zone, their squares are added up. weighted (points, 2, n):
+    the in-plane motion times its points' weights.
     """
-    along, across = (overlap.reshape(len(overlap), -1) for overlap in _resemblance(cell, motion, wavevector))
+    along, across = (
+        overlap.reshape(len(overlap), -1) for overlap in _resemblance(cells, points, weighted, weights, wavevector)
+    )
     like = np.maximum(along, across)
     best = like >= (1.0 - EQUAL_PARTS) * like.max(axis=1, keepdims=True)
     along, across = (np.where(best, overlap, 0.0).sum(axis=1) for overlap in (along, across))
     return np.asarray(along / np.maximum(along + across, np.finfo(float).tiny))
 
 
-def _resemblance(cell: Cell, motion: ComplexArray, wavevector: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, folds, folds) each."""
-    points, weights, _ = _lines(cell.interface, cell.size_m[:2])
-    fold = 2.0 * np.pi * np.arange(-FOLDS, FOLDS + 1)
-    kx, ky = (wavevector[axis][:, None] + fold / cell.size_m[axis] for axis in (0, 1))
-    phase_x, phase_y = (np.exp(1j * k[..., None] * points[:, axis]) for axis, k in enumerate((kx, ky)))
-    energy = np.einsum("kap,kbp->kab", weights * np.abs(phase_x) ** 2, np.abs(phase_y) ** 2)
-    weighted = weights[:, None, None] * motion[:, :2]
-    sideways = phase_x.conj()[None] * weighted.transpose(1, 2, 0)[:, :, None]  # (2, n, folds, points)
-    overlap = sideways @ phase_y.conj().transpose(0, 2, 1)
-    x, y = np.broadcast_arrays(kx[:, :, None], ky[:, None, :])
-    scale = energy * np.maximum(np.abs(x) ** 2 + np.abs(y) ** 2, np.finfo(float).tiny)
-    along = np.abs(x.conj() * overlap[0] + y.conj() * overlap[1]) ** 2 / scale
-    across = np.abs(y.conj() * overlap[0] - x.conj() * overlap[1]) ** 2 / scale
+def _resemblance(
+    cells: Periodic, points: FloatArray, weighted: ComplexArray, weights: FloatArray, wavevector: ComplexArray
+) -> tuple[FloatArray, FloatArray]:
+    """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, G) each."""
+    fold = np.arange(-FOLDS, FOLDS + 1)
+    pairs = np.stack(np.meshgrid(fold, fold, indexing="ij"), axis=-1).reshape(-1, 2)
+    reciprocal = 2.0 * np.pi * pairs @ np.linalg.inv(cells.vectors_m).T  # G.a = 2 pi times a whole number
+    k = wavevector.T[:, None, :] + reciprocal
+    wave = np.exp(1j * k @ points.T)  # (n, G, points)
+    energy = np.abs(wave) ** 2 @ weights
+    x, y = (np.einsum("ngp,pn->ng", wave.conj(), weighted[:, axis]) for axis in (0, 1))
+    scale = energy * np.maximum((np.abs(k) ** 2).sum(axis=-1), np.finfo(float).tiny)
+    along = np.abs(k[..., 0].conj() * x + k[..., 1].conj() * y) ** 2 / scale
+    across = np.abs(k[..., 1].conj() * x - k[..., 0].conj() * y) ** 2 / scale
     return np.asarray(along), np.asarray(across)
 
 

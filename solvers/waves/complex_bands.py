@@ -11,7 +11,8 @@ from scipy.linalg import eig, lu_factor, lu_solve
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.superelement.cell import Cell
+from solvers.superelement.cell import Cell, ResidualModes
+from solvers.superelement.periodic import Periodic
 
 # -- waves across rows -------------------------------------------------------------------------------------------------
 # ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.
@@ -66,43 +67,38 @@ class RowWaves:
 
 
 class Row:
-    """One cell repeated along x with a fixed phase exp(i k_x p_x); its edges y- and y+ are free to meet neighbours."""
+    """Cells repeated along x with a fixed phase exp(i k_x a1); the edges y- and y+ are free to meet neighbours.
 
-    def __init__(self, cell: Cell, kx_per_m: float) -> None:
-        self.cell, self.kx = cell, kx_per_m
-        face = cell.interface
-        self.edge = face.vertex_block + face.side_block
-        self.inner = face.side_block + len(cell.fixed_hz)
-        self.transform = self._transform(np.exp(1j * kx_per_m * cell.size_m[0]))
+    Of shifted rows the upper edge stands in the order of the next one's lower edge, and without the phase of the shift: what is
+    left from row to row is exp(i k_y p_y).
+    """
+
+    def __init__(self, cells: Cell | Periodic, kx_per_m: float) -> None:
+        self.periodic = cells if isinstance(cells, Periodic) else Periodic([cells])
+        self.cell, self.kx, ties = self.periodic.cells[0], kx_per_m, self.periodic.ties
+        self.edge, self.inner = ties.edge, ties.inside
+        self.transform = ties.open(kx_per_m * self.periodic.vectors_m[:, 0])
 
     @cached_property
     def stiffness(self) -> ComplexArray:
         """Hermitian K of [lower edge, upper edge, inner]."""
-        return np.asarray(self.transform.conj().T @ (self.cell.stiffness @ self.transform))
+        return self.periodic.reduced(self.transform, "stiffness")
 
     @cached_property
     def mass(self) -> ComplexArray:
         """Hermitian M of the same."""
-        return np.asarray(self.transform.conj().T @ (self.cell.mass @ self.transform))
+        return self.periodic.reduced(self.transform, "mass")
 
     @cached_property
-    def flexibility(self) -> ComplexArray:
-        """Hermitian residual flexibility of the fixed-interface modes left out, of the same."""
-        return np.asarray(self.transform.conj().T @ (self.cell.on_boundary(self.cell.dropped) @ self.transform))
+    def _flexibility(self) -> list[tuple[ResidualModes, ComplexArray]]:
+        """Hermitian residual flexibility of each cell's fixed-interface modes left out, of the same."""
+        parts = [(cell, own[: len(cell.dropped)]) for cell, own in self.periodic.parts(self.transform)]
+        return [(cell.residual, np.asarray(own.conj().T @ (cell.dropped @ own))) for cell, own in parts]
 
-    def _transform(self, phase: complex) -> ComplexArray:
-        """Cell degrees of freedom from [lower edge, upper edge, inner]: an edge is a vertex line and a side, inner the rest."""
-        face, out = self.cell.interface, np.zeros((self.cell.dof, 2 * self.edge + self.inner), dtype=complex)
-        for row, (near, far, side) in enumerate(((0, 1, 2), (2, 3, 3))):
-            start = row * self.edge
-            columns = start + np.arange(face.vertex_block)
-            out[face.vertex(near), columns], out[face.vertex(far), columns] = 1.0, phase
-            out[face.side(side), start + face.vertex_block + np.arange(face.side_block)] = 1.0
-        columns = 2 * self.edge + np.arange(face.side_block)
-        out[face.side(0), columns], out[face.side(1), columns] = 1.0, phase
-        modes = np.arange(len(self.cell.fixed_hz))
-        out[face.count + modes, 2 * self.edge + face.side_block + modes] = 1.0
-        return out
+    def dynamic(self, value: float) -> ComplexArray:
+        """Hermitian dynamic stiffness at a scaled eigenvalue."""
+        softer = sum(float(left_out.softening(value)) * part for left_out, part in self._flexibility)
+        return np.asarray(self.stiffness - value * self.mass - softer)
 
     @cached_property
     def mirror_sign(self) -> FloatArray:
@@ -116,8 +112,7 @@ class Row:
 
         Raises SolverError where the frequency falls on a resonance of the row with both edges clamped.
         """
-        value = self.cell.scale.eigenvalue(frequency_hz)
-        dynamic = self.stiffness - value * self.mass - float(self.cell.residual.softening(value)) * self.flexibility
+        dynamic = self.dynamic(self.cell.scale.eigenvalue(frequency_hz))
         n = 2 * self.edge
         inner, coupling = dynamic[n:, n:], dynamic[n:, :n]
         factors = lu_factor(inner)
@@ -148,9 +143,8 @@ class Row:
         motion = np.vstack([edge, edge * factor])
         dofs = self.transform @ np.vstack([motion, follow @ motion])
         order = np.argsort(-np.abs(factor), kind="stable")
-        return RowWaves(
-            factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], self.cell.size_m[1], stiffness
-        )
+        pitch_m = float(self.periodic.vectors_m[1, 1])
+        return RowWaves(factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], pitch_m, stiffness)
 
     def _symmetric(self, d: RowStiffness) -> bool:
         sign = self.mirror_sign
@@ -162,8 +156,8 @@ class Row:
 class KeptRow(Row):
     """A row that keeps its waves by frequency: the plate beside the rows is the same whatever pillars stand on it."""
 
-    def __init__(self, cell: Cell, kx_per_m: float) -> None:
-        super().__init__(cell, kx_per_m)
+    def __init__(self, cells: Cell | Periodic, kx_per_m: float) -> None:
+        super().__init__(cells, kx_per_m)
         self._known: dict[float, RowWaves] = {}
 
     def waves(self, frequency_hz: float) -> RowWaves:
@@ -177,9 +171,15 @@ class KeptRow(Row):
     @property
     def same(self) -> tuple[object, ...]:
         """What two rows with the same waves have in common."""
-        cell = self.cell
-        matrices = (each.tobytes() for each in (cell.stiffness, cell.mass, cell.dropped))
-        return self.kx, cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *matrices
+        own = [
+            (cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *(each.tobytes() for each in _matrices(cell)))
+            for cell in self.periodic.cells
+        ]
+        return self.kx, self.periodic.shift, *own
+
+
+def _matrices(cell: Cell) -> tuple[FloatArray, ...]:
+    return cell.stiffness, cell.mass, cell.dropped
 
 
 def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:

@@ -15,6 +15,7 @@ from geometry.tiling import tile
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
+from pipeline.models.bands import StaggeredCell
 from pipeline.models.broadband import broadband
 from pipeline.models.modes import solve_modes
 from pipeline.planning.foresight import pillar_count
@@ -22,9 +23,9 @@ from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.model_choice import Request
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
-from solvers.plates.assembled import Reductions
-from solvers.plates.supercell import Supercell, staggered_tiling
 from solvers.superelement.interface import Interface
+from solvers.superelement.periodic import Periodic
+from solvers.waves.complex_bands import Row, chain, stacked
 from tests.helpers.asked import attenuation_of as solve
 from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars
@@ -98,10 +99,9 @@ def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: 
     assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
 
 
-def test_one_row_beside_the_other_is_no_part_of_it() -> None:
-    for command in (solve, broadband):
-        with pytest.raises(InputError, match=r"array\.stagger = true"):
-            command(case_of(), TerminalLog(True))  # type: ignore[operator]
+def test_broadband_takes_rows_in_line_alone() -> None:
+    with pytest.raises(InputError, match=r"array\.stagger = true"):
+        broadband(case_of(), TerminalLog(True))
 
 
 @pytest.mark.slow
@@ -117,18 +117,74 @@ def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
     assert ours.frequencies_hz[0, :3] == pytest.approx(0.0, abs=1e-3) and ours.frequencies_hz[0, 3] > 1e3
 
 
-def test_two_rows_in_line_are_a_lattice_folded_once() -> None:
-    """At kx = 0 the rectangle's waves at ky = 0 are the one row's at ky = 0 and pi / pitch together."""
-    case = case_of("bands.count=6", "solve.accuracy=0.02")
-    design, coarse = case.design, HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
-    reduction = replace(lattice_reduction(design, 0.02), interface=Interface(4, 2), hexahedra=coarse)
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction)
-    shifted = staggered_tiling(design)
-    line = replace(shifted, feet={(0, 0): (0.0, -2e-3), (0, 1): (0.0, 2e-3)})
-    folded = Supercell(line, reductions).frequencies(np.zeros(2), 8)
-    single = Supercell(replace(line, y=line.y[:2], feet={(0, 0): (0.0, -2e-3)}), reductions)
-    both = [single.frequencies(np.array([0.0, ky]), 8) for ky in (0.0, np.pi / 4e-3)]
-    assert folded[3:] == pytest.approx(np.sort(np.concatenate(both))[3:8], rel=1e-8)
+@pytest.fixture(scope="module")
+def coarse() -> StaggeredCell:
+    design = case_of().design
+    settings = HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
+    reduction = replace(lattice_reduction(design, 0.02), interface=Interface(4, 2), hexahedra=settings)
+    return StaggeredCell.of(design, reduction)
+
+
+GENERIC = np.array([200.0, 150.0])
+
+
+@pytest.mark.parametrize("shift", [0, 1])
+def test_two_equal_cells_are_a_lattice_of_one_folded_once(coarse: StaggeredCell, shift: int) -> None:
+    """Side by side at k and k + (pi / w, 0) of the lattice of one; shifted by one at k and k + (pi / w, pi / h)."""
+    (cell, _), turn = coarse.row.cells, np.pi * np.array([1.0 / 2e-3, shift / 4e-3])
+    both = [Periodic([cell]).frequencies(k, 8) for k in (GENERIC, GENERIC + turn)]
+    ours = Periodic([cell, cell], shift).frequencies(GENERIC, 8)
+    assert ours == pytest.approx(np.sort(np.concatenate(both))[:8], rel=1e-9)
+
+
+def test_waves_at_their_frequencies_have_their_wavenumbers_across_the_rows(coarse: StaggeredCell) -> None:
+    """The lattice closed by a phase at a real wavevector, and the open row at a real frequency; both leave modes out alike."""
+    whole = Periodic([replace(cell, dropped=0.0 * cell.dropped) for cell in coarse.row.cells], shift=1)
+    row = Row(whole, GENERIC[0])
+    for tone in whole.frequencies(GENERIC, 6):
+        ky = row.waves(float(tone)).wavenumber_per_m
+        assert np.abs(ky - GENERIC[1]).min() < 1e-5 * GENERIC[1]
+
+
+def test_two_shifted_rows_are_two_rows_that_begin_with_the_other_panel(coarse: StaggeredCell) -> None:
+    pillar, bare = coarse.row.cells
+    two = chain(Row(Periodic(each), 200.0).condensed(35e3)[0] for each in ([pillar, bare], [bare, pillar]))
+    one = stacked(Row(coarse.row, 200.0).condensed(35e3)[0], 2)
+    for name in ("bb", "bt", "tb", "tt"):
+        ours, theirs = (np.abs(getattr(each, name)) for each in (one, two))
+        assert ours == pytest.approx(theirs, abs=1e-9 * theirs.max())
+
+
+def test_rows_of_bare_panels_are_the_plate_itself(coarse: StaggeredCell) -> None:
+    """Its waves pass undamped, and its flexural wave's wavenumber is that of the same panels in line."""
+    (_, bare), ours = coarse.row.cells, Row(coarse.bare, 200.0).waves(35e3)
+    line = Row(bare, 200.0).waves(35e3)
+    passing = [each.wavenumber_per_m[each.flux > 0.0] for each in (ours, line)]
+    assert len(passing[1]) and passing[0] == pytest.approx(passing[1], rel=1e-6)
+
+
+def test_motion_within_a_deep_stack_falls_by_the_least_decay(coarse: StaggeredCell) -> None:
+    """Of rows driven at one edge and clamped at the other, from row to row, as far as the next wave has died away."""
+    row = Row(coarse.row, 200.0)
+    one = row.condensed(10e3)[0]
+    size = np.abs(row.waves(10e3).factor)
+    driven = np.random.default_rng(1).normal(size=len(one.bb))
+
+    def moved(rows: int, of: int = 14) -> float:
+        lower, upper = stacked(one, rows), stacked(one, of - rows)
+        return float(np.linalg.norm(np.linalg.solve(lower.tt + upper.bb, lower.tb @ driven)))
+
+    assert 0.0 < size[0] < 0.99 and size[1] < 0.9 * size[0]
+    assert moved(7) / moved(6) == pytest.approx(size[0], rel=5.0 * (size[1] / size[0]) ** 6)
+
+
+def test_the_command_answers_staggered_rows() -> None:
+    """With bars, and a wave at the frequency of a band that passes undamped as the bands have it."""
+    case = case_of("bands.count=4", "bands.points=1", "solve.accuracy=0.05")
+    result = solve(case, TerminalLog(True), (20e3, 36e3), 200.0, 3)
+    assert result.reduction_error is not None and 0.0 < result.reduction_error < 0.05
+    assert [point.waves[0].polarisation for point in result.points] == ["flexural"] * 3
+    assert all(point.db_error is not None and point.transmission for point in result.points)
 
 
 @pytest.mark.slow
