@@ -185,7 +185,7 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         name=values.name,
         source=source,
         design=design,
-        solve=values.tables.solve,
+        solve=_solve(values.tables.solve),
         bands=_bands(values.tables.bands, design),
         quality_factor=values.tables.damping.quality,
         patches=patches,
@@ -275,6 +275,11 @@ def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
             values.diagnostics.add(f"measured.{name}", given, f"no such file {path}{nearest_file(path)}")
     place = table.at_mm
     return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
+
+
+def _solve(table: SolveTable) -> SolveTable:
+    """The table with its band as a tuple, so that a case can be hashed."""
+    return table.but(band_kHz=table.band_kHz and tuple(table.band_kHz))
 
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
