@@ -85,18 +85,17 @@ def study_of(raw: dict[str, Any], path: Path) -> StudyFile:
     for key in raw:
         if key not in ("study", "sweep"):
             diagnostics.unknown(key, raw[key], ["study", "sweep"])
-    values = _read_study(raw, diagnostics)
-    sweep, paired = _read_sweep(raw.get("sweep", {}), diagnostics, values.get("study.zip", False))
+    table = _read_study(raw, diagnostics)
+    sweep, paired = _read_sweep(raw.get("sweep", {}), diagnostics, table.zip)
     _check_counts(sweep, paired, diagnostics)
-    case_path = path.parent / values.get("study.case", "")
-    if "study.case" in values and not is_file(case_path):
-        diagnostics.add("study.case", values["study.case"], f"no such file {case_path}{nearest_file(case_path)}")
-    name = values.get("study.name") or path.stem
+    case_path = path.parent / (table.case or "")
+    if table.case is not None and not is_file(case_path):
+        diagnostics.add("study.case", table.case, f"no such file {case_path}{nearest_file(case_path)}")
+    name = table.name or path.stem
     if name == RESERVED:
         diagnostics.add("study.name", name, "names the committed reference values; choose another name")
     diagnostics.stop()
-    base = tuple(values.get("study.base_measure") or ())
-    return StudyFile(name, path, case_path, tuple(values["study.measure"]), sweep, paired, base)
+    return StudyFile(name, path, case_path, tuple(table.measure), sweep, paired, tuple(table.base_measure or ()))
 
 
 def find_study(path_or_name: str | Path) -> Path:
@@ -118,14 +117,14 @@ def checkout_studies() -> list[str]:
     return sorted(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text(encoding="utf-8"))
 
 
-def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> dict[str, Any]:
-    table = raw.get("study")
+def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> StudyTable:
+    table, nothing = raw.get("study"), StudyTable.model_construct(**dict.fromkeys(StudyTable.model_fields))
     if table is None:
         diagnostics.missing("[study]", "must be a table with name, case and measure")
-        return {}
+        return nothing
     if not isinstance(table, dict):
         diagnostics.add("study", table, "must be a table [study]")
-        return {}
+        return nothing
     known = [f"study.{name}" for name in StudyTable.model_fields]
     for old in RENAMED.keys() & table.keys():
         diagnostics.add(f"study.{old}", table[old], f"this key is now named study.{RENAMED[old]}")
@@ -135,7 +134,7 @@ def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> dict[str, Any]
         if isinstance(measures, list) and (measures or key == "measure"):
             _check_measures(key, measures, diagnostics)
             table = {**table, key: [name for name in measures if name in _names()] or spare}
-    return check_table(StudyTable, table, "study.", known, diagnostics)
+    return check_table(StudyTable, table, "study.", known, diagnostics)[0]
 
 
 def _names() -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from geometry.layout import Design, Patches, antinode_places
 from geometry.materials import PIEZO_MATERIALS
 from pipeline.case.diagnostics import Diagnostics, nearest
 from pipeline.case.reading import CaseValues
+from pipeline.case.schema import Tables
 from pipeline.units import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, free_free_mode
 
@@ -23,38 +25,38 @@ TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overla
 
 def read_patches(values: CaseValues, design: Design) -> Patches | None:
     """The patches in SI, or None without the table; what does not fit is added to the faults."""
-    good, diagnostics = values.good, values.diagnostics
-    if "patches" not in good or diagnostics.touch("patches"):
+    table, diagnostics = values.tables.patches, values.diagnostics
+    if "patches" not in values.tables.present or diagnostics.touch("patches"):
         return None
-    name, allowed = good["patches.material"], ", ".join(PIEZO_MATERIALS)
+    name, allowed = table.material, ", ".join(PIEZO_MATERIALS)
     if name not in PIEZO_MATERIALS:
         diagnostics.add("patches.material", name, f"must be one of {allowed}{nearest(name, PIEZO_MATERIALS)}")
-    x, y, z = (MM * side for side in good["patches.size_mm"])
-    centres, lengths = _places(good.get("patches.centres_mm"), design, (x, y, z))
-    if behind := good.get("patches.behind_mm"):
+    x, y, z = (MM * side for side in table.size_mm)
+    centres, lengths = _places(table.centres_mm, design, (x, y, z))
+    if behind := table.behind_mm:
         across = design.half_span_m - design.extension_m + MM * behind
         centres += tuple((place, side * across) for side in (-1.0, 1.0) for place, _ in centres)
         lengths *= 3
-    sensors = tuple(good["patches.sensors"])
-    if not good.get("patches.centres_mm") and design.zones > 1:  # the same patches in every zone
-        inner = len(centres) // (3 if good.get("patches.behind_mm") else 1)
+    sensors = tuple(table.sensors)
+    if not table.centres_mm and design.zones > 1:  # the same patches in every zone
+        inner = len(centres) // (3 if table.behind_mm else 1)
         centres = tuple((x, float(mid)) for mid in design.zone_centres_m for x, _ in centres[:inner]) + centres[inner:]
         lengths = lengths[:inner] * design.zones + lengths[inner:]
         sensors = tuple(inner * zone + number for zone in range(design.zones) for number in sensors)
     patches = Patches(
         material=PIEZO_MATERIALS.get(name, PIEZO_MATERIALS["pz26"]),
         size_m=(x, y, z),
-        face=good["patches.face"],
-        at="centres" if good.get("patches.centres_mm") else "antinodes",
+        face=table.face,
+        at="centres" if table.centres_mm else "antinodes",
         centres_m=centres,
         lengths_m=lengths,
         sensors=sensors,
-        drive_v=float(good["patches.drive_V"]),
-        circuit=good["patches.circuit"],
+        drive_v=float(table.drive_V),
+        circuit=table.circuit,
     )
     _check_sensors(patches, diagnostics)
-    if "zone" in good:
-        _check_places(patches, design, good, diagnostics)
+    if "zone" in values.tables.present:
+        _check_places(patches, design, values.tables, diagnostics)
     return patches
 
 
@@ -78,17 +80,17 @@ def _check_sensors(patches: Patches, diagnostics: Diagnostics) -> None:
         diagnostics.add("patches.sensors", list(patches.sensors), "every patch listens: at least one must drive")
 
 
-def _check_places(patches: Patches, design: Design, good: dict[str, object], diagnostics: Diagnostics) -> None:
-    boxes, size = patches.boxes_m(), good["patches.size_mm"]
+def _check_places(patches: Patches, design: Design, file: Tables, diagnostics: Diagnostics) -> None:
+    boxes, size = patches.boxes_m(), file.patches.size_mm
     slack = TOUCHING * max(patches.size_m)
     half_x, half_y = design.length_m / 2.0 + slack, design.half_span_m + slack
     width_mm, length_mm = 2.0 * design.half_span_m / MM, design.length_m / MM
     if patches.size_m[1] > 2.0 * half_y or patches.size_m[0] > 2.0 * half_x:
         diagnostics.add("patches.size_mm", size, f"wider than the plate, which is {length_mm:g} x {width_mm:g} mm")
         return
-    given = [f"patches.{name}" for name in ("centres_mm", "behind_mm") if good.get(f"patches.{name}")]
+    given = [f"patches.{name}" for name in ("centres_mm", "behind_mm") if getattr(file.patches, name)]
     key = [*given, "patches.size_mm"][0]
-    value = good[key]
+    value = file.get(key)
     outside = (np.abs(boxes[:, :2]) > half_x).any(axis=1) | (np.abs(boxes[:, 2:]) > half_y).any(axis=1)
     for number in np.flatnonzero(outside)[:MAX_LISTED]:
         diagnostics.add(
@@ -96,7 +98,7 @@ def _check_places(patches: Patches, design: Design, good: dict[str, object], dia
         )
     for i, j in _first_overlaps(boxes, slack):
         diagnostics.add(key, value, f"patches {i} and {j} overlap")
-    if patches.face == "back" or good.get("pillar.faces") == "both":
+    if patches.face == "back" or file.pillar.faces == "both":
         _check_pillars(patches, design, key, value, diagnostics, slack)
     if min(patches.lengths_m, default=inf) <= 0.0:
         diagnostics.add(key, value, "no room for the end patches: must be shorter along x")
@@ -151,26 +153,24 @@ class Touch:
 
 def read_touch(values: CaseValues, design: Design) -> Touch | None:
     """The contact, or None without the table; what does not fit is added to the faults."""
-    good, diagnostics = values.good, values.diagnostics
-    if "touch" not in good or diagnostics.touch("touch"):
+    table, diagnostics = values.tables.touch, values.diagnostics
+    if "touch" not in values.tables.present or diagnostics.touch("touch"):
         return None
-    gap, force, limit = (good[f"touch.{name}"] for name in ("gap_um", "force_N", "limit_V"))
+    gap, force, limit = table.gap_um, table.force_N, table.limit_V
     if gap and gap[0] > gap[1]:
         diagnostics.add("touch.gap_um", gap, "must be [low, high] with low <= high")
     if (gap is None) != (force is None):
         given, other = ("gap_um", "force_N") if gap else ("force_N", "gap_um")
         diagnostics.add(f"touch.{given}", gap or force, f"needs touch.{other}: friction follows from both")
-    at, radius = good["touch.at_mm"], MM * good["touch.radius_mm"]
+    at, radius = table.at_mm, MM * table.radius_mm
     place = (MM * at[0], MM * at[1]) if at else (_middle_antinode_m(design), 0.0)
-    if "zone" in good and (
+    if "zone" in values.tables.present and (
         abs(place[0]) + radius > design.length_m / 2.0 or abs(place[1]) + radius > design.half_span_m
     ):
         size = f"{design.length_m / MM:g} x {2.0 * design.half_span_m / MM:g} mm"
         key = "at_mm" if at else "radius_mm"
-        diagnostics.add(
-            f"touch.{key}", at or good["touch.radius_mm"], f"the contact reaches beyond the plate, which is {size}"
-        )
-    elif "zone" in good and abs(place[1]) + radius > design.bare_touch_m:
+        diagnostics.add(f"touch.{key}", at or table.radius_mm, f"the contact reaches beyond the plate, which is {size}")
+    elif "zone" in values.tables.present and abs(place[1]) + radius > design.bare_touch_m:
         room = (
             f"the contact reaches the pillars on the touch face, which begin at |y| = {design.bare_touch_m / MM:g} mm"
         )
@@ -186,7 +186,7 @@ def read_touch(values: CaseValues, design: Design) -> Touch | None:
 
 
 def _fingertip(values: CaseValues) -> Fingertip:
-    given = values.good["touch.impedance"]
+    given: Any = values.tables.touch.impedance  # a table as the dictionary that it is in the file
     if isinstance(given, str):
         if given not in FINGERTIPS:
             known = f"must be one of {', '.join(FINGERTIPS)} or a table{nearest(given, FINGERTIPS)}"

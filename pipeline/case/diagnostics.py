@@ -7,13 +7,14 @@ from contextlib import suppress
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from pipeline.errors import InputError
 
+Checked = TypeVar("Checked", bound=BaseModel)
 MAX_LENGTH = 60  # characters of a value or key that are shown
 MAX_NAMES = 2000  # of a folder that a misspelled name is compared with
 MAX_LINES = 50  # faults told one by one; a file with more is no case file
@@ -128,9 +129,12 @@ def _allowed(field: FieldInfo) -> str:
 
 
 def check_table(
-    model: type[BaseModel], raw: dict[str, Any], prefix: str, known: Collection[str], diagnostics: Diagnostics
-) -> dict[str, Any]:
-    """The valid values of one table, defaults filled in, keys dotted with prefix; every fault is added to `diagnostics`."""
+    model: type[Checked], raw: dict[str, Any], prefix: str, known: Collection[str], diagnostics: Diagnostics
+) -> tuple[Checked, set[str]]:
+    """A table with its valid values, defaults filled in, and its faulty keys, dotted with prefix, which are None in it.
+
+    Every fault is added to `diagnostics`.
+    """
     bad: dict[str, str] = {}
     try:
         model.model_validate(raw)
@@ -149,8 +153,9 @@ def check_table(
             named = kind == "literal_error" and isinstance(value, str)
             hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else ""
             diagnostics.add(key, value, f"must be {allowed}{hint}")
-    return {
-        prefix + name: raw[name] if name in raw else field.get_default(call_default_factory=True)
+    valid = {
+        name: raw[name] if name in raw else field.get_default(call_default_factory=True)
         for name, field in fields.items()
         if name not in bad
     }
+    return model.model_construct(**dict.fromkeys(fields) | valid), {prefix + name for name in bad}

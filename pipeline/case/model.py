@@ -17,8 +17,9 @@ from pipeline.case.checks import one_table, span_mm
 from pipeline.case.diagnostics import nearest_file
 from pipeline.case.reading import INSTEAD, apply_overrides, is_file, one_kind, parse_override, read_toml, read_values
 from pipeline.case.reading import CaseValues as Values
+from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, ToleranceTable
 from pipeline.errors import InputError
-from pipeline.units import KHZ, MM
+from pipeline.units import MM
 from solvers.measures.confinement import wanted_symmetry
 
 Override = str | tuple[str, Any]
@@ -28,39 +29,6 @@ SUCH_AS = {  # a table that few cases have: one to begin with
     "tolerance": ', such as --set "tolerance={height_mm=0.05}"',
     "touch": ', such as --set "touch={radius_mm=5.0}"',
 }
-
-
-@dataclass(frozen=True)
-class SolveSettings:
-    """What to look for and how: frequencies in Hz, accuracy as a relative error of a frequency."""
-
-    band_hz: tuple[float, float] | None
-    near_hz: float | None
-    count: int | None
-    accuracy: float
-    model: str
-    mesh: str
-
-
-@dataclass(frozen=True)
-class BandSettings:
-    """The wavevector path, its intervals per segment, the number of bands, and a grid's intervals (0: none)."""
-
-    path: str
-    points: int
-    count: int
-    grid: int = 0
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """How far one pillar differs from another: standard deviations in m, how many plates are drawn, the draw's seed."""
-
-    height_m: float
-    side_m: float
-    position_m: float
-    samples: int
-    seed: int
 
 
 @dataclass(frozen=True)
@@ -90,12 +58,12 @@ class Case:
     name: str
     source: Path | None
     design: Design
-    solve: SolveSettings
-    bands: BandSettings
+    solve: SolveTable
+    bands: BandsTable
     quality_factor: float
     patches: Patches | None
     given: frozenset[str]
-    tolerance: Tolerance | None = None
+    tolerance: ToleranceTable | None = None
     measured: MeasuredFiles | None = None
     touch: Touch | None = None
     raw: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
@@ -217,12 +185,12 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
         name=values.name,
         source=source,
         design=design,
-        solve=_solve(values),
-        bands=_bands(values, design),
-        quality_factor=values.good["damping.quality"],
+        solve=_solve(values.tables.solve),
+        bands=_bands(values.tables.bands, design),
+        quality_factor=values.tables.damping.quality,
         patches=patches,
         given=values.given,
-        tolerance=_tolerance(values),
+        tolerance=values.tables.tolerance if "tolerance" in values.tables.present else None,
         measured=measured,
         touch=touch,
         raw=raw,
@@ -244,99 +212,90 @@ def parsed(overrides: Iterable[Override]) -> list[tuple[str, Any]]:
 
 
 def _design(values: Values) -> Design:
-    get = values.good.get
-    rows = get("array.rows") or 0
-    pillars = tuple(pillar for own, form in values.rows if (pillar := _pillar(values, own, form)))
-    pitches = tuple(MM * pitch for pitch in get("array.pitches_y_mm") or ())
+    file = values.tables
+    array = file.array
+    pillars = tuple(pillar for row, form in values.rows if (pillar := _pillar(values, row, form)))
+    pitches = tuple(MM * pitch for pitch in array.pitches_y_mm or ())
     return Design(
-        length_m=MM * get("zone.length_mm", nan),
-        width_m=MM * get("zone.width_mm", nan),
-        thickness_m=MM * get("plate.thickness_mm", nan),
-        nodal_lines=get("zone.nodal_lines", 0),
+        length_m=_metres(file.zone.length_mm),
+        width_m=_metres(file.zone.width_mm),
+        thickness_m=_metres(file.plate.thickness_mm),
+        nodal_lines=file.zone.nodal_lines or 0,
         material=values.materials[""],
         pillar=pillars[0] if pillars else None,
-        pitch_x_m=MM * (get("array.pitch_x_mm") or nan),
-        pitch_y_m=MM * (get("array.pitch_y_mm") or nan),
-        rows=rows,
-        extension_m=MM * get("array.extension_mm", 0.0),
+        pitch_x_m=_metres(array.pitch_x_mm),
+        pitch_y_m=_metres(array.pitch_y_mm),
+        rows=array.rows or 0,
+        extension_m=MM * (array.extension_mm or 0.0),
         graded=pillars if len(set(pillars)) > 1 else (),
         graded_pitches_m=pitches if len(set(pitches)) > 1 else (),
-        stagger=get("array.stagger", False),
+        stagger=array.stagger or False,
         **_zones(values),
     )
 
 
+def _metres(length_mm: float | None) -> float:
+    """A length in m; NaN where the file has none."""
+    return nan if length_mm is None else MM * length_mm
+
+
 def _zones(values: Values) -> dict[str, Any]:
     """How many zones, the rows between them, and the distance of their borders in m."""
-    get = values.good.get
-    if (get("zone.count") or 1) == 1:
+    zone = values.tables.zone
+    if (zone.count or 1) == 1:
         return {}
-    gap = get("zone.gap_mm") or span_mm(values.good, values.rows[0][1]) or nan
-    return {"zones": get("zone.count"), "shared_rows": get("zone.shared_rows") or 0, "zone_gap_m": MM * gap}
+    gap = zone.gap_mm or span_mm(values.tables, values.rows[0][1])
+    return {"zones": zone.count, "shared_rows": zone.shared_rows or 0, "zone_gap_m": _metres(gap or None)}
 
 
-def _pillar(values: Values, good: dict[str, Any], form: PillarShape | None) -> Pillar | None:
+def _pillar(values: Values, row: Tables, form: PillarShape | None) -> Pillar | None:
     if form is None:
         return None
     material = values.materials.get("pillar", values.materials[""])
-    height, fillet = form.height_m(MM * (good["pillar.height_mm"] or nan)), MM * good["pillar.fillet_mm"]
+    height, fillet = form.height_m(_metres(row.pillar.height_mm)), MM * row.pillar.fillet_mm
     more: dict[str, Any] = {"file": form.file, "more_m": form.more_m, "tip": _tip(values, material)}
-    more["faces"] = 2 if values.good.get("pillar.faces") == "both" else 1
+    more["faces"] = 2 if row.pillar.faces == "both" else 1
     return Pillar(form.name, form.width_m, form.tip_m, height, material, fillet, **more)
 
 
 def _tip(values: Values, pillar: Material) -> Tip | None:
     """The heavy tip, of the pillar's material where it has none of its own; None where its height is 0."""
-    side, height = (values.good.get(f"tip.{name}_mm", 0.0) for name in ("side", "height"))
-    return Tip(MM * side, MM * height, values.materials.get("tip", pillar)) if height else None
-
-
-def _solve(values: Values) -> SolveSettings:
-    good = values.good
-    band, near = good["solve.band_kHz"], good["solve.near_kHz"]
-    return SolveSettings(
-        band_hz=(KHZ * band[0], KHZ * band[1]) if band else None,
-        near_hz=None if near is None else KHZ * near,
-        count=good["solve.count"],
-        accuracy=good["solve.accuracy"],
-        model=good["solve.model"],
-        mesh=good["solve.mesh"],
-    )
+    tip = values.tables.tip
+    return Tip(MM * tip.side_mm, MM * tip.height_mm, values.materials.get("tip", pillar)) if tip.height_mm else None
 
 
 def _measured(values: Values, source: Path | None) -> MeasuredFiles | None:
-    good = values.good
-    if "measured" not in good:
+    table = values.tables.measured
+    if "measured" not in values.tables.present:
         return None
     paths: dict[str, Path | None] = {}
-    for name in ("sweep", "map"):
-        given = good.get(f"measured.{name}")
+    for name, given in (("sweep", table.sweep), ("map", table.map)):
         paths[name] = path = None if given is None else (source.parent if source else Path()) / given
         if path is not None and not is_file(path):
             values.diagnostics.add(f"measured.{name}", given, f"no such file {path}{nearest_file(path)}")
-    place = good.get("measured.at_mm")
+    place = table.at_mm
     return MeasuredFiles(paths["sweep"], paths["map"], (MM * place[0], MM * place[1]) if place else None)
 
 
-def _tolerance(values: Values) -> Tolerance | None:
-    good = values.good
-    if "tolerance" not in good:
-        return None
-    height, side, position = (MM * good[f"tolerance.{name}_mm"] for name in ("height", "side", "position"))
-    return Tolerance(height, side, position, good["tolerance.samples"], good["tolerance.seed"])
+def _solve(table: SolveTable) -> SolveTable:
+    """The table with its band as a tuple, so that a case can be hashed."""
+    return table.but(band_kHz=table.band_kHz and tuple(table.band_kHz))
 
 
-def _bands(values: Values, design: Design) -> BandSettings:
-    good = values.good
+def _bands(table: BandsTable, design: Design) -> BandsTable:
+    """The table with the path that the cell has where none is given."""
     oblong = len(set(design.cell_m)) > 1 and not isnan(design.pitch_x_m)
-    path = good["bands.path"] or ("GXMYG" if oblong else "GXMG")
-    return BandSettings(path, good["bands.points"], good["bands.count"], good["bands.grid"])
+    return table.but(path=table.path or ("GXMYG" if oblong else "GXMG"))
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
+    """Dataclasses, tables, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.name != "source"}
+    if isinstance(value, Table):
+        return _plain(value.in_si())
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
     if isinstance(value, float) and not isfinite(value):

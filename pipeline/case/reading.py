@@ -23,21 +23,29 @@ from pipeline import paths
 from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file, quoted
 from pipeline.case.limits import MAX_CONTRAST
-from pipeline.case.schema import MATERIAL_ALLOWED, MATERIAL_OWNERS, NAME_ALLOWED, TABLES, MaterialTable, known_keys
+from pipeline.case.schema import (
+    MATERIAL_ALLOWED,
+    MATERIAL_OWNERS,
+    NAME_ALLOWED,
+    TABLES,
+    MaterialTable,
+    Table,
+    Tables,
+    known_keys,
+)
 from pipeline.errors import InputError, reason
 from pipeline.units import GPA, MM
 
-Values = dict[str, Any]
 HEIGHTS, SIDES, PITCHES = "array.heights_mm", "array.sides_mm", "array.pitches_y_mm"
 WIDTHS = tuple(dict.fromkeys(f"pillar.{shape.keys[0]}" for shape in SHAPES.values() if shape.keys[0].endswith("_mm")))
 INSTEAD = {HEIGHTS: ("pillar.height_mm",), SIDES: WIDTHS, PITCHES: ("array.pitch_y_mm",)}  # keys of equal rows
 
 
-def lists_of(good: Values) -> dict[str, list[float]]:
+def lists_of(file: Tables) -> dict[str, list[float]]:
     """The lists that the file has, by the key that equal rows have instead, such as pillar.height_mm."""
-    shape = SHAPES.get(good.get("pillar.shape", ""))
+    shape = SHAPES.get(file.pillar.shape)
     one = {HEIGHTS: "pillar.height_mm", SIDES: f"pillar.{shape.keys[0]}" if shape else "", PITCHES: "array.pitch_y_mm"}
-    return {one[key]: good[key] for key in one if good.get(key) and one[key]}
+    return {one[key]: file.get(key) for key in one if file.get(key) and one[key]}
 
 
 def named(key: str) -> str:
@@ -45,30 +53,28 @@ def named(key: str) -> str:
     return next(name for name, others in INSTEAD.items() if key in others)
 
 
-def normalise_rows(good: Values) -> Iterator[tuple[str, Any, str]]:
+def normalise_rows(file: Tables) -> Iterator[tuple[str, Any, str]]:
     """The first row's values in place of the keys of equal rows from now on, and as many rows as the lists have values."""
-    for key in (key for key in INSTEAD if "array" in good and key not in good):  # a faulty list: it is told already
-        for other in INSTEAD[key]:
-            good.pop(other, None)
-    for key in (key for key in INSTEAD if good.get(key)):
-        values = good[key]
-        if "pillar" not in good or (good.get("pillar.shape") == "step" and key != PITCHES):
-            why = (
-                "without a [pillar]" if "pillar" not in good else "with a step pillar, which has the sizes of its file"
-            )
+    for key in file.faulty & INSTEAD.keys():  # a faulty list: it is told already
+        file.faulty |= {*INSTEAD[key]}
+        file.set(dict.fromkeys(INSTEAD[key]))
+    for key in (key for key in INSTEAD if file.get(key)):
+        values, has_pillar = file.get(key), "pillar" in file.present
+        if not has_pillar or (file.pillar.shape == "step" and key != PITCHES):
+            why = "without a [pillar]" if not has_pillar else "with a step pillar, which has the sizes of its file"
             yield key, values, f"must be left out {why}"
-            good[key] = None
+            file.set({key: None})
             continue
-        if good.get("array.rows", 0) is None:
-            good["array.rows"] = len(values)
-        rows = good.get("array.rows")
+        if file.array.rows is None and file.knows("array", "rows"):
+            file.set({"array.rows": len(values)})
+        rows = file.array.rows
         if rows is not None and len(values) != rows:
             yield key, values, f"{len(values)} values, must be one for each of array.rows = {rows}"
         for other in (*INSTEAD[key], *(("array.pitch_mm",) if key == PITCHES else ())):
-            if good.get(other) is not None:
+            if file.get(other) is not None:
                 what = f"must be left out beside {key}" + (": give pitch_x_mm" if other == "array.pitch_mm" else "")
-                yield other, good[other], what
-    good |= {key: values[0] for key, values in lists_of(good).items() if good.get(key) is None}
+                yield other, file.get(other), what
+    file.set({key: values[0] for key, values in lists_of(file).items() if file.get(key) is None})
 
 
 def one_kind(design: Design) -> list[str]:
@@ -81,11 +87,13 @@ def one_kind(design: Design) -> list[str]:
     return [*texts, *([f"array.pitch_y_mm={design.pitch_y_m / MM:g}"] if design.graded_pitches_m else ())]
 
 
-def by_row(good: Values) -> list[Values]:
-    """The valid values as each row has them; once where all rows are alike."""
-    lists = lists_of(good)
-    rows = min((len(values) for values in lists.values()), default=1)
-    return [good | {key: values[row] for key, values in lists.items()} for row in range(rows)]
+def by_row(file: Tables) -> list[Tables]:
+    """The tables as each row has them; once where all rows are alike."""
+    lists = lists_of(file)
+    rows = [copy.copy(file) for _ in range(min((len(values) for values in lists.values()), default=1))]
+    for number, row in enumerate(rows):
+        row.set({key: values[number] for key, values in lists.items()})
+    return rows
 
 
 # keys that stand for one another: setting one drops the others that the file gave
@@ -272,12 +280,12 @@ ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent
 
 @dataclass(frozen=True)
 class CaseValues:
-    """What the file says, faults included; good holds the valid values by dotted key, defaults filled in."""
+    """What the file says, faults included; `tables` hold the valid values, defaults filled in."""
 
     name: str
-    good: dict[str, Any]
+    tables: Tables
     materials: dict[str, Material]
-    rows: tuple[tuple[dict[str, Any], PillarShape | None], ...]  # as each row has them, once where all rows are alike
+    rows: tuple[tuple[Tables, PillarShape | None], ...]  # as each row has them, once where all rows are alike
     given: frozenset[str]
     diagnostics: Diagnostics
 
@@ -286,7 +294,8 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
     """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
     diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
     known = known_keys()
-    good: dict[str, Any] = {}
+    found: dict[str, Table] = {}
+    faulty: set[str] = set()
     materials: dict[str, Material] = {}
     for key in raw:
         if key not in TABLES and key not in ("name", "material"):
@@ -300,15 +309,17 @@ def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[s
             continue
         hidden = "material" if table in MATERIAL_OWNERS else None
         own = {key: value for key, value in content.items() if key != hidden}
-        good |= {table: True} | check_table(model, own, f"{table}.", known, diagnostics)
+        found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
+        faulty |= bad
     for owner in MATERIAL_OWNERS:
         _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
     _check_contrast(materials, diagnostics)
     name = _read_name(raw, source, diagnostics)
-    _add_all(chain(normalise_rows(good), normalise_pitch(good)), diagnostics)
-    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(good))
+    tables = Tables.of(found, faulty)
+    _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
+    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
     _check_across(rows, diagnostics)
-    return CaseValues(name, good, materials, rows, _given(raw), diagnostics)
+    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics)
 
 
 def _read_material(
@@ -327,10 +338,9 @@ def _read_material(
             diagnostics.add(key, value, f"must be one of {', '.join(MATERIALS)} or a table{nearest(value, MATERIALS)}")
     elif isinstance(value, dict):
         before = len(diagnostics.lines)
-        good = check_table(MaterialTable, value, f"{key}.", known, diagnostics)
+        given, _ = check_table(MaterialTable, value, f"{key}.", known, diagnostics)
         if len(diagnostics.lines) == before:
-            young, density, poisson = (good[f"{key}.{name}"] for name in MaterialTable.model_fields)
-            materials[owner] = Material("given", GPA * young, float(density), float(poisson))
+            materials[owner] = given.material
     else:
         diagnostics.add(key, value, f"must be {MATERIAL_ALLOWED}")
 
@@ -352,32 +362,32 @@ def _read_name(raw: dict[str, Any], source: Path | None, diagnostics: Diagnostic
     return str(name)
 
 
-def _read_shape(good: dict[str, Any], source: Path | None, diagnostics: Diagnostics) -> PillarShape | None:
+def _read_shape(file: Tables, source: Path | None, diagnostics: Diagnostics) -> PillarShape | None:
     """The pillar's shape with its sizes; None while some are missing. A STEP file is read here, with CAD."""
-    shape = SHAPES.get(good.get("pillar.shape", ""))
-    if shape is None or any(good.get(f"pillar.{key}") is None for key in shape.keys):
+    shape = SHAPES.get(file.pillar.shape)
+    if shape is None or any(getattr(file.pillar, key) is None for key in shape.keys):
         return None
-    given = {key: good[f"pillar.{key}"] for key in shape.keys}
+    given = {key: getattr(file.pillar, key) for key in shape.keys}
     try:
         return shape.from_case(given, source.parent if source is not None else Path())
     except GeometryError as error:
-        file = good.get("pillar.file")
-        diagnostics.add("pillar.file", file, str(error).rpartition(f"{file}: ")[2])
+        path = file.pillar.file
+        diagnostics.add("pillar.file", path, str(error).rpartition(f"{path}: ")[2])
         return None
 
 
-def _check_across(rows: tuple[tuple[dict[str, Any], PillarShape | None], ...], diagnostics: Diagnostics) -> None:
-    for number, (good, form) in enumerate(rows, start=1):
+def _check_across(rows: tuple[tuple[Tables, PillarShape | None], ...], diagnostics: Diagnostics) -> None:
+    for number, (row, form) in enumerate(rows, start=1):
         _add_all(
-            (_of_row(number, fault, good) for check in (*CHECKS, check_zones) for fault in check(good, form)),
+            (_of_row(number, fault, row) for check in (*CHECKS, check_zones) for fault in check(row, form)),
             diagnostics,
         )
 
 
-def _of_row(number: int, fault: Diagnostic, good: dict[str, Any]) -> Diagnostic:
+def _of_row(number: int, fault: Diagnostic, row: Tables) -> Diagnostic:
     """A fault of a row's value, at the list that holds it."""
     key, _, text = fault
-    return (named(key), good[named(key)], f"row {number}: {text}") if key in lists_of(good) else fault
+    return (named(key), row.get(named(key)), f"row {number}: {text}") if key in lists_of(row) else fault
 
 
 def _add_all(faults: Iterable[Diagnostic], diagnostics: Diagnostics) -> None:

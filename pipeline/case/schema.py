@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import models_json_schema
 
 from geometry.fingertips import FINGERTIPS
+from geometry.materials import Material
 from geometry.pillar_shapes.shapes import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
+from pipeline.units import GPA, KHZ, MM
 
 ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
@@ -46,6 +49,11 @@ def _zero_or(within: Range) -> AfterValidator:
     return AfterValidator(check)
 
 
+def text(allowed: str, **limits: Any) -> Any:
+    """A field for a text, None where it is left out."""
+    return Field(default=None, description=allowed, **limits)
+
+
 def whole(low: int, high: int, **more: Any) -> Any:
     """A field for a whole number."""
     return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
@@ -69,6 +77,15 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
+    def but(self, **changes: Any) -> Self:
+        """The same table with other values of some keys, which are not checked."""
+        return self.model_copy(update=changes)
+
+    def in_si(self) -> dict[str, Any]:
+        """Every key in SI, by the name of its property, such as band_hz of band_kHz."""
+        names = (name.replace("_mm", "_m").replace("_kHz", "_hz") for name in type(self).model_fields)
+        return {name: getattr(self, name) for name in names}
+
 
 class MaterialTable(Table):
     young_GPa: float = positive(limits.YOUNG_GPA)
@@ -78,6 +95,11 @@ class MaterialTable(Table):
         le=0.5 - limits.POISSON_MARGIN,
         description=f"a number between -1 and 0.5, both excluded and {limits.POISSON_MARGIN:g} away",
     )
+
+    @property
+    def material(self) -> Material:
+        """The material of these constants, in SI."""
+        return Material("given", GPA * self.young_GPa, float(self.density_kg_m3), float(self.poisson))
 
 
 class PlateTable(Table):
@@ -96,7 +118,7 @@ class ZoneTable(Table):
 def _pillar_table() -> type[Table]:
     """[pillar] with the keys of every registered shape."""
     named = Field(default=next(iter(SHAPES)), description=in_words())
-    file = Field(default=None, min_length=1, description="the path of a STEP file")
+    file = text("the path of a STEP file", min_length=1)
     keys: dict[str, Any] = {"shape": (Literal[tuple(SHAPES)], named)}
     for key in SIZE_KEYS:
         keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
@@ -143,12 +165,21 @@ class SolveTable(Table):
     model: Literal["auto", "analytic", "superelement", "solid"] = "auto"
     mesh: Literal["auto", "hex", "tet"] = "auto"
 
+    @property
+    def band_hz(self) -> tuple[float, float] | None:
+        """Ends of the band, Hz."""
+        return (KHZ * self.band_kHz[0], KHZ * self.band_kHz[1]) if self.band_kHz else None
+
+    @property
+    def near_hz(self) -> float | None:
+        """The frequency near which modes are looked for, Hz."""
+        return None if self.near_kHz is None else KHZ * self.near_kHz
+
 
 class BandsTable(Table):
-    path: str | None = Field(
-        default=None,
+    path: str = text(  # None until the cell is known
+        f"at least two of the letters G, X, M and Y, such as GXMG, and at most {limits.MAX_PATH}",
         pattern=rf"^[GXMY]{{2,{limits.MAX_PATH}}}$",
-        description=f"at least two of the letters G, X, M and Y, such as GXMG, and at most {limits.MAX_PATH}",
     )
     points: int = whole(1, 10_000, default=25)
     count: int = whole(1, 1000, default=10)
@@ -204,8 +235,8 @@ class TouchTable(Table):
 
 
 class MeasuredTable(Table):
-    sweep: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
-    map: str | None = Field(default=None, min_length=1, description="the path of a CSV file")
+    sweep: str | None = text("the path of a CSV file", min_length=1)
+    map: str | None = text("the path of a CSV file", min_length=1)
     at_mm: Place | None = Field(default=None, description="two numbers [x, y], where the sweep's laser stood")
 
 
@@ -215,6 +246,21 @@ class ToleranceTable(Table):
     position_mm: Deviation = 0.0
     samples: int = whole(1, limits.MAX_SAMPLES, default=20)
     seed: int = whole(0, limits.MAX_SEED, default=1)
+
+    @property
+    def height_m(self) -> float:
+        """Standard deviation of a pillar's height, m."""
+        return MM * self.height_mm
+
+    @property
+    def side_m(self) -> float:
+        """Standard deviation of a pillar's width, m."""
+        return MM * self.side_mm
+
+    @property
+    def position_m(self) -> float:
+        """Standard deviation of a pillar's place along x and along y, m."""
+        return MM * self.position_mm
 
 
 TABLES: dict[str, type[Table]] = {
@@ -231,6 +277,56 @@ TABLES: dict[str, type[Table]] = {
     "tolerance": ToleranceTable,
     "measured": MeasuredTable,
 }
+
+
+@dataclass
+class Tables:
+    """The tables of one file, each with its values in the file's units.
+
+    A key that was left out without a default is None; so is one of `faulty` (dotted), whose value is not allowed, and each
+    key of a table that is not among those `present`. `pitches_given` names the keys that gave a pitch, () for none; None
+    where one of them is faulty, or there is no [array].
+    """
+
+    plate: PlateTable
+    zone: ZoneTable
+    pillar: Any  # with the keys of every registered shape
+    tip: TipTable
+    array: ArrayTable
+    solve: SolveTable
+    bands: BandsTable
+    damping: DampingTable
+    patches: PatchesTable
+    touch: TouchTable
+    tolerance: ToleranceTable
+    measured: MeasuredTable
+    present: frozenset[str]
+    faulty: set[str] = field(default_factory=set)
+    pitches_given: tuple[str, ...] | None = None
+
+    @classmethod
+    def of(cls, found: dict[str, Table], faulty: set[str]) -> Tables:
+        """Those that were found, and empty ones for the others."""
+        empty = {name: model.model_construct(**dict.fromkeys(model.model_fields)) for name, model in TABLES.items()}
+        tables: dict[str, Any] = empty | found
+        return cls(**tables, present=frozenset(found), faulty=faulty)
+
+    def get(self, key: str) -> Any:
+        """The value of a dotted key."""
+        table, _, name = key.partition(".")
+        return getattr(getattr(self, table), name)
+
+    def set(self, values: dict[str, Any]) -> None:
+        """Other values of dotted keys."""
+        for key, value in values.items():
+            table, _, name = key.partition(".")
+            setattr(self, table, getattr(self, table).but(**{name: value}))
+
+    def knows(self, table: str, name: str) -> bool:
+        """Whether the table is there and the key's value, or its being left out, is allowed."""
+        return table in self.present and f"{table}.{name}" not in self.faulty
+
+
 MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
 MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
 NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"

@@ -113,7 +113,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     from pipeline.models.wanted import warn_of_wanted
     from solvers.fem.solid import SolidModel
 
-    solid = replace(case, solve=replace(case.solve, model="solid", accuracy=max(case.solve.accuracy, 0.02)))
+    solid = replace(case, solve=case.solve.but(model="solid", accuracy=max(case.solve.accuracy, 0.02)))
     part_modes = solve_modes(solid, Request("plate", symmetry=case.symmetry_wanted), log)
     assert isinstance(part_modes.model, SolidModel) and part_modes.wanted
     warn_of_wanted(part_modes.wanted, case, log)

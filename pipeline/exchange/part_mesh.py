@@ -210,7 +210,7 @@ def _log_summary(part_mesh: Exchange, log: Log) -> None:
 def _mesh(case: Case, part: str, log: Log, share: float) -> Mesh:
     pillar = case.design.pillar
     boxes = part == "zone" or pillar is None or pillar.is_made_of_boxes or (part == "plate" and not case.design.rows)
-    check_model(replace(case, solve=replace(case.solve, model="solid")), boxes)
+    check_model(replace(case, solve=case.solve.but(model="solid")), boxes)
     if boxes and case.solve.mesh != "tet":
         return hex_mesh(_boxes(case, part, log, share), 2)
     return _tetrahedra(case, part, log, share)
@@ -276,7 +276,7 @@ def _smallest_m(design: Design, part: str) -> float:
 
 def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:
     """How many modes, rigid ones included, a coarse model of the part has below each frequency: negative pivots of K - sM."""
-    coarse = replace(case, solve=replace(case.solve, accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
+    coarse = replace(case, solve=case.solve.but(accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
     counts = [0] * len(frequencies_hz)
     with log.step("count modes"):
         model = parts.build(coarse, part, max(frequencies_hz), log, [])

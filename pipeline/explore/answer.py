@@ -425,7 +425,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     from pipeline.planning.model_choice import of_case
 
     case = scene.at(given)
-    case = replace(case, solve=replace(case.solve, model="auto"))
+    case = replace(case, solve=case.solve.but(model="auto"))
     from pipeline.models import modes
 
     solved = modes.solve_modes(case, of_case(case), log)

@@ -83,7 +83,7 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
 def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> modes.PartModes:
     """The modes of the plate meshed whole about the wanted one's frequency, as far as it takes to find it."""
     tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
-    coarse = replace(case, solve=replace(case.solve, mesh="tet", model="solid", accuracy=accuracy))
+    coarse = replace(case, solve=case.solve.but(mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(
         "plate",
         band_hz=(tone * (1.0 - bar - BELOW), tone * (1.0 + excess(PLATE_TETRAHEDRA))),

@@ -79,8 +79,8 @@ def corner_weights(box: DesignBox, sizes: Sizes) -> FloatArray:
 
 def with_sizes(case: Case, sizes: Sizes, accuracy: float, count: int) -> Case:
     """The case with another cell, so many of its bands to be had within an accuracy."""
-    solve = replace(case.solve, accuracy=accuracy, model="auto", mesh="auto")
-    return replace(case, design=resized(case.design, sizes), solve=solve, bands=replace(case.bands, count=count))
+    solve = case.solve.but(accuracy=accuracy, model="auto", mesh="auto")
+    return replace(case, design=resized(case.design, sizes), solve=solve, bands=case.bands.but(count=count))
 
 
 def resized(design: Design, sizes: Sizes) -> Design:

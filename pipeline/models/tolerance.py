@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.case.model import Case, Tolerance
+from pipeline.case.model import Case
+from pipeline.case.schema import ToleranceTable
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
@@ -50,7 +51,9 @@ class VariedPlates:
 
 
 @one_thread()
-def solve(case: Case, given: Tolerance, choice: ModelChoice, band_hz: tuple[float, float], log: Log) -> VariedPlates:
+def solve(
+    case: Case, given: ToleranceTable, choice: ModelChoice, band_hz: tuple[float, float], log: Log
+) -> VariedPlates:
     """Compute the samples of a tolerance over a band. Raises InputError for a model that cannot be varied."""
     plate = _varied(case, given, choice, band_hz, log)
     count = len(plate.pillars)
@@ -99,7 +102,7 @@ def _sampled(
     return samples, curves
 
 
-def _varied(case: Case, given: Tolerance, choice: ModelChoice, band: tuple[float, float], log: Log) -> VariedPlate:
+def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[float, float], log: Log) -> VariedPlate:
     design = case.design
     assert design.pillar
     if case.patches:

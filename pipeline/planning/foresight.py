@@ -155,7 +155,7 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
 
 def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
     """Demand of a few modes of one symmetry class of the plate meshed whole by tetrahedra."""
-    whole = replace(case, solve=replace(case.solve, mesh="tet", model=SOLID, accuracy=accuracy))
+    whole = replace(case, solve=case.solve.but(mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
         "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, symmetry=case.symmetry_wanted
     )

@@ -97,7 +97,7 @@ class TetBands(Question[BandsResult], follows="tet_modes"):
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
         """Compute the corners."""
-        corners = replace(case, solve=replace(case.solve, mesh="tet"), bands=replace(case.bands, points=1))
+        corners = replace(case, solve=case.solve.but(mesh="tet"), bands=case.bands.but(points=1))
         alone = Run(run.log, detailed=False)
         result = ask(corners, Bands(), alone)
         run.meshes += alone.meshes

@@ -353,7 +353,7 @@ def _drawn(case: Case, samples: int | None, seed: int | None) -> Case:
     given = case.tolerance
     if given is None:
         return case
-    return replace(case, tolerance=replace(given, samples=samples or given.samples, seed=seed or given.seed))
+    return replace(case, tolerance=given.but(samples=samples or given.samples, seed=seed or given.seed))
 
 
 def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:

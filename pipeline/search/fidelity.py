@@ -266,9 +266,9 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
     from pipeline.models import modes
 
-    solve = replace(case.solve, model="auto")
+    solve = case.solve.but(model="auto")
     if fidelity == SOLID:
-        solve = replace(case.solve, model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
+        solve = case.solve.but(model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
     case = replace(case, solve=solve)
     request = of_case(case)
     if near_hz and fidelity == SOLID:  # a whole mesh pays for every mode

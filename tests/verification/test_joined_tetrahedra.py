@@ -38,7 +38,7 @@ def case(tmp_path: Path, pillar: str, **solve: object) -> Case:
     path = tmp_path / "small.toml"
     path.write_text(PLATE.format(pillar=pillar))
     read = load_case(path)
-    return replace(read, solve=replace(read.solve, **solve))  # type: ignore[arg-type]
+    return replace(read, solve=read.solve.but(**solve))  # type: ignore[arg-type]
 
 
 def solved(of: Case) -> PartModes:

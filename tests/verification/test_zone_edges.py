@@ -141,7 +141,7 @@ def test_step_pillars_end_at_the_border(model: str, tmp_path: Path) -> None:
     file = tmp_path / "case.toml"
     file.write_text(f'{CASE}pillar = {{ shape = "step", file = "round.step" }}\n')
     case = load_case(file)
-    case = replace(case, solve=replace(case.solve, model=model))
+    case = replace(case, solve=case.solve.but(model=model))
     solved = solve_modes(case, Request("plate", band_hz=(60e3, 120e3)), TerminalLog(True))
     assert solved.rows
     symmetry = solved.rows[0].symmetry

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import pickle
 import subprocess
 import sys
 import tomllib
@@ -180,3 +181,10 @@ def test_reading_a_case_imports_no_cad_and_no_mesher():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+def test_a_case_with_a_band_can_be_hashed_and_sent_to_a_worker() -> None:
+    case = load_case(CASE, ["solve.band_kHz=[30.0, 34.0]", "tolerance.height_mm=0.05"])
+    sent = pickle.loads(pickle.dumps(case))
+    assert sent == case and hash(sent) == hash(case)
+    assert sent.solve.band_hz == (30e3, 34e3) and sent.tolerance.height_m == pytest.approx(5e-5)

@@ -12,8 +12,9 @@ import pytest
 
 from geometry.layout import Pillar
 from pipeline.batch.study_file import load_study
-from pipeline.case.model import Case, Tolerance, case_from_dict, load_case
+from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.reading import read_toml
+from pipeline.case.schema import ToleranceTable
 from pipeline.cli.main import main
 from pipeline.models import modes
 from pipeline.paths import STUDIES
@@ -100,7 +101,7 @@ def test_hexahedra_need_no_cad_and_what_they_cannot_follow_does() -> None:
 
 def test_curved_hexahedra_are_for_reduced_panels_with_room_about_the_foot() -> None:
     one_face = with_pillar("round")
-    solid = replace(one_face, solve=replace(one_face.solve, model="solid"))
+    solid = replace(one_face, solve=one_face.solve.but(model="solid"))
     for part in ("plate", "cell"):
         assert not simplifications.hexahedra(solid, part)
     flush = replace(one_face, design=replace(one_face.design, extension_m=0.0))
@@ -124,9 +125,9 @@ def test_mirror_images_end_with_a_step_pillar_and_with_scatter() -> None:
 
 def test_a_tolerance_breaks_every_mirror_and_the_sharing_of_cells() -> None:
     assert not simplifications.is_scattered(case())
-    assert not simplifications.is_scattered(replace(case(), tolerance=Tolerance(0.0, 0.0, 0.0, 5, 1)))
-    for sizes in ((1e-5, 0.0, 0.0), (0.0, 1e-5, 0.0), (0.0, 0.0, 1e-5)):
-        assert simplifications.is_scattered(replace(case(), tolerance=Tolerance(*sizes, 5, 1)))
+    assert not simplifications.is_scattered(replace(case(), tolerance=ToleranceTable(samples=5)))
+    for key in ("height_mm", "side_mm", "position_mm"):
+        assert simplifications.is_scattered(replace(case(), tolerance=ToleranceTable(**{key: 0.01})))
     planned = asked.plan_of(case("tolerance.height_mm=0.05"), ["modes", "tolerance"])
     nominal, scattered = planned.steps
     assert {"mirror_images", "alike_cells"} <= {each.rule for each in nominal.left_out}
