@@ -310,8 +310,6 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
         return
     if not (height or side or position):
         yield "tolerance.height_mm", height, "nothing varies: height_mm, side_mm or position_mm must be above 0"
-    if file.array.stagger:
-        yield "tolerance.height_mm", height, "must be left out beside array.stagger = true"
     plain = file.pillar.fillet_mm == 0.0 and not file.tip.height_mm and file.pillar.faces != "both"
     if form is not None and not (form.grows and plain):
         yield "tolerance.height_mm", height, f"only {PLAIN} can be varied"
@@ -329,9 +327,14 @@ def check_tolerance(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
 
 
 def _room_between(file: Tables, form: PillarShape, wide: float, grown: float, position: float) -> Iterator[Diagnostic]:
-    """Pillars so much wider that stand off by three standard deviations do not touch; all in mm."""
+    """Pillars so much wider that stand off by three standard deviations do not touch, and stay in their cells; all in mm.
+
+    Cells of staggered rows are half a pitch wide.
+    """
     ratios = [extent / form.width_m for extent in form.reach_m()]
     pitches = [getattr(file.array, name) for name in PITCHES[1:]]
+    if file.array.stagger and pitches[0]:
+        pitches[0] /= 2.0
     room = min((pitch - wide * ratio for pitch, ratio in zip(pitches, ratios, strict=True) if pitch), default=None)
     if room is not None and grown * max(ratios) + 6.0 * position >= room > 0.0:
         text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between two of them"
