@@ -1,1 +1,1 @@
-"""The case file: read, checked, turned to SI."""
+"""The case file: one typed table each, checked alone and across tables, asked in SI."""

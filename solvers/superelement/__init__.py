@@ -1,1 +1,1 @@
-"""One plate cell reduced (Craig-Bampton) and assembled, and the errors of both."""
+"""One plate cell reduced (Craig-Bampton), tied to its images or assembled."""
