@@ -198,14 +198,14 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
         declared = tomllib.load(file)
     families: dict[str, Any] = {}
     for question in listed():
-        family = question.family
+        family, _, word = question.command.rpartition(" ")
         if family and family not in families:
             families[family] = _family(commands, family)
         summary = question.summary
         about = f"{summary[0].lower()}{summary[1:]}"
         handler = "pipeline.questions.command:run"
-        sub = _command(families.get(family, commands), question.command, about, question.example, handler)
-        if asked is None or asked == (family or question.command):
+        sub = _command(families.get(family, commands), word, about, question.example, handler)
+        if asked is None or asked == (family or word):
             _add_options(sub, question, declared["groups"])
     for name, about in declared["commands"].items():
         sub = _command(commands, name, about["help"], about["example"], about["run"])

@@ -13,7 +13,7 @@ from geometry.elements import BoolArray
 from geometry.lattice import path_through
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.bands import corner_bar, staggered_cell
+from pipeline.models.bands import staggered_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
@@ -76,8 +76,9 @@ def solve(
     """
     meshes: list[MeshRecord] = []
     (low, high), rows = band_hz, case.design.rows
-    make = _staggered if case.design.stagger else _in_line
-    cells = make(case, choice, log, high, meshes, model)
+    cells = (
+        _staggered(case, choice, log, high) if case.design.stagger else _in_line(case, choice, log, high, meshes, model)
+    )
     row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
     with log.step(f"{points} frequencies"):
         samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
@@ -115,15 +116,12 @@ def _in_line(
     return _Cells(model.name, row, _coarser(row), bare, model.mesh_error, model.reduction_error)
 
 
-def _staggered(
-    case: Case, choice: ModelChoice, log: Log, high_hz: float, meshes: list[MeshRecord], model: LatticeModel | None
-) -> _Cells:
+def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Cells:
     """A row of staggered ones, which is reduced for the bands in the same way."""
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
     path = path_through(case.bands.path, 1, *case.design.cell_m)
-    choice, cell = staggered_cell(case, replace(choice, reduction=reduction), path, log)
-    by_mesh, truncated = corner_bar(cell, path, case.bands.count)
+    choice, cell, (by_mesh, truncated) = staggered_cell(case, replace(choice, reduction=reduction), path, log)
     return _Cells(choice.name, cell.row, _coarser(cell.row), cell.bare, by_mesh, truncated)
 
 

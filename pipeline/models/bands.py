@@ -17,7 +17,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
-from pipeline.models.unit_cell import LatticeModel, WholeCell, lattice_model
+from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
 from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.mesh_rules import refinement_of
@@ -291,13 +291,13 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
         with log.step("assemble the cell and two coarser ones"):
             return WholeCell.of(case.design, choice.hexahedra)
 
-    choice, cell = _fine_enough(case, choice, path, meshed, log)
+    choice, cell, _ = _fine_enough(case, choice, path, meshed, log)
     return _sampled(case, choice.name, cell, path, [mesh_record("cell", cell.mesh)], log)
 
 
 def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
     """Solve the cell of staggered rows, its bands folded into the zone of the rectangle of two rows."""
-    choice, cell = staggered_cell(case, choice, path, log)
+    choice, cell, _ = staggered_cell(case, choice, path, log)
     return _sampled(case, choice.name, cell, path, [], log)
 
 
@@ -334,8 +334,8 @@ class StaggeredCell:
         return tones[lowest], ModeErrors(*errors)
 
 
-def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell]:
-    """The cell of staggered rows on the first mesh that meets the accuracy at the path's corners, and its choice."""
+def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell, Bar]:
+    """The cell of staggered rows on the first mesh that meets the accuracy at the path's corners, its choice and bar."""
 
     def joined(choice: ModelChoice) -> StaggeredCell:
         assert choice.reduction
@@ -347,25 +347,25 @@ def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tup
 
 def _fine_enough(
     case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
-) -> tuple[ModelChoice, AnyCell]:
-    """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds."""
+) -> tuple[ModelChoice, AnyCell, Bar]:
+    """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds; with
+    the half-widths of those bars, by the mesh (None: unknown) and by truncation, relative.
+    """
+    corners = path.wavevectors[[segment.last for segment in path.segments]]
 
-    def bar(cell: AnyCell) -> tuple[float | None, float]:
+    def on_mesh(choice: ModelChoice) -> tuple[AnyCell, Bar]:
+        cell = build(choice)
         with log.step("error of the mesh at the path's corners"):
-            return corner_bar(cell, path, case.bands.count)
+            _, estimates = _each_once(corners, case.bands.count, cell.solve)
+        truncated = MARGIN * max(float(each.total.max()) for each in estimates)
+        return cell, (largest(np.concatenate([each.mesh for each in estimates])), truncated)
 
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
 
-    return on_finer_meshes((choice, build(choice)), bar, build, demand, case, log)
-
-
-def corner_bar(cell: WholeCell | StaggeredCell, path: Path, count: int) -> tuple[float | None, float]:
-    """Half-widths of the lowest bands' bars at the path's corners, relative: by the mesh (None: unknown), by truncation."""
-    corners = path.wavevectors[[segment.last for segment in path.segments]]
-    _, estimates = _each_once(corners, count, cell.solve)
-    truncated = MARGIN * max(float(each.total.max()) for each in estimates)
-    return largest(np.concatenate([each.mesh for each in estimates])), truncated
+    first = choice, on_mesh(choice)
+    choice, (cell, bar) = on_finer_meshes(first, lambda built: built[1], on_mesh, demand, case, log)
+    return choice, cell, bar
 
 
 def _sampled(

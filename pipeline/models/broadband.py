@@ -155,8 +155,10 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
     with log.step("reduce cells"):
         column = Column(design, reductions, kx)
         rows = [
-            Row(Periodic([reductions.cell(panel) for panel in _attached(strip)]), kx)
-            for strip in column.strips
+            Row(Periodic([reductions.cell(each) for each in _attached(strip)]), kx)
+            if any(p.free for p in strip)
+            else row
+            for strip, row in zip(column.strips, column.rows, strict=True)
             if any(panel.foot for panel in strip)
         ]
         panel = reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), None, (0, 1)))
@@ -168,24 +170,15 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
 
 
 def _attached(strip: tuple[Panel, ...]) -> list[Panel]:
-    """A row's panels where it stands in a plate that goes on: one at the plate's edge reaches as far beyond its feet as before.
+    """The panels of a row at the plate's edge as they stand in a plate that goes on, as far beyond the feet as before them.
 
     Which part of the plate a row's panel holds does not matter to what passes the row.
     """
-    feet = next(panel for panel in strip if panel.foot)
+    feet = next(panel for panel in strip if panel.free)
     assert feet.foot
-    (low, high), middle = (feet.low[1], feet.high[1]), feet.foot[1]
-    if "y+" in feet.free:
-        high = 2.0 * middle - low
-    elif "y-" in feet.free:
-        low = 2.0 * middle - high
-    halved = (0, 1) if feet.free else feet.halved
-    return [
-        replace(
-            panel, low=(panel.low[0], low), high=(panel.high[0], high), halved=halved if panel.foot else (0, 1), free=()
-        )
-        for panel in strip
-    ]
+    low, high, middle = feet.low[1], feet.high[1], feet.foot[1]
+    low, high = (low, 2.0 * middle - low) if "y+" in feet.free else (2.0 * middle - high, high)
+    return [replace(p, low=(p.low[0], low), high=(p.high[0], high), halved=(0, 1), free=()) for p in strip]
 
 
 def _through(rows: Sequence[Row], bare: Row, frequency_hz: float) -> Transmission | None:

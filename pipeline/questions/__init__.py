@@ -24,18 +24,13 @@ IN_ORDER = (
 
 
 class Listed(NamedTuple):
-    """A question as help lists it: its module, name and family, and the sentence and the example of its command."""
+    """A question as help lists it: its module and name, the words of its command, and the command's sentence and example."""
 
     module: str
     name: str
-    family: str
+    command: str
     summary: str
     example: str
-
-    @property
-    def command(self) -> str:
-        """The last word of its command."""
-        return self.name.removeprefix(f"{self.family}_") if self.family else self.name
 
 
 def registered() -> dict[str, type[Any]]:
@@ -84,7 +79,7 @@ def _loaded() -> list[Listed]:
         return []
     from pipeline.questions.question import QUESTIONS
 
-    return [Listed(q.__module__, q.name, q.family, q.summary(), q.example) for q in QUESTIONS.values()]
+    return [Listed(q.__module__, q.name, q.command(), q.summary(), q.example) for q in QUESTIONS.values()]
 
 
 def _load() -> None:

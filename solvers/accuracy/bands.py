@@ -163,8 +163,9 @@ def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatAr
     """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and what truncation and the cells' meshes may
     put each of them off by.
     """
-    tones, waves = row.waves(wavevector, count)
-    plate, moving, errors_of = row.at(wavevector), tones > STILL * tones[-1], np.zeros((5, len(tones)))
+    plate = row.at(wavevector)
+    tones, waves = plate.waves(count)
+    moving, errors_of = tones > STILL * tones[-1], np.zeros((5, len(tones)))
     errors = mode_errors(plate, plate.pencil(), waves[:, moving], rims=1.0)
     errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
     return tones, ModeErrors(*errors_of)

@@ -105,7 +105,7 @@ def mode_errors(
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
     else:
-        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, _last_layer))
+        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer))
     return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
 
 
@@ -213,17 +213,17 @@ def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
 
 def last_degree(plate: Joined) -> BoolArray:
     """Which of the plate's degrees of freedom are the bubbles of the highest degree, (dof,)."""
-    return _dofs(plate, _last_bubbles)
+    return _dofs(plate, last_bubbles)
 
 
-def _last_bubbles(cell: Cell) -> IntArray:
+def last_bubbles(cell: Cell) -> IntArray:
     """The bubbles of the highest degree on the four sides."""
     face = cell.interface
     first = face.side_block - 3 * face.layers
     return np.concatenate([face.side(index)[first:] for index in range(4)])
 
 
-def _last_layer(cell: Cell) -> IntArray:
+def last_layer(cell: Cell) -> IntArray:
     """The boundary functions of the highest degree through the thickness."""
     face = cell.interface
     return np.flatnonzero(np.arange(face.count) // 3 % face.layers == face.through)

@@ -266,10 +266,10 @@ class JoinedPanels:
             moved[np.ix_(rows, self._own[place])] += motion.reshape(len(rows), -1) @ self._turned[place]
         return moved
 
-    def flexibility(self, contact: Contact) -> FloatArray:
-        """E K^-1 E' of what a contact feels, (3 b, 3 b), with the clamped sides held."""
+    def flexibility(self, contact: Contact, felt: slice = slice(None)) -> FloatArray:
+        """E K^-1 E' of what a contact feels of its 3 b motions, by default of all, with the clamped sides held."""
         free = self.free & (np.diag(self.stiffness) > 0.0)  # functions of free sides carry nothing
-        moved = self.motion(contact)[:, free]
+        moved = self.motion(contact)[felt][:, free]
         return np.asarray(moved @ cho_solve(cho_factor(self.stiffness[np.ix_(free, free)]), moved.T))
 
     def _summed(self) -> FloatArray:

@@ -14,7 +14,7 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
-from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes
+from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, last_bubbles, last_layer
 from solvers.errors import SolverError
 from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
 from solvers.measures.mode_mixing import Overlaps
@@ -115,7 +115,7 @@ def mode_errors(
     with np.errstate(invalid="ignore"):
         modes = by_modes(column, value, vectors)
     modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
-    along, layer = (_brought(column, pencil, value, vectors, part) for part in (_last_bubbles, _last_layer))
+    along, layer = (_brought(column, pencil, value, vectors, part) for part in (last_bubbles, last_layer))
     return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))
 
 
@@ -124,31 +124,15 @@ def _brought(
     pencil: Sequence[ComplexArray],
     value: FloatArray,
     vectors: ComplexArray,
-    part: Callable[[Row], IntArray],
+    part: Callable[[Cell], IntArray],
 ) -> FloatArray:
-    """Relative rise of each frequency without some functions of every row, to first order, (k,)."""
-    where = np.unique(np.concatenate([place.dofs[part(place.row)] for place in column.placed_cells]))
+    """Relative rise of each frequency without some functions of every cell, to first order, (k,)."""
+    where = np.unique(np.concatenate([place.dofs[place.columns[part(place.cell)]] for place in column.placed_cells]))
     where = where[where >= 0]
     stiff, heavy = (_energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
     moving, rise = value > 0.0, np.zeros_like(value)
     rise[moving] = np.maximum(stiff - value * heavy, 0.0)[moving] / (2.0 * value[moving])
     return rise
-
-
-def _last_layer(row: Row) -> IntArray:
-    """The functions of the highest degree through the thickness, among [lower, upper, inner]."""
-    face = row.cell.interface
-    inside = len(row.periodic.cells) * face.side_block
-    return np.flatnonzero(np.arange(2 * row.edge + inside) // 3 % face.layers == face.through)
-
-
-def _last_bubbles(row: Row) -> IntArray:
-    """The bubbles of the highest degree on a row's lower and upper edge and on the side within, among [lower, upper, inner]."""
-    face = row.cell.interface
-    own, ends = np.arange(-3 * face.layers, 0), 1 + np.arange(len(row.periodic.cells))[:, None]
-    block = face.vertex_block + face.side_block
-    parts = (own + block * ends, own + block * ends + row.edge, own + face.side_block * ends + 2 * row.edge)
-    return np.concatenate([part.ravel() for part in parts])
 
 
 def _energy(vectors: ComplexArray, images: ComplexArray) -> FloatArray:
@@ -250,11 +234,11 @@ class _PlacedCell:
         """The cell."""
         return self.row.periodic.cells[self.index]
 
-    def motion(self, vectors: ComplexArray) -> ComplexArray:
-        """The cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
-        live = self.dofs[:, None] >= 0
-        _, transform = self.row.periodic.parts(self.row.transform)[self.index]
-        return np.asarray(transform @ np.where(live, vectors[np.maximum(self.dofs, 0)], 0.0))
+    @property
+    def columns(self) -> IntArray:
+        """Which of the row's degrees of freedom each of the cell's follows, (cell dof,)."""
+        ties = self.row.periodic.ties
+        return ties.open_column[ties.starts[self.index] : ties.starts[self.index + 1]]
 
 
 class Column:
@@ -323,7 +307,9 @@ class Column:
 
     def cell_vectors(self, placed_cell: _PlacedCell, vectors: ComplexArray) -> ComplexArray:
         """A cell's degrees of freedom (cell dof, k) from the column's (dof, k)."""
-        return placed_cell.motion(vectors)
+        live, row = placed_cell.dofs[:, None] >= 0, placed_cell.row
+        _, transform = row.periodic.parts(row.transform)[placed_cell.index]
+        return np.asarray(transform @ np.where(live, vectors[np.maximum(placed_cell.dofs, 0)], 0.0))
 
     def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
         """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
@@ -373,7 +359,7 @@ class Column:
         places, weights, values, shapes = [], [], [], []
         for place in self.placed_cells:
             touch = place.cell.touch.rule([line - place.middle for line in self.design.touch_lines_m])
-            motion = place.motion(vectors)
+            motion = self.cell_vectors(place, vectors)
             values.append(touch.values(motion.real) + 1j * touch.values(motion.imag))
             y = touch.points[:, 1] + place.middle
             places.append(y)

@@ -185,10 +185,15 @@ class Ties:
         """T (dof, free) of the lattice, at phases (2,) of a1 and a2."""
         return self._transform(self.column, phase, self.dof)
 
-    def open(self, phase: FloatArray) -> ComplexArray:
-        """T (dof, free) of the row with [lower edge, upper edge, inside], at phases (2,) of a1 and a2."""
+    @property
+    def open_column(self) -> IntArray:
+        """What each follows in a row left open, numbered [lower edge, upper edge, inside], (dof,)."""
         beyond = (self.offset[:, 1] > 0.0) | (self.column >= self.edge)
-        return self._transform(self.column + self.edge * beyond, phase, self.dof + self.edge)
+        return np.asarray(self.column + self.edge * beyond)
+
+    def open(self, phase: FloatArray) -> ComplexArray:
+        """T (dof, free) of the row left open, at phases (2,) of a1 and a2."""
+        return self._transform(self.open_column, phase, self.dof + self.edge)
 
     def _transform(self, column: IntArray, phase: FloatArray, width: int) -> ComplexArray:
         out = np.zeros((len(column), width), dtype=complex)

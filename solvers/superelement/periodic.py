@@ -52,15 +52,7 @@ class Periodic:
 
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz (a dense solve misses none)."""
-        return self.waves(wavevector, count)[0]
-
-    def waves(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ComplexArray]:
-        """The same, and the free degrees of freedom (dof, count) of the waves."""
-        stiffness, mass = self.at(wavevector).matrices
-        with one_thread():
-            values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
-        rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
-        return self.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values)), waves
+        return self.at(wavevector).waves(count)[0]
 
 
 @dataclass(frozen=True)
@@ -99,6 +91,14 @@ class BlochPlate:
         """The same."""
         stiffness, mass = (sp.csc_array(matrix) for matrix in self.matrices)
         return PlainPencil(stiffness, mass, self.periodic.scale)
+
+    def waves(self, count: int) -> tuple[FloatArray, ComplexArray]:
+        """The `count` lowest frequencies, ascending, Hz, and the free degrees of freedom (dof, count) of the waves."""
+        stiffness, mass = self.matrices
+        with one_thread():
+            values, waves = eigh(stiffness, mass, subset_by_index=[0, min(count, self.dof) - 1])
+        rounding = ROUNDING * np.abs(stiffness).max() / np.abs(mass).max()
+        return self.periodic.scale.frequency(np.where(np.abs(values) < rounding, 0.0, values)), waves
 
     def cell_vectors(self, placed_cell: PlacedCell, vectors: ComplexArray) -> ComplexArray:
         """A cell's degrees of freedom (cell dof, k) from the free ones (dof, k)."""
