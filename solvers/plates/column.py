@@ -258,16 +258,12 @@ class Column:
     def _places(self) -> tuple[list[_PlacedCell], int]:
         """Numbers of [lower edge, upper edge, inner] of every panel; edges are shared."""
         placed: list[_PlacedCell] = []
-        lower = np.arange(self.rows[0].edge)
+        live = self._live("y-", 0)
         if self.design.zones == 1:
-            lower[1::3] = -1  # u_y vanishes on the mirror
-        self._release(lower, "y-", 0)
-        lower[lower >= 0] = np.arange(np.count_nonzero(lower >= 0))
-        start = int(np.count_nonzero(lower >= 0))
+            live[1::3] = False  # u_y vanishes on the mirror
+        lower, start = _numbered(live, 0)
         for number, (strip, row) in enumerate(zip(self.strips, self.rows, strict=True)):
-            upper = start + np.arange(row.edge)
-            self._release(upper, "y+", number)
-            start += int(np.count_nonzero(upper >= 0))
+            upper, start = _numbered(self._live("y+", number), start)
             inner = start + np.arange(row.inner)
             start += row.inner
             dofs = np.concatenate([lower, upper, inner])
@@ -275,13 +271,13 @@ class Column:
             lower = upper
         return placed, start
 
-    def _release(self, edge: IntArray, side: str, number: int) -> None:
-        """Mark with -1 what of an edge would follow feet flush with the plate's edge: it carries nothing."""
+    def _live(self, side: str, number: int) -> BoolArray:
+        """Which of an edge's degrees of freedom move: what would follow feet flush with the plate's edge carries nothing."""
         face = self.rows[number].cell.interface
-        block = face.vertex_block + face.side_block
-        for index, panel in enumerate(self.strips[number]):
-            if side in panel.free:
-                edge[index * block + face.vertex_block : (index + 1) * block] = -1
+        along = np.arange(face.vertex_block + face.side_block) >= face.vertex_block
+        return np.concatenate(
+            [~along if side in panel.free else np.full(len(along), True) for panel in self.strips[number]]
+        )
 
     def pencil(self) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K and M, (dof, dof) each."""
@@ -369,6 +365,11 @@ class Column:
             shapes.append(np.exp(1j * self.kx * x) * across)
         y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
         return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
+
+
+def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
+    """Numbers from a first one on of those that move, -1 for the others, and the next number."""
+    return np.where(live, start - 1 + np.cumsum(live), -1), start + int(np.count_nonzero(live))
 
 
 def column_strips(design: Design, max_edge_m: float) -> list[tuple[Panel, ...]]:

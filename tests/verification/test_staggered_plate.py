@@ -99,12 +99,16 @@ def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: 
     assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
 
 
-def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take() -> None:
-    """The column's rows begin with the one or the other panel; the lattice repeats one row, shifted: within both bars."""
-    case = case_of("solve.accuracy=0.05", "bands.count=4", "bands.points=1")
+@pytest.mark.parametrize("rows", [2, 3])
+def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take(rows: int) -> None:
+    """The column's rows begin with the one or the other panel; the lattice repeats one row, shifted: within both bars.
+
+    The feet at the plate's edge stand in the second panel of two rows, in the first of three.
+    """
+    case = case_of("solve.accuracy=0.05", "bands.count=4", "bands.points=1", f"array.rows={rows}")
     column = broadband(case, TerminalLog(True), (90e3, 110e3), 3)
-    rows = solve(case, TerminalLog(True), (90e3, 110e3), None, 3)
-    for ours, theirs in zip(column.points, rows.points, strict=True):
+    lattice = solve(case, TerminalLog(True), (90e3, 110e3), None, 3)
+    for ours, theirs in zip(column.points, lattice.points, strict=True):
         assert ours.taken_db is not None and theirs.taken_db is not None
         assert ours.taken_error_db is not None and theirs.taken_error_db is not None
         assert abs(ours.taken_db - theirs.taken_db) <= ours.taken_error_db + theirs.taken_error_db

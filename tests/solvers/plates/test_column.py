@@ -8,10 +8,13 @@ from math import pi
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
+from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.tiling import Tiling, signature, tile
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
@@ -20,6 +23,7 @@ from solvers.plates.assembled import PlateModel, Reductions
 from solvers.plates.column import Column, column_strips
 from solvers.plates.strip import strip_modes
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.plate import WHOLE, AssembledPlate
 
 ALUMINIUM = MATERIALS["aluminium"]
 DESIGN = Design(40e-3, 12e-3, 2e-3, 4, ALUMINIUM, Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM), 4e-3, 4e-3, 1, 6e-3)
@@ -104,6 +108,55 @@ def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     strips = column_strips(replace(two, graded=(DESIGN.pillar, other)), 6e-3)
     kinds = [panel.pillar for (panel,) in strips if panel.foot]
     assert kinds == [DESIGN.pillar, other]
+
+
+class Ring(Tiling):
+    """One pitch of a plate without end along x: nothing is free there."""
+
+    def free_sides(self, i: int, j: int) -> tuple[str, ...]:
+        return tuple(side for side in super().free_sides(i, j) if side[0] == "y")
+
+
+def ring_hz(design: Design, reductions: Reductions, kx_per_m: float) -> np.ndarray:
+    """Every mode of one pitch of staggered rows: a plate two panels wide, whose ends along x are tied by a phase."""
+    y, half = tile(design, reductions.reduction.max_edge_m).y, design.pitch_x_m / 2.0
+    rows = zip(design.row_places().tolist(), [*range(design.rows)[::-1], *range(design.rows)], strict=True)
+    feet = {(n % 2, int(np.searchsorted(y, at)) - 1): ((n % 2 - 0.5) * half, at) for at, n in rows}
+    tiling = Ring(np.array([-half, 0.0, half]), y, feet)
+    panels = [tiling.panel(i, j) for i, j in tiling.representatives(True)]
+    plate = AssembledPlate(tiling, {signature(panel): reductions.cell(panel) for panel in panels}, WHOLE)
+    grid, face = plate.grid, plate.grid.interface
+    master, phase = np.arange(grid.count), np.ones(grid.count, dtype=complex)
+    for j in range(grid.ny):
+        first, last = grid.dofs(0, j), grid.dofs(1, j)
+        for low, high in (
+            (face.vertex(0), face.vertex(1)),
+            (face.vertex(2), face.vertex(3)),
+            (face.side(0), face.side(1)),
+        ):
+            master[last[high]], phase[last[high]] = first[low], np.exp(1j * kx_per_m * design.pitch_x_m)
+    alive = np.flatnonzero(~grid._idle())
+    _, column = np.unique(master[alive], return_inverse=True)
+    turn = sp.csr_array((phase[alive], (np.arange(len(alive)), column)))
+    pencil = plate.pencil()
+    k, m = ((turn.conj().T @ matrix @ turn).toarray() for matrix in (pencil.stiffness, pencil.mass))
+    return np.asarray(pencil.scale.frequency(eigh(k, m, eigvals_only=True)))
+
+
+@pytest.mark.parametrize(("rows", "extension_m"), [(2, 0.0), (3, 0.0), (2, 2e-3)])
+def test_a_column_of_staggered_rows_is_a_plate_two_panels_wide_with_its_ends_tied(
+    rows: int, extension_m: float
+) -> None:
+    """Its modes are those even about y = 0, to rounding, also where the last feet are flush with the plate's edge."""
+    staggered = replace(DESIGN, pitch_x_m=8e-3, rows=rows, stagger=True, extension_m=extension_m)
+    own, kx = reductions(staggered, replace(REDUCTION, interface=Interface(3, 2))), 3.5 * pi / DESIGN.length_m
+    column = Column(staggered, own, kx)
+    tones, whole = column.solve(10e3, 60e3)[0], ring_hz(staggered, own, kx)
+    inside = whole[(whole > 10e3) & (whole < 60e3)]
+    assert 5 < len(tones) < len(inside)
+    assert np.abs(tones[:, None] / inside - 1.0).min(axis=1).max() < 1e-9
+    line = Column(replace(staggered, stagger=False), own, kx).solve(10e3, 60e3)[0]
+    assert np.abs(tones[:, None] / line - 1.0).min(axis=1).max() > 1e-3
 
 
 @pytest.mark.slow
