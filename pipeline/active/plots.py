@@ -58,7 +58,7 @@ def mason(study: MasonStudy) -> ReportFigure:
     alt = (
         f"Joint velocities over frequency of three clamped cells and of five free ones without and with filters, and the "
         f"filter's impedance. With filters a mode at {frequency(study.data.target_hz)} stays between them: inner joints lie "
-        f"{level(study.confinement_filtered_db)} above outer ones, against {level(study.confinement_bare_db)} without."
+        f"{level(study.confinement_db['filtered'])} above outer ones, against {level(study.confinement_db['bare'])} without."
     )
     return ReportFigure("mason", "A band-reject filter confines a mode", alt, figure, vector=True)
 

@@ -104,25 +104,17 @@ def mason(study: MasonStudy) -> Iterator[tuple[str, Figures]]:
 
     The study has to hold the modes about its target: the default window of mason_study does, a band to show need not.
     """
-    target, f, clamped = study.data.target_hz, study.frequencies_hz, study.clamped_modes_hz
+    target, f, clamped = study.data.target_hz, study.frequencies_hz, study.modes_hz["clamped"]
     level = np.abs(study.clamped)
     answering = [m for m in clamped if level[np.argmin(np.abs(f - m))].max() > UNDRIVEN * level.max()]
     number = int(np.argmin(np.abs(clamped - target))) + 1
     yield "confined", {"number": number, "answering": ", ".join(figure(m / KHZ) for m in answering)}
-    both = (study.bare_modes_hz, study.filtered_modes_hz)
+    both = (study.modes_hz[name] for name in ("bare", "filtered"))
     nearest, added = (float(modes[np.argmin(np.abs(modes - target))]) for modes in both)
     yield "bare", {"target_khz": target / KHZ, "nearest_khz": nearest / KHZ, "off": abs(nearest / target - 1.0)}
-    bare_db, filtered_db = study.confinement_bare_db, study.confinement_filtered_db
-    yield (
-        "filtered",
-        {
-            "added_khz": added / KHZ,
-            "off": abs(added / target - 1.0),
-            "bare_db": bare_db,
-            "filtered_db": filtered_db,
-            "gained_db": filtered_db - bare_db,
-        },
-    )
+    levels = {f"{name}_db": level for name, level in study.confinement_db.items()}
+    gained = {"gained_db": levels["filtered_db"] - levels["bare_db"]}
+    yield "filtered", {"added_khz": added / KHZ, "off": abs(added / target - 1.0)} | levels | gained
 
 
 def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) -> Iterator[tuple[str, Figures]]:
@@ -173,7 +165,7 @@ def beam(study: ActiveBeamStudy) -> Iterator[tuple[str, Figures]]:
     yield "opposed", where | _inside(opposed) | {"grows": grows, "unstable_n_m": loops["opposed"].unstable_from_n_m}
     yield "gain", _gains(study)
     yield "higher", _higher(study)
-    yield "force", where | {"steady_n": point.force_n, "switch_on_n": point.switch_on_n}
+    yield "force", where | {"steady_n": point.largest_force_n, "switch_on_n": point.switch_on_force_n}
     limits, delays = loops["point"].gain_limits_n_m, study.data.delays_s
     listed = [f"{_limit(limit)} with {delay / US:g} us" for limit, delay in zip(limits, delays, strict=False)]
     reach = max(limits[: len(delays)], default=0.0) / min(study.data.gains_n_m)

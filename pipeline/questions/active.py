@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from math import inf
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
+    from solvers.thesis.active_study import Case as LoopedBeam
     from solvers.thesis.circuit import MasonStudy
 
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
@@ -38,19 +39,17 @@ class Compared(Part):
     agreement: str = column("whether they agree, and why not")
 
 
+def compared(model: str, computed: Iterable[Any]) -> list[Compared]:
+    """Return the thesis' statements on a model next to its figures."""
+    from pipeline.active.thesis import beside
+
+    return [Compared(**entry) for entry in beside(model, computed)]
+
+
 class Modelled(Result, axes=()):
     """The answer of a model, with the study that its pictures are drawn from."""
 
     study: Any = live()
-
-    @classmethod
-    def of_study(cls, study: Any, document: dict[str, Any], model: str, computed: Iterable[Any], **more: Any) -> Self:
-        """Return the answer of a study: the fields of its document, and its figures next to the thesis' statements."""
-        from pipeline.active.thesis import beside
-
-        known = {name: value for name, value in document.items() if name in cls.declared and name not in more}
-        more["comparison"] = [Compared(**entry) for entry in beside(model, computed)]
-        return cls(**known, **more, study=study)
 
     def compared(self) -> Iterator[str]:
         """Yield a block a statement: the thesis' value, ours, and how they agree."""
@@ -182,7 +181,17 @@ class ActiveMason(
             if band := self._band(data.target_hz):
                 study = mason_study(data, np.linspace(*band, 3121))
                 _refuse_empty(band, study, whole)
-        return MasonResult.of_study(study, study.to_dict(), "mason", thesis.mason(whole))
+        curves = ("clamped", "bare", "filtered", "filter_impedance")
+        return MasonResult.of(
+            study,
+            target_hz=data.target_hz,
+            quality_factor=data.quality_factor,
+            cell={"length_m": data.cell.length_m, "area_m2": data.area_m2, "material": data.material.name},
+            filter=vars(data.filter) | {"rejected_hz": data.filter.rejected_hz},
+            **{f"{name}_abs": np.abs(getattr(study, name)) for name in curves},
+            comparison=compared("mason", thesis.mason(whole)),
+            study=study,
+        )
 
     def _band(self, target_hz: float) -> Pair | None:
         """Return the band to show, Hz. Raises InputError beyond the range of a one-dimensional bar."""
@@ -307,9 +316,10 @@ class ActivePillar(
         with asked("pillar"):
             row, point = pillar_filter(case.design, np.linspace(*band, 801), loss), point_force()
         cell = _computed_cell(case, run, band) if self.cell else None
-        own = {"point_force": point.to_dict(), "cell": cell}
-        computed = thesis.pillar(row, point, cell)
-        return PillarModelResult.of_study((row, point), row.to_dict(), "pillar", computed, **own)
+        comparison = compared("pillar", thesis.pillar(row, point, cell))
+        return PillarModelResult.of(
+            row, point_force=point.to_dict(), cell=cell, comparison=comparison, study=(row, point)
+        )
 
 
 def _computed_cell(case: Case, run: Run, band_hz: Pair) -> dict[str, Any]:
@@ -447,9 +457,14 @@ class ActiveBeam(
         )
         with asked("beam"):
             study = active_beam_study(data)
-        document = study.to_dict()
-        cases = [LoopCase(**one) for one in document["cases"]]
-        return BeamResult.of_study(study, document, "beam", thesis.beam(study), cases=cases)
+        cases = [_loop_case(one) for one in study.cases]
+        return BeamResult(**study.to_dict(), cases=cases, comparison=compared("beam", thesis.beam(study)), study=study)
+
+
+def _loop_case(case: LoopedBeam) -> LoopCase:
+    sides = {"before": case.before, "after": case.after}
+    sizes = {f"{when}_{name}_m": size for when, side in sides.items() for name, size in vars(side).items()}
+    return LoopCase.of(case, **sizes, **{f"ratio_{when}": side.ratio for when, side in sides.items()})
 
 
 # -- shaping -----------------------------------------------------------------------------------------------------------
@@ -553,4 +568,4 @@ class ActiveShaping(
         data = ShapingData()
         with asked("shaping"):
             study = shaping_study(replace(data, frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz)))
-        return ShapingResult.of_study(study, document(study), "shaping", shaping(study))
+        return ShapingResult(**document(study), comparison=compared("shaping", shaping(study)), study=study)

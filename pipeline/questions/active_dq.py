@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pipeline.questions.active import COMPARED, Compared, Modelled, asked, quality_option
+from pipeline.questions.active import COMPARED, Compared, Modelled, asked, compared, quality_option
 from pipeline.questions.question import Question, Run, option
 from pipeline.records.part import column
 from pipeline.units import KHZ, MS, US
@@ -144,7 +144,8 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
         if table and measured:
             loop.write_table(table, measured, run.folder, run.log)
         found = measured.to_dict() if measured else None
-        return DqResult.of_study(study, study.to_dict(), "dq", thesis.dq(study), measured=found)
+        comparison = compared("dq", thesis.dq(study))
+        return DqResult(**study.to_dict(), measured=found, comparison=comparison, study=study)
 
     def _data(self, case: Case | None, table: ModeTable | None, run: Run) -> DqData:
         from pipeline.active import loop

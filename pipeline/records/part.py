@@ -7,7 +7,7 @@ the help of a command stays quick.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields
+from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, is_dataclass
 from functools import cache
 from itertools import product
 from math import isfinite
@@ -162,6 +162,8 @@ def plain(given: Any) -> Any:
         return plain(given.tolist())
     if isinstance(given, complex):
         return [plain(given.real), plain(given.imag)]
+    if is_dataclass(given):
+        return {each.name: plain(getattr(given, each.name)) for each in fields(given)}
     if isinstance(given, Mapping):
         return {key: plain(value) for key, value in given.items()}
     return [plain(each) for each in given] if isinstance(given, Sequence) else given

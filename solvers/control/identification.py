@@ -66,21 +66,9 @@ class Identified:
     quality_error: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Frequency in Hz, times in s, complex numbers as [re, im]."""
-        plant = self.plant
-        return {
-            "frequency_hz": plant.frequency_hz,
-            "tau_s": plant.tau_s,
-            "quality_factor": plant.quality_factor,
-            "gain": [plant.gain.real, plant.gain.imag],
-            "delay_s": self.delay_s,
-            "background": [self.background.real, self.background.imag],
-            "circle": {
-                "centre": [self.circle.centre.real, self.circle.centre.imag],
-                "radius": self.circle.radius,
-                "misfit": self.circle.misfit,
-            },
-        }
+        """Frequency in Hz, times in s."""
+        own = {"delay_s": self.delay_s, "background": self.background, "circle": self.circle}
+        return {name: getattr(self.plant, name) for name in ("frequency_hz", "tau_s", "quality_factor", "gain")} | own
 
 
 def fit_circle(points: ComplexArray) -> Circle:

@@ -128,21 +128,17 @@ def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proporti
 class Feasibility:
     """What an amplitude asks of the drive: held, and at its peak while rising with tau_d; both in units of the drive.
 
-    largest_reference: up to where tau_d is kept; least_time_s: to 95 % at full drive, inf beyond what can be held.
+    share: of the amplitude at full drive; feasible: the drive never meets its limit; largest_reference: up to where tau_d is
+    kept; least_time_s: to 95 % at full drive, inf beyond what can be held.
     """
 
+    share: float
     reference: float
-    response_s: float
     steady_drive: float
     peak_drive: float
+    feasible: bool
     largest_reference: float
     least_time_s: float
-    drive_limit: float
-
-    @property
-    def feasible(self) -> bool:
-        """True when the drive never meets its limit."""
-        return self.peak_drive <= self.drive_limit
 
 
 def feasibility(
@@ -160,13 +156,13 @@ def feasibility(
     reach = size * drive_limit
     within = reference * detuned <= reach
     return Feasibility(
+        share=reference / reach,
         reference=reference,
-        response_s=response_s,
         steady_drive=detuned * reference / size,
         peak_drive=peak * reference / size,
+        feasible=peak * reference / size <= drive_limit,
         largest_reference=reach / peak,
         least_time_s=-plant.tau_s * log(1.0 - 0.95 * reference / reach) if within else inf,
-        drive_limit=drive_limit,
     )
 
 

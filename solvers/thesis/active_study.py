@@ -66,7 +66,7 @@ class ActiveBeamData:
 class Case:
     """One layout at one frequency and gain: strength K'/(4 EI beta^3), the steady state, amplitudes without and with loops.
 
-    force_n: largest steady point force; switch_on_n: K' times the largest loop signal before the loops close.
+    largest_force_n: of a point in the steady state; switch_on_force_n: K' times the largest loop signal before the loops close.
     """
 
     layout: str
@@ -76,22 +76,13 @@ class Case:
     steady: ForcedBeam
     before: Confinement
     after: Confinement
-    force_n: float
-    switch_on_n: float
+    largest_force_n: float
+    switch_on_force_n: float
 
     @property
-    def kept(self) -> float:
+    def outside_reduced_by(self) -> float:
         """rms beyond the loops, without over with them."""
         return self.before.outside_rms / self.after.outside_rms
-
-    def to_dict(self) -> dict[str, Any]:
-        """Amplitudes in m, forces in N."""
-        plain = {key: getattr(self, key) for key in ("layout", "frequency_hz", "gain_n_m", "strength")}
-        plain |= {
-            f"{when}_{key}_m": value for when in ("before", "after") for key, value in vars(getattr(self, when)).items()
-        }
-        plain |= {"ratio_before": self.before.ratio, "ratio_after": self.after.ratio, "outside_reduced_by": self.kept}
-        return plain | {"largest_force_n": self.force_n, "switch_on_force_n": self.switch_on_n}
 
 
 @dataclass(frozen=True)
@@ -109,14 +100,6 @@ class LoopStability:
     delay_margin_s: tuple[float | None, ...]
     gain_limits_n_m: tuple[float, ...]
     gain_limits_hz: tuple[float, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Infinite limits (none found) as null."""
-        plain = {key: list(value) if isinstance(value, tuple) else value for key, value in vars(self).items()}
-        plain["unstable_from_n_m"] = _number(self.unstable_from_n_m)
-        plain["gain_limits_n_m"] = [_number(value) for value in self.gain_limits_n_m]
-        plain["gain_limits_hz"] = [_number(value) for value in self.gain_limits_hz]
-        return plain
 
 
 @dataclass(frozen=True)
@@ -145,29 +128,25 @@ class ActiveBeamStudy:
         raise SolverError(f"no case {layout} at {frequency_hz:g} Hz and K' = {gain_n_m:g} N/m")
 
     def to_dict(self) -> dict[str, Any]:
-        """A plain document in SI: beam, places, cases, stability, sweeps."""
+        """Beam, places, stability and sweeps in SI."""
         data, beam = self.data, self.data.beam
-        omegas = [2.0 * pi * f for f in data.frequencies_hz]
+        kept = ("length_m", "width_m", "thickness_m", "apart_m", "force_n", "quality_factor")
         return {
-            "schema": 1,
             "beam": {
-                **{key: getattr(data, key) for key in ("length_m", "width_m", "thickness_m", "apart_m", "force_n")},
+                **{key: getattr(data, key) for key in kept},
                 "material": data.material.name,
-                "quality_factor": _number(data.quality_factor),
                 "bending_n_m2": beam.bending_n_m2,
                 "mass_kg_m": beam.mass_kg_m,
                 "left_m": self.left_m,
-                "natural_hz": (beam.natural_rad_s(9)[2:] / (2.0 * pi)).tolist(),
+                "natural_hz": beam.natural_rad_s(9)[2:] / (2.0 * pi),
             },
-            "frequencies_hz": list(data.frequencies_hz),
-            "point_stiffness_n_m": [beam.point_stiffness_n_m(omega) for omega in omegas],
-            "thin_beam_limit_hz": _thin_limit_hz(data),
-            "gains_n_m": list(data.gains_n_m),
-            "delays_s": list(data.delays_s),
-            "cases": [case.to_dict() for case in self.cases],
-            "stability": [one.to_dict() for one in self.stability],
-            "gain_sweep": {"gains_n_m": self.sweep_gains_n_m.tolist(), **_lists(self.gain_sweep)},
-            "place_sweep": {"places_m": self.sweep_places_m.tolist(), **_lists(self.place_sweep)},
+            "point_stiffness_n_m": [beam.point_stiffness_n_m(2.0 * pi * f) for f in data.frequencies_hz],
+            # where beta h = 1: beyond it shear and rotary inertia count and the beam's theory does not hold
+            "thin_beam_limit_hz": (beam.bending_n_m2 / beam.mass_kg_m) ** 0.5 / data.thickness_m**2 / (2.0 * pi),
+            **{key: getattr(data, key) for key in ("frequencies_hz", "gains_n_m", "delays_s")},
+            "stability": self.stability,
+            "gain_sweep": {"gains_n_m": self.sweep_gains_n_m, **self.gain_sweep},
+            "place_sweep": {"places_m": self.sweep_places_m, **self.place_sweep},
         }
 
 
@@ -246,8 +225,8 @@ def _case(data: ActiveBeamData, layout: Layout, frequency_hz: float, gain: float
         steady=after,
         before=active_beam.confinement(x, data.force_n * before.deflection, layout.region_m),
         after=active_beam.confinement(x, data.force_n * after.deflection, layout.region_m),
-        force_n=data.force_n * float(np.max(np.abs(after.forces))),
-        switch_on_n=data.force_n * float(gain) * float(np.max(np.abs(signals))),
+        largest_force_n=data.force_n * float(np.max(np.abs(after.forces))),
+        switch_on_force_n=data.force_n * float(gain) * float(np.max(np.abs(signals))),
     )
 
 
@@ -278,17 +257,3 @@ def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
         gain_limits_n_m=tuple(limit * omega for limit, _ in limits),
         gain_limits_hz=tuple(hz for _, hz in limits),
     )
-
-
-def _thin_limit_hz(data: ActiveBeamData) -> float:
-    """Where beta h = 1, Hz: beyond it shear and rotary inertia count and the beam's theory does not hold."""
-    beam = data.beam
-    return float((beam.bending_n_m2 / beam.mass_kg_m) ** 0.5 / data.thickness_m**2 / (2.0 * pi))
-
-
-def _number(value: float) -> float | None:
-    return float(value) if isfinite(value) else None
-
-
-def _lists(arrays: dict[str, FloatArray]) -> dict[str, list[float]]:
-    return {name: values.tolist() for name, values in arrays.items()}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from math import inf, isfinite, pi, sqrt
-from typing import Any, Literal
+from math import inf, pi, sqrt
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -236,8 +236,8 @@ class MasonData:
 class MasonStudy:
     """Joint velocities over n frequencies for 1 N, m/s: three cells clamped (n, 4), five free without and with filter (n, 6).
 
-    *_modes_hz: lossless natural frequencies in the window. confinement_db: rms velocity of the inner joints 2, 3 over that
-    of the outer ones 0, 1, 4, 5 at the target, without and with the filter.
+    modes_hz: lossless natural frequencies in the window of the lines clamped, bare and filtered. confinement_db: rms velocity
+    of the inner joints 2, 3 over that of the outer ones 0, 1, 4, 5 at the target, bare and filtered.
     """
 
     data: MasonData
@@ -246,37 +246,8 @@ class MasonStudy:
     bare: ComplexArray
     filtered: ComplexArray
     filter_impedance: ComplexArray
-    clamped_modes_hz: FloatArray
-    bare_modes_hz: FloatArray
-    filtered_modes_hz: FloatArray
-    confinement_bare_db: float
-    confinement_filtered_db: float
-
-    @property
-    def modes_hz(self) -> dict[str, FloatArray]:
-        """Lossless natural frequencies in the window by line: clamped, bare, filtered."""
-        return {"clamped": self.clamped_modes_hz, "bare": self.bare_modes_hz, "filtered": self.filtered_modes_hz}
-
-    def to_dict(self) -> dict[str, Any]:
-        """A plain document: cell and filter data in SI, velocities per newton as magnitudes, impedance in N s/m."""
-        cell, one = self.data.cell, self.data.filter
-        curves = ("clamped", "bare", "filtered", "filter_impedance")
-        return {
-            "schema": 1,
-            "target_hz": self.data.target_hz,
-            "quality_factor": self.data.quality_factor if isfinite(self.data.quality_factor) else None,
-            "cell": {"length_m": cell.length_m, "area_m2": cell.area_m2, "material": self.data.material.name},
-            "filter": {
-                "inductance_kg": one.inductance_kg,
-                "capacitance_m_n": one.capacitance_m_n,
-                "resistance_n_s_m": one.resistance_n_s_m if isfinite(one.resistance_n_s_m) else None,
-                "rejected_hz": one.rejected_hz,
-            },
-            "modes_hz": {name: modes.tolist() for name, modes in self.modes_hz.items()},
-            "confinement_db": {"bare": self.confinement_bare_db, "filtered": self.confinement_filtered_db},
-            "frequencies_hz": self.frequencies_hz.tolist(),
-            **{f"{name}_abs": np.abs(getattr(self, name)).tolist() for name in curves},
-        }
+    modes_hz: dict[str, FloatArray]
+    confinement_db: dict[str, float]
 
 
 def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None = None) -> MasonStudy:
@@ -288,26 +259,21 @@ def mason_study(data: MasonData | None = None, frequencies_hz: FloatArray | None
     if frequencies_hz is None:
         frequencies_hz = np.linspace(0.04, 1.6, 3121) * data.target_hz
     low, high = float(np.min(frequencies_hz)), float(np.max(frequencies_hz))
-    three, bare, filtered = three_clamped(data), five_free(data, False), five_free(data, True)
+    free = {"bare": five_free(data, False), "filtered": five_free(data, True)}
+    lines = {"clamped": three_clamped(data)} | free
 
     def currents(line: Line, frequencies: FloatArray | float) -> ComplexArray:
         return nodal_response(line, 2.0 * pi * frequencies).currents
 
-    def modes(line: Line) -> FloatArray:
-        return natural_frequencies_hz(line, low, high, data.target_hz / 5000.0)
-
     return MasonStudy(
         data=data,
         frequencies_hz=frequencies_hz,
-        clamped=currents(three, frequencies_hz),
-        bare=currents(bare, frequencies_hz),
-        filtered=currents(filtered, frequencies_hz),
+        **{name: currents(line, frequencies_hz) for name, line in lines.items()},
         filter_impedance=1.0 / data.filter.admittance(2.0 * pi * frequencies_hz),
-        clamped_modes_hz=modes(three),
-        bare_modes_hz=modes(bare),
-        filtered_modes_hz=modes(filtered),
-        confinement_bare_db=_confinement_db(currents(bare, data.target_hz)[0]),
-        confinement_filtered_db=_confinement_db(currents(filtered, data.target_hz)[0]),
+        modes_hz={
+            name: natural_frequencies_hz(line, low, high, data.target_hz / 5000.0) for name, line in lines.items()
+        },
+        confinement_db={name: _confinement_db(currents(line, data.target_hz)[0]) for name, line in free.items()},
     )
 
 

@@ -50,28 +50,14 @@ class SampledLoop:
 @dataclass(frozen=True)
 class Margins:
     """gain: factor on the plate's gain that brings the loop to its limit; phase_deg: error of the carrier's phase, the smaller
-    of both signs; sensitivity: largest |1/(1 + L)|; poles (3,) of the closed loop in z.
+    of both signs; sensitivity: largest |1/(1 + L)|; stable: all poles (3,) of the closed loop lie inside the circle |z| = 1.
     """
 
     gain: float
     phase_deg: float
     sensitivity: float
+    stable: bool
     poles: ComplexArray
-
-    @property
-    def stable(self) -> bool:
-        """True when every pole lies inside the unit circle."""
-        return bool(np.all(np.abs(self.poles) < 1.0))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Numbers; poles as [re, im]; a gain without bound as null."""
-        return {
-            "gain": self.gain if np.isfinite(self.gain) else None,
-            "phase_deg": self.phase_deg,
-            "sensitivity": self.sensitivity,
-            "stable": self.stable,
-            "poles": [[pole.real, pole.imag] for pole in self.poles.tolist()],
-        }
 
 
 @dataclass(frozen=True)
@@ -142,6 +128,7 @@ def margins(setup: Setup) -> Margins:
         gain=exp(gain) if gain < inf else inf,
         phase_deg=float(np.degrees(min(*turned, pi))),
         sensitivity=float(np.abs(1.0 / (1.0 + loop.open_loop)).max()),
+        stable=True,
         poles=poles,
     )
 
@@ -219,14 +206,13 @@ class Step:
     trace: Trace
 
     def to_dict(self) -> dict[str, Any]:
-        """Times in s, None where never reached."""
-        reached, settled = self.trace.reached_s(), self.trace.settled_s()
+        """Times in s, inf where never reached."""
         return {
             "name": self.name,
             "detuning_hz": self.detuning_hz,
             "reference": self.reference,
-            "reached_95_s": reached if isfinite(reached) else None,
-            "settled_5_s": settled if isfinite(settled) else None,
+            "reached_95_s": self.trace.reached_s(),
+            "settled_5_s": self.trace.settled_s(),
             "overshoot": self.trace.overshoot(),
             "limited_periods": int(self.trace.limited.sum()),
         }
@@ -261,11 +247,6 @@ class DqStudy:
         """The first simulated step of that name."""
         return next(step for step in self.steps if step.name == name)
 
-    @property
-    def printed_tau_s(self) -> float:
-        """1/R of (2.44) with R the circle's radius as a number: no time constant at all."""
-        return 1.0 / self.identified.circle.radius
-
     def sampled_loop(self) -> SampledLoop:
         """Return ratio and reference response of the sampled loop at resonance, the identified mode alone."""
         return sampled_loop(
@@ -277,23 +258,11 @@ class DqStudy:
         """Of the amplitude at full drive: the largest step that does not meet the limit, 1/(K_p G)."""
         return 1.0 / (self.sampled.proportional * abs(self.identified.plant.gain))
 
-    def table_entry(self) -> dict[str, Any]:
-        """What the mode table carries of this: the plant, from which the firmware plans its gains as `sampled` here."""
-        plant = self.identified.plant
-        return {
-            "frequency_hz": plant.frequency_hz,
-            "tau_s": plant.tau_s,
-            "gain": [plant.gain.real, plant.gain.imag],
-            "delay_s": self.identified.delay_s,
-            "drive_limit": self.data.drive_limit,
-            "amplitude_limit": self.data.amplitude_limit,
-        }
-
     def to_dict(self) -> dict[str, Any]:
-        """A plain document: plant, design, feasibility, identification, margins, steps and the table entry."""
-        data, plant = self.data, self.data.wanted
+        """Plant, design, feasibility, identification, margins, steps and what the mode table carries of this."""
+        data, plant, found = self.data, self.data.wanted, self.identified.to_dict()
+        carried = {name: found[name] for name in ("frequency_hz", "tau_s", "gain", "delay_s")}
         return {
-            "schema": 1,
             "plant": {
                 "frequency_hz": plant.frequency_hz,
                 "quality_factor": plant.quality_factor,
@@ -307,8 +276,7 @@ class DqStudy:
                 "within_s": data.within_s,
                 "latency_s": data.latency_s,
                 "response_s": data.response_s,
-                "proportional": self.pi.proportional,
-                "integral_per_s": self.pi.integral_per_s,
+                **vars(self.pi),
                 "sampled": {
                     "period_s": data.rates.period_s,
                     "planned_s": self.planned_s,
@@ -318,25 +286,13 @@ class DqStudy:
                     "bounded_by_neighbours": self.sampled.bounded,
                 },
             },
-            "feasibility": [_feasible(one, self.identified.plant, data) for one in self.feasible],
-            "margins": self.margins.to_dict(),
-            "identified": self.identified.to_dict() | {"printed_tau_s": self.printed_tau_s},
+            "feasibility": self.feasible,
+            "margins": self.margins,
+            "identified": found | {"printed_tau_s": 1.0 / found["circle"].radius},  # of (2.44), no time constant at all
             "steps": [step.to_dict() for step in self.steps],
             "anti_windup": [step.to_dict() for step in self.windups],
-            "table_entry": self.table_entry(),
+            "table_entry": carried | {"drive_limit": data.drive_limit, "amplitude_limit": data.amplitude_limit},
         }
-
-
-def _feasible(one: Feasibility, plant: ModePlant, data: DqData) -> dict[str, Any]:
-    return {
-        "share": one.reference / (abs(plant.gain) * data.drive_limit),
-        "reference": one.reference,
-        "steady_drive": one.steady_drive,
-        "peak_drive": one.peak_drive,
-        "feasible": one.feasible,
-        "largest_reference": one.largest_reference,
-        "least_time_s": one.least_time_s if isfinite(one.least_time_s) else None,
-    }
 
 
 def dq_study(data: DqData | None = None) -> DqStudy:

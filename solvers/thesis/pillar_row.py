@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import inf, isnan, pi
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,24 +115,6 @@ class PillarFilter:
         """The first of bands_hz: one pillar."""
         return self.bands_hz[0]
 
-    @property
-    def absorbed(self) -> FloatArray:
-        """1 - |t|^2 - |r|^2, shape (rows, n)."""
-        return 1.0 - self.transmitted - self.reflected
-
-    def to_dict(self) -> dict[str, Any]:
-        """A plain document, frequencies in Hz, powers as shares of the incident one."""
-        arrays = {
-            name: getattr(self, name).tolist() for name in ("frequencies_hz", "transmitted", "reflected", "decay_db")
-        }
-        numbers = {name: getattr(self, name) for name in ("clamped_hz", "stopped_hz", "oscillator_stopped_hz")}
-        bands = {
-            "band_hz": _ends(self.band_hz),
-            "bands_hz": [_ends(band) for band in self.bands_hz],
-            "stop_hz": _ends(self.stop_hz),
-        }
-        return {"schema": 1, **numbers, **bands, **arrays}
-
 
 def strip_beam(design: Design, plate: bool = True) -> HostBeam:
     """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x, or E I of a free beam."""
@@ -180,10 +161,6 @@ def pillar_filter(
         bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
         stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
     )
-
-
-def _ends(band: tuple[float, float] | None) -> list[float] | None:
-    return list(band) if band else None
 
 
 def design_feet(

@@ -234,20 +234,10 @@ class PointForce:
         raise SolverError(f"no case {name!r}: there are {', '.join(case.name for case in self.cases)}")
 
     def to_dict(self) -> dict[str, Any]:
-        """A plain document: amplitudes and powers in shares of the incident ones."""
-        return {
-            "x_over_wavelength": self.x_over_wavelength.tolist(),
-            "cases": [
-                {
-                    "name": case.name,
-                    "transmitted": case.transmitted,
-                    "reflected": case.reflected,
-                    "absorbed": case.absorbed,
-                    "abs": np.abs(case.deflection).tolist(),
-                }
-                for case in self.cases
-            ],
-        }
+        """Powers and the deflection's size in shares of the incident ones."""
+        known = ("name", "transmitted", "reflected", "absorbed")
+        cases = [{key: getattr(case, key) for key in known} | {"abs": np.abs(case.deflection)} for case in self.cases]
+        return {"x_over_wavelength": self.x_over_wavelength, "cases": cases}
 
 
 def point_force(points: int = 801) -> PointForce:

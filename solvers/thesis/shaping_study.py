@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import pi
 from typing import Any
@@ -230,87 +230,63 @@ def document(study: ShapingStudy) -> dict[str, Any]:
     """Everything the study holds, in SI; complex numbers as {abs, phase_rad}."""
     data = study.data
     return {
-        "schema": 1,
-        "assumptions": list(ASSUMPTIONS),
-        "errors_assumed": asdict(data.errors),
+        "assumptions": ASSUMPTIONS,
+        "errors_assumed": data.errors,
         "limit_v": data.limit_v,
         "beams": [_beam(one) for one in study.beams],
         "conditioning": [
-            {
-                "beam": name,
-                "signal": signal,
-                "best_hz": operating_frequencies(scan).tolist(),
-                "frequencies_hz": scan.frequencies_hz.tolist(),
-                "condition": scan.condition.tolist(),
-                "coupling": scan.coupling.tolist(),
-                "independence": (1.0 - scan.coupling).tolist(),
-            }
+            {"beam": name, "signal": signal, "best_hz": operating_frequencies(scan), **vars(scan)}
+            | {"independence": 1.0 - scan.coupling}
             for (name, signal), scan in study.scans.items()
         ],
         "choices": [_choice(one) for one in study.choices],
-        "confinement": [asdict(one) for one in study.confinements],
+        "confinement": study.confinements,
         "travelling": [_travelling(one) for one in study.travelling],
         "errors": [
             {"beam": name, "signal": signal, **{key: quantiles(values) for key, values in vars(trials).items()}}
             for (name, signal), trials in study.trials.items()
         ],
-        "filter": _filter_document(study),
-        "mode_pairs": _pairs(study),
+        "filter": {
+            **vars(study.filter),
+            "corner_hz": study.filter.corner_hz,
+            "pwm_ripple": abs(study.filter.response(data.pwm_hz)),
+            "compensation": [
+                {"frequency_hz": f, **_complex(study.filter.compensation(f))} for f in data.frequencies_hz
+            ],
+            "compensation_error_of_moving_patches": study.filter_error,
+        },
+        "mode_pairs": [
+            {
+                "beam": name,
+                "modes": [number + 1 for number in pair.modes],
+                "frequency_hz": pair.frequency_hz,
+                "twr": pair.twr,
+                "twr_of_the_two_modes_alone": pair.alone,
+                "wavenumber_rad_m": pair.wavenumber,
+                "voltages_relative": _complex(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
+            }
+            for name, pair in study.pairs.items()
+        ],
         "passive_and_active": [{"beam": name, **one.to_dict()} for name, one in study.resonators.items()],
     }
 
 
-def _filter_document(study: ShapingStudy) -> dict[str, Any]:
-    data = study.data
-    return {
-        "inductance_h": study.filter.inductance_h,
-        "resistance_ohm": study.filter.resistance_ohm,
-        "capacitance_f": study.filter.capacitance_f,
-        "corner_hz": study.filter.corner_hz,
-        "pwm_ripple": abs(study.filter.response(data.pwm_hz)),
-        "compensation": [
-            {"frequency_hz": f, **_complex(np.array(study.filter.compensation(f)))} for f in data.frequencies_hz
-        ],
-        "compensation_error_of_moving_patches": study.filter_error,
-    }
-
-
-def _pairs(study: ShapingStudy) -> list[dict[str, Any]]:
-    return [
-        {
-            "beam": name,
-            "modes": [pair.modes[0] + 1, pair.modes[1] + 1],
-            "frequency_hz": pair.frequency_hz,
-            "twr": pair.twr,
-            "twr_of_the_two_modes_alone": pair.alone,
-            "wavenumber_rad_m": pair.wavenumber,
-            "voltages_relative": _complex(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
-        }
-        for name, pair in study.pairs.items()
-    ]
-
-
 def _beam(model: ShapedBeam) -> dict[str, Any]:
-    beam, table = model.beam, model.table
-    shape = table.field[:8, :LINE]
-    peaks = (np.abs(shape[:, 1:-1]) > np.abs(shape[:, :-2])) & (np.abs(shape[:, 1:-1]) >= np.abs(shape[:, 2:]))
-    calibration = model.calibration
+    beam, table, calibration = model.beam, model.table, model.calibration
+    shape = np.abs(table.field[:8, :LINE])
+    peaks = (shape[:, 1:-1] > shape[:, :-2]) & (shape[:, 1:-1] >= shape[:, 2:])
     return {
         "name": model.name,
-        "length_m": beam.length_m,
-        "width_m": beam.width_m,
-        "thickness_m": beam.thickness_m,
+        **{key: getattr(beam, key) for key in ("length_m", "width_m", "thickness_m", "centres_m", "quality_factor")},
         "material": beam.material.name,
         "piezo": beam.piezo.name,
-        "centres_m": list(beam.centres_m),
-        "quality_factor": beam.quality_factor,
-        "modes_hz": table.frequencies_hz[:8].tolist(),
-        "antinodes": peaks.sum(axis=1).tolist(),
-        "bare_modes_hz": bare_modes_hz(beam, 8).tolist(),
+        "modes_hz": table.frequencies_hz[:8],
+        "antinodes": peaks.sum(axis=1),
+        "bare_modes_hz": bare_modes_hz(beam, 8),
         "calibration": None
-        if calibration is None or model.calibrated_on is None
+        if calibration is None
         else {
-            "mode_hz": float(table.frequencies_hz[model.calibrated_on]),
+            "mode_hz": table.frequencies_hz[model.calibrated_on],
             "m_per_v": _complex(calibration.factor),
             "common_phase_rad": calibration.common_phase,
         },
@@ -318,32 +294,20 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
 
 
 def _choice(one: Choice) -> dict[str, Any]:
-    return {
-        "pitch_m": one.pitch_m,
-        "quality_factor": one.quality_factor,
-        "peak_twr": one.peak_twr,
-        "peak_wavelength_m": one.peak_wavelength_m,
-        **{
-            signal: {"condition": coupling.condition, "independence": coupling.independence}
-            for signal, coupling in one.conditioning.items()
-        },
+    known = {key: getattr(one, key) for key in ("pitch_m", "quality_factor", "peak_twr", "peak_wavelength_m")}
+    return known | {
+        signal: {"condition": coupling.condition, "independence": coupling.independence}
+        for signal, coupling in one.conditioning.items()
     }
 
 
 def _travelling(one: Travelling) -> dict[str, Any]:
-    ratio = float(one.twr[one.peak])
+    ratio, kept = one.twr[one.peak], ("window_m", "free_wavelength_m", "wavelengths_m", "twr", "fitted_twr")
     return {
-        "beam": one.beam,
-        "signal": one.signal,
-        "frequency_hz": one.frequency_hz,
-        "window_m": list(one.window_m),
-        "free_wavelength_m": one.free_wavelength_m,
-        "wavelengths_m": one.wavelengths_m.tolist(),
-        "twr": one.twr.tolist(),
-        "swr": (1.0 - one.twr).tolist(),
-        "fitted_twr": one.fitted_twr.tolist(),
+        **{key: getattr(one, key) for key in ("beam", "signal", "frequency_hz", *kept)},
+        "swr": 1.0 - one.twr,
         "peak": {
-            "wavelength_m": float(one.wavelengths_m[one.peak]),
+            "wavelength_m": one.wavelengths_m[one.peak],
             "twr": ratio,
             "forward_energy_share": forward_energy_share(ratio),
             "net_flux_over_forward": net_flux_share(ratio),
@@ -357,5 +321,5 @@ def _travelling(one: Travelling) -> dict[str, Any]:
     }
 
 
-def _complex(values: ComplexArray) -> dict[str, Any]:
-    return {"abs": np.abs(values).tolist(), "phase_rad": np.angle(values).tolist()}
+def _complex(values: ComplexArray | complex) -> dict[str, Any]:
+    return {"abs": np.abs(values), "phase_rad": np.angle(values)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from math import inf, pi
@@ -14,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from pipeline.active import thesis
 from pipeline.active.thesis import beside
+from pipeline.records.part import plain
 from solvers.control.loop import (
     LEAVING_S,
     NEIGHBOUR_LOOP,
@@ -299,8 +299,7 @@ def test_study_closes_the_chain():
         ModePlant.from_quality_factor(32_100.0, 300.0, -0.05),
     )
     study = dq_study(DqData(neighbours=others))
-    document = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert document["schema"] == 1
+    document = plain(study.to_dict())
     wanted = study.data.wanted
     entry = document["table_entry"]
     assert entry["frequency_hz"] == pytest.approx(wanted.frequency_hz, abs=0.1)

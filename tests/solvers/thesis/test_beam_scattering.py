@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from math import inf, pi
 
@@ -230,11 +229,9 @@ def test_rows_of_a_design_stand_on_a_strip_of_plate_half_a_thickness_up():
         expected = scatter(host, feet, [n * 4e-3 for n in range(count)], OMEGA)
         assert result.transmitted[count - 1] == pytest.approx(np.abs(expected.transmission) ** 2, rel=1e-9)
         assert result.reflected[count - 1] == pytest.approx(np.abs(expected.reflection) ** 2, rel=1e-9)
-    assert result.absorbed == pytest.approx(1.0 - result.transmitted - result.reflected) and result.absorbed.min() > 0.0
+    assert (1.0 - result.transmitted - result.reflected).min() > 0.0
     lossless = pillar_filter(DESIGN, OMEGA / (2 * pi))
-    assert np.abs(lossless.absorbed).max() < 1e-10
-    document = json.loads(json.dumps(result.to_dict(), allow_nan=False))
-    assert document["stopped_hz"] == result.stopped_hz and len(document["transmitted"]) == 3
+    assert np.abs(1.0 - lossless.transmitted - lossless.reflected).max() < 1e-10
 
 
 def test_stop_band_is_where_no_bloch_wave_passes():
@@ -267,8 +264,6 @@ def test_one_point_on_an_endless_beam():
     assert np.abs(spring[:50] - before).max() == pytest.approx(0.0, abs=1e-3)
     printed = study.of("printed force")
     assert np.abs(printed.deflection[-1]) == pytest.approx(2.0, abs=1e-3) and printed.transmitted == 4.0
-    document = json.loads(json.dumps(study.to_dict(), allow_nan=False))
-    assert len(document["cases"]) == 5
     with pytest.raises(SolverError, match="2 or more"):
         point_force(1)
     with pytest.raises(SolverError, match="there are spring"):

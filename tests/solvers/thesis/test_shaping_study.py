@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pipeline.active.thesis import beside, shaping
+from pipeline.records.part import plain
 from solvers.errors import SolverError
 from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.modal_table import conditioning, field_matrix, sensor_matrix
@@ -24,9 +24,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def document(study):
-    return json.loads(
-        json.dumps(document_of(study) | {"comparison": beside("shaping", shaping(study))}, allow_nan=False)
-    )
+    return plain(document_of(study)) | {"comparison": beside("shaping", shaping(study))}
 
 
 def entry_of(document, words: str) -> dict[str, str]:
@@ -34,7 +32,7 @@ def entry_of(document, words: str) -> dict[str, str]:
 
 
 def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document):
-    assert document["schema"] == 1 and len(document["assumptions"]) >= 5
+    assert len(document["assumptions"]) >= 5
     long = document["beams"][0]
     assert long["material"] == "steel" and long["quality_factor"] == 50.0 and len(long["centres_m"]) == 6
     quantities = " ".join(entry["quantity"] for entry in document["comparison"])
