@@ -257,7 +257,7 @@ def shaping(study: ShapingStudy) -> Iterator[tuple[str, Figures]]:
     yield "own_strain", _own_strain(study, real)
     yield "follows", _follows(study, real)
     for model in study.beams[:2]:
-        pair, levels = study.pairs[model.name], study.resonators[model.name].to_dict()
+        pair, levels = study.pairs[model.name], study.resonators[model.name]
         modes = {"first": pair.modes[0] + 1, "second": pair.modes[1] + 1, "hz": pair.frequency_hz}
         yield "pair", {"beam": model.name, "twr": pair.twr} | modes
         listed = ", ".join(f"{key.removesuffix('_db')} {figure(value)} dB" for key, value in levels.items())

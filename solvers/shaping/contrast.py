@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import Literal
 
@@ -77,23 +77,17 @@ def contrast(displacement: ComplexArray, inside: BoolArray) -> Contrast:
         return Contrast(float(peak), float(np.sqrt(np.float64(power[0]) / power[1])))
 
 
-def best_contrast(field: ComplexArray, inside: BoolArray, alpha: float = 0.0) -> ComplexArray:
+def best_contrast(field: ComplexArray, inside: BoolArray) -> ComplexArray:
     """Voltages (a,) of the largest contrast for a field (p, a) per volt, largest voltage 1 V.
 
-    alpha^2 mean(diag G_out) |V|^2 is added to the outside, so that large voltages for little motion are left alone.
-    SolverError when a side has no point, or the outside cannot resist (fewer points than actuators) without alpha.
+    SolverError when a side has no point, or the outside cannot resist (fewer points than actuators).
     """
     _check_sides(inside)
     gram_in, gram_out = (field[side].conj().T @ field[side] / len(field[side]) for side in (inside, ~inside))
-    size = field.shape[1]
-    gram_out = gram_out + alpha**2 * float(np.trace(gram_out).real) / size * np.eye(size)
     spread = np.linalg.eigvalsh(gram_out)
     if spread[0] <= 1e-14 * spread[-1]:
-        raise SolverError(
-            "some voltages move nothing outside, to rounding: their contrast has no bound; take alpha > 0"
-        )
-    vectors = eigh(gram_in, gram_out)[1]
-    best = vectors[:, -1]
+        raise SolverError("some voltages move nothing outside, to rounding: their contrast has no bound")
+    best = eigh(gram_in, gram_out)[1][:, -1]
     return np.asarray(best / np.abs(best).max())
 
 
@@ -134,15 +128,11 @@ def attach_oscillators(
     ) / quality_factor
     with np.errstate(divide="ignore", invalid="ignore"):
         composite_quality_factor = np.where(lost > 0.0, values / lost, np.inf)
-    return ModalTable(
+    return replace(
+        table,
         frequencies_hz=np.sqrt(np.maximum(values, 0.0)) / (2.0 * pi),
         quality_factor=composite_quality_factor,
-        actuators=vectors[:modes].T @ table.actuators,
-        sensors=vectors[:modes].T @ table.sensors,
-        field=vectors[:modes].T @ table.field,
-        points_m=table.points_m,
-        sensor_residual=table.sensor_residual,
-        field_residual=table.field_residual,
+        **{name: vectors[:modes].T @ getattr(table, name) for name in ("actuators", "sensors", "field")},
     )
 
 
@@ -150,7 +140,6 @@ def attach_oscillators(
 class Confined:
     """At one frequency, dB of rms inside over rms outside: one actuator alone, and all with the best voltages (a,), V."""
 
-    frequency_hz: float
     alone_db: float
     shaped_db: float
     voltages: ComplexArray
@@ -166,21 +155,4 @@ def confinement(table: ModalTable, frequency_hz: float, inside: BoolArray, drive
     field = field_matrix(table, frequency_hz)
     voltages = best_contrast(field, inside)
     alone, shaped = contrast(field[:, driver], inside), contrast(field @ voltages, inside)
-    return Confined(frequency_hz, alone.contrast_db, shaped.contrast_db, voltages)
-
-
-@dataclass(frozen=True)
-class PassiveActive:
-    """The four combinations: `bare` alone and shaped (neither, patches), `passive` alone and shaped (resonators, both)."""
-
-    bare: Confined
-    passive: Confined
-
-    def to_dict(self) -> dict[str, float]:
-        """The four levels in dB."""
-        return {
-            "neither_db": self.bare.alone_db,
-            "passive_db": self.passive.alone_db,
-            "active_db": self.bare.shaped_db,
-            "both_db": self.passive.shaped_db,
-        }
+    return Confined(alone.contrast_db, shaped.contrast_db, voltages)

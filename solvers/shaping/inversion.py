@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero
 from solvers.shaping.modal_table import orthogonality
 
 # -- voltages ----------------------------------------------------------------------------------------------------------
-# Voltages that make the signals asked for: V = T^-1 W, regularised, and within what the amplifiers give.
-# minimise |T V - W|^2 + (alpha sigma_1)^2 |V|^2 with |V_a| <= limit; a convex problem, its optimality conditions
-# checked.
+# Voltages that make the signals asked for: V = T^-1 W, and within what the amplifiers give.
+# minimise |T V - W|^2 with |V_a| <= limit; a convex problem, its optimality conditions checked.
 
 SINGULAR = 1e-12  # sigma_N/sigma_1 below which T^-1 holds rounding only
 OPTIMAL = 1e-6  # relative: how far a limited solution may stand from its optimality conditions
@@ -24,35 +23,29 @@ OPTIMAL = 1e-6  # relative: how far a limited solution may stand from its optima
 
 @dataclass(frozen=True)
 class Drive:
-    """voltages (a,), V; achieved = T V (s,); error = |T V - W|/|W|; limited (a,): actuators at their limit."""
+    """voltages (a,), V; error = |T V - W|/|W|."""
 
     voltages: ComplexArray
-    achieved: ComplexArray
     error: float
-    limited: BoolArray
 
 
-def drive_voltages(matrix: ComplexArray, target: ComplexArray, alpha: float = 0.0, limit_v: float = np.inf) -> Drive:
-    """Voltages for a target W (s,), from T (s, a). alpha: Tikhonov parameter as a share of the largest singular value.
+def drive_voltages(matrix: ComplexArray, target: ComplexArray, limit_v: float = np.inf) -> Drive:
+    """Voltages for a target W (s,), from T (s, a).
 
-    More sensors than actuators: least squares; fewer: the smallest voltages. Raises SolverError for a singular T without
-    alpha, a target of zeros or of another length, alpha < 0, a limit that is not above 0. Source: hansen1998.
+    More sensors than actuators: least squares; fewer: the smallest voltages. Raises SolverError for a singular T, a target of
+    zeros or of another length, a limit that is not above 0.
     """
     matrix, target = np.asarray(matrix, dtype=complex), np.asarray(target, dtype=complex)
-    _check(matrix, target, alpha, limit_v)
+    _check(matrix, target, limit_v)
     left, singular, right = np.linalg.svd(matrix, full_matrices=False)
-    if not alpha:
-        _refuse_singular(matrix, singular)
-    weight = alpha * singular[0]
-    voltages = right.conj().T @ (singular / (singular**2 + weight**2) * (left.conj().T @ target))
+    _refuse_singular(matrix, singular)
+    voltages = right.conj().T @ (singular / singular**2 * (left.conj().T @ target))
     if np.abs(voltages).max() > limit_v:
-        voltages = _limited(matrix, target, weight, limit_v, voltages)
-    achieved = matrix @ voltages
-    error = float(np.linalg.norm(achieved - target) / np.linalg.norm(target))
-    return Drive(voltages, achieved, error, np.abs(voltages) >= limit_v * (1.0 - 1e-6))
+        voltages = _limited(matrix, target, limit_v, voltages)
+    return Drive(voltages, float(np.linalg.norm(matrix @ voltages - target) / np.linalg.norm(target)))
 
 
-def _check(matrix: ComplexArray, target: ComplexArray, alpha: float, limit_v: float) -> None:
+def _check(matrix: ComplexArray, target: ComplexArray, limit_v: float) -> None:
     if matrix.ndim != 2 or not matrix.size:
         raise SolverError("T has no entry: the list of actuators or of sensors is empty")
     if not (np.isfinite(matrix).all() and np.isfinite(target).all()):
@@ -61,8 +54,6 @@ def _check(matrix: ComplexArray, target: ComplexArray, alpha: float, limit_v: fl
         raise SolverError(f"the target has shape {target.shape}, must be ({len(matrix)},), one value per sensor")
     if not np.abs(target).any():
         raise SolverError("the target is zero everywhere: ask for a vibration somewhere")
-    if not (np.isfinite(alpha) and alpha >= 0.0):
-        raise SolverError(f"alpha = {alpha:g}: must be 0 or more")
     if not limit_v > 0.0:
         raise SolverError(f"voltage limit = {limit_v:g} V: must be above 0 (inf for none)")
 
@@ -76,25 +67,22 @@ def _refuse_singular(matrix: ComplexArray, singular: FloatArray) -> None:
     condition = singular[0] / singular[-1] if singular[-1] > 0.0 else np.inf
     raise SolverError(
         f"T is singular (condition number {condition:.2g}): sensors {min(i, j) + 1} and {max(i, j) + 1} are the most alike "
-        f"({modal_overlap[i, j]:.6f} of 1); move off the resonance, move a patch, or regularise (alpha > 0)"
+        f"({modal_overlap[i, j]:.6f} of 1); move off the resonance or move a patch"
     )
 
 
-def _limited(
-    matrix: ComplexArray, target: ComplexArray, weight: float, limit_v: float, start: ComplexArray
-) -> ComplexArray:
+def _limited(matrix: ComplexArray, target: ComplexArray, limit_v: float, start: ComplexArray) -> ComplexArray:
     """The constrained minimum by sequential quadratic programming in units of the limit, over real and imaginary parts."""
     size = matrix.shape[1]
     scale = float(np.linalg.norm(matrix, 2))
-    gram = (matrix.conj().T @ matrix + weight**2 * np.eye(size)) / scale**2
+    gram = matrix.conj().T @ matrix / scale**2
     pull = matrix.conj().T @ target / (scale**2 * limit_v)
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
         v = x[:size] + 1j * x[size:]
         slope = gram @ v - pull
-        return float((v.conj() @ (gram @ v)).real / 2.0 - (pull.conj() @ v).real), np.concatenate(
-            [slope.real, slope.imag]
-        )
+        value = float((v.conj() @ (gram @ v)).real / 2.0 - (pull.conj() @ v).real)
+        return value, np.concatenate([slope.real, slope.imag])
 
     room = {
         "type": "ineq",
@@ -106,21 +94,12 @@ def _limited(
     optimum = minimize(cost, x0, jac=True, constraints=[room], method="SLSQP", options={"ftol": 1e-15, "maxiter": 500})
     voltages = optimum.x[:size] + 1j * optimum.x[size:]
     voltages = voltages / np.maximum(np.abs(voltages), 1.0)
-    gap = optimality_gap(gram, pull, voltages)
-    if gap > OPTIMAL:
-        raise SolverError(f"limited voltages: {gap:.1e} from optimal, allowed {OPTIMAL:.0e}; regularise (alpha > 0)")
-    return np.asarray(limit_v * voltages)
-
-
-def optimality_gap(gram: ComplexArray, pull: ComplexArray, voltages: ComplexArray) -> float:
-    """Frank-Wolfe gap over the cost's size: a bound on how far the cost is above its minimum over |V_a| <= 1.
-
-    Re<g, V> + sum |g_a| with g = gram V - pull: the linearised cost against its least value in the discs (jaggi2013).
-    """
+    # the cost's gap to its linearised minimum over |V_a| <= 1 bounds how far it is above its own (Frank and Wolfe, jaggi2013)
     slope = gram @ voltages - pull
-    gap = float((slope.conj() @ voltages).real + np.abs(slope).sum())
-    size = float(np.abs(pull).sum())
-    return gap / size
+    gap = float((slope.conj() @ voltages).real + np.abs(slope).sum()) / float(np.abs(pull).sum())
+    if gap > OPTIMAL:
+        raise SolverError(f"limited voltages: {gap:.1e} from optimal, allowed {OPTIMAL:.0e}; move off the resonance")
+    return np.asarray(limit_v * voltages)
 
 
 # -- output filter -----------------------------------------------------------------------------------------------------
@@ -147,11 +126,6 @@ class LowPass:
         """1/(2 pi sqrt(LC)), Hz."""
         return 1.0 / (2.0 * pi * sqrt(self.inductance_h * self.capacitance_f))
 
-    @property
-    def quality_factor(self) -> float:
-        """sqrt(L/C)/R; 1/sqrt(2) is maximally flat."""
-        return sqrt(self.inductance_h / self.capacitance_f) / self.resistance_ohm
-
     def response(self, frequency_hz: float) -> complex:
         """F(i omega); SolverError for a frequency that is not above 0."""
         return 1.0 / (1.0 + self.capacitance_f * self._impedance(frequency_hz))
@@ -174,19 +148,20 @@ class LowPass:
         return self.resistance_ohm * s + self.inductance_h * s**2
 
 
-def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float, quality_factor: float = sqrt(0.5)) -> LowPass:
-    """L and R for a corner half-way (geometrically) between the highest operating and the PWM frequency.
+def filter_for(capacitance_f: float, highest_hz: float, pwm_hz: float) -> LowPass:
+    """L and R of a maximally flat filter, sqrt(L/C)/R = sqrt(1/2), whose corner lies half-way (geometrically) between the
+    highest operating and the PWM frequency.
 
-    SolverError unless 0 < highest_hz < pwm_hz and the quality factor is above 0.
+    SolverError unless 0 < highest_hz < pwm_hz and the capacitance is above 0.
     """
     if not 0.0 < highest_hz < pwm_hz:
         raise SolverError(
             f"filter: needs 0 < highest operating frequency < PWM frequency, {highest_hz:g} and {pwm_hz:g} Hz came"
         )
-    check_above_zero("filter: quality factor, capacitance", quality_factor, capacitance_f)
+    check_above_zero("filter: capacitance", capacitance_f)
     corner = 2.0 * pi * sqrt(highest_hz * pwm_hz)
     inductance = 1.0 / (corner**2 * capacitance_f)
-    return LowPass(inductance, sqrt(inductance / capacitance_f) / quality_factor, capacitance_f)
+    return LowPass(inductance, sqrt(2.0 * inductance / capacitance_f), capacitance_f)
 
 
 # -- errors ------------------------------------------------------------------------------------------------------------

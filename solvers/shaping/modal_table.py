@@ -218,34 +218,13 @@ def operating_frequencies(of: Scan, count: int = 3) -> FloatArray:
 NODE = 0.05  # of the largest amplitude: a sensor below it stands too near a node to be calibrated on this wave
 
 
-@dataclass(frozen=True)
-class Measured:
-    """n amplitudes of one standing wave at s sensors: displacement (n, s) in m, voltage (n, s) in V, complex."""
+def calibrate(displacement: ComplexArray, voltage: ComplexArray) -> ComplexArray:
+    """c of each sensor (s,), m/V, from displacement and voltage (n, s) at n amplitudes of one standing wave.
 
-    displacement: ComplexArray
-    voltage: ComplexArray
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """Per sensor (s,): factor c in m/V; standard_error of c, m/V; nonlinearity, |residual|/|w| (rms).
-
-    common_phase is what all sensors share (the chain's delay), rad; own_phase (s,) is what is left, rad.
+    c = sum conj(V) w/sum |V|^2 over the amplitudes. SolverError below two amplitudes, for shapes that differ, and for a sensor
+    that stands on a node of the wave.
     """
-
-    factor: ComplexArray
-    standard_error: FloatArray
-    nonlinearity: FloatArray
-    common_phase: float
-    own_phase: FloatArray
-
-
-def calibrate(measured: Measured) -> Calibration:
-    """c = sum conj(V) w/sum |V|^2 over the amplitudes. common_phase + own_phase = arg c; needs no sign of the wave.
-
-    SolverError below two amplitudes, for shapes that differ, and for a sensor that stands on a node of the wave.
-    """
-    w, v = measured.displacement, measured.voltage
+    w, v = displacement, voltage
     if w.ndim != 2 or w.shape != v.shape or not w.size:
         raise SolverError(
             f"calibration: displacement {w.shape} and voltage {v.shape} must be (amplitudes, sensors) alike"
@@ -254,17 +233,12 @@ def calibrate(measured: Measured) -> Calibration:
         raise SolverError("calibration: one amplitude cannot show that a sensor is linear; measure two or more")
     _refuse_nodes(w, "moves")
     _refuse_nodes(v, "answers")
-    power = np.sum(np.abs(v) ** 2, axis=0)
-    factor = np.sum(v.conj() * w, axis=0) / power
-    residual = np.sqrt(np.sum(np.abs(w - factor * v) ** 2, axis=0))
-    common = np.sum(factor / np.abs(factor))
-    return Calibration(
-        factor=factor,
-        standard_error=residual / np.sqrt(power * (len(w) - 1)),
-        nonlinearity=residual / np.sqrt(np.sum(np.abs(w) ** 2, axis=0)),
-        common_phase=float(np.angle(common)),
-        own_phase=np.angle(factor * np.exp(-1j * np.angle(common))),
-    )
+    return np.asarray(np.sum(v.conj() * w, axis=0) / np.sum(np.abs(v) ** 2, axis=0))
+
+
+def common_phase(factor: ComplexArray) -> float:
+    """What the sensors' factors share (the chain's delay), rad."""
+    return float(np.angle(np.sum(factor / np.abs(factor))))
 
 
 def _refuse_nodes(values: ComplexArray, verb: str) -> None:

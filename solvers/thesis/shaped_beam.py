@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import sqrt
 from typing import Literal
@@ -15,7 +16,7 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
 from solvers.analytic.beams import BeamMatrices, End, Sections, assemble_beam, beam_mode, deflection_rows, frequency_hz
 from solvers.errors import SolverError, check_above_zero
-from solvers.shaping.modal_table import Calibration, Measured, ModalTable, calibrate, field_matrix, sensor_matrix
+from solvers.shaping.modal_table import ModalTable, calibrate, field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import free_wavelength_m
 
 # -- patched beam ------------------------------------------------------------------------------------------------------
@@ -26,6 +27,9 @@ from solvers.shaping.travelling_wave import free_wavelength_m
 # their wires turned so that stretching gives a positive voltage. Source: ieee176.
 
 CONSTRAINED = {"clamped": (True, True, True), "pinned": (True, True, False), "free": (False, False, False)}  # u, w, w'
+
+
+LINE = 301  # points along the beam
 
 
 def evenly(length_m: float, count: int, pitch_m: float | None = None) -> tuple[float, ...]:
@@ -152,7 +156,7 @@ def beam_table(beam: PatchedBeam, modes: int = 20, points_m: FloatArray | None =
 
     Raises SolverError as condense, and for a number of modes that is not from 1 to the number of degrees of freedom.
     """
-    points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m
+    points = np.linspace(0.0, beam.length_m, LINE) if points_m is None else points_m
     body = condense(beam)
     return _table(beam, body, modes, points, body.signals, body.direct)
 
@@ -265,7 +269,7 @@ def point_beam_table(
         raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
     if modes < 1:
         raise SolverError(f"modes = {modes}: must be 1 or more")
-    points = np.linspace(0.0, beam.length_m, 301) if points_m is None else points_m
+    points = np.linspace(0.0, beam.length_m, LINE) if points_m is None else points_m
     _, _, bending, mass = section(beam, False)
     left, right = beam.ends
     shapes = [beam_mode(left, right, number) for number in range(1, modes + 1)]
@@ -285,12 +289,12 @@ def point_beam_table(
 # One beam under shaping: its table over a line of points and over the sensors' places, and the matrices to be inverted.
 
 Signal = Literal["calibrated", "displacement"]
-LINE = 301  # points along the beam
 
 
 @dataclass(frozen=True)
 class ShapedBeam:
-    """A beam by name; table: points are 301 along the beam and then the sensors' places; calibration: its sensors', or None.
+    """A beam by name; table: points are 301 along the beam and then the sensors' places; calibration: its sensors' factors in
+    m/V, as found on the mode `calibrated_on`, or None.
 
     Signals: `calibrated`, the sensors' voltages times their factor, what a controller sees; `displacement`, what a laser
     would see under them.
@@ -299,8 +303,8 @@ class ShapedBeam:
     name: str
     beam: PatchedBeam
     table: ModalTable
-    calibration: Calibration | None
-    calibrated_on: int | None
+    calibration: ComplexArray | None = None
+    calibrated_on: int = 0
 
     @property
     def line_m(self) -> FloatArray:
@@ -315,7 +319,7 @@ class ShapedBeam:
     @property
     def signals(self) -> tuple[Signal, ...]:
         """The signals this beam has."""
-        return ("calibrated", "displacement") if self.calibration else ("displacement",)
+        return ("displacement",) if self.calibration is None else ("calibrated", "displacement")
 
     def matrix(self, frequency_hz: float, signal: Signal) -> ComplexArray:
         """T in m/V for a signal, shape (s, a); SolverError as receptance, or for a calibration there is none of."""
@@ -323,7 +327,7 @@ class ShapedBeam:
             return field_matrix(self.table, frequency_hz)[LINE:]
         if self.calibration is None:
             raise SolverError(f"{self.name}: its sensors are not calibrated")
-        return np.asarray(self.calibration.factor[:, None] * sensor_matrix(self.table, frequency_hz))
+        return np.asarray(self.calibration[:, None] * sensor_matrix(self.table, frequency_hz))
 
     def field(self, frequency_hz: float) -> ComplexArray:
         """Displacement along the beam per volt, m/V, shape (301, a)."""
@@ -338,10 +342,10 @@ class ShapedBeam:
 def patched(name: str, beam: PatchedBeam, modes: int, calibrate_near_hz: float) -> ShapedBeam:
     """The beam with its real patches, its sensors calibrated on the mode nearest a frequency on which none is at a node."""
     table = beam_table(beam, modes, _points(beam))
-    places = beam_table(beam, modes, np.array(beam.centres_m))
+    places = part_of(table, slice(LINE, None))
     for mode in np.argsort(np.abs(table.frequencies_hz - calibrate_near_hz), kind="stable"):
         try:
-            calibration = calibrate(standing_wave(places, int(mode)))
+            calibration = calibrate(*standing_wave(places, int(mode)))
         except SolverError:
             continue  # a sensor on a node of this mode: the next one
         return ShapedBeam(name, beam, table, calibration, int(mode))
@@ -350,15 +354,20 @@ def patched(name: str, beam: PatchedBeam, modes: int, calibrate_near_hz: float) 
 
 def pointed(name: str, beam: PatchedBeam, modes: int) -> ShapedBeam:
     """The bare beam with point forces and deflection sensors at the same places."""
-    return ShapedBeam(name, beam, point_beam_table(beam, modes, points_m=_points(beam)), None, None)
+    return ShapedBeam(name, beam, point_beam_table(beam, modes, points_m=_points(beam)))
 
 
-def standing_wave(places: ModalTable, mode: int) -> Measured:
+def standing_wave(places: ModalTable, mode: int) -> Iterator[ComplexArray]:
     """What laser and sensors show at a mode's frequency, 1 to 10 V on the actuator that drives it most."""
     actuator, frequency = int(np.argmax(np.abs(places.actuators[mode]))), float(places.frequencies_hz[mode])
-    drives = np.linspace(1.0, 10.0, 10)[:, None]
-    shown = (matrix(places, frequency)[:, actuator] for matrix in (field_matrix, sensor_matrix))
-    return Measured(*(drives * column for column in shown))
+    for matrix in (field_matrix, sensor_matrix):
+        yield np.linspace(1.0, 10.0, 10)[:, None] * matrix(places, frequency)[:, actuator]
+
+
+def part_of(table: ModalTable, points: slice) -> ModalTable:
+    """The table over some of its points alone."""
+    residual = None if table.field_residual is None else table.field_residual[points]
+    return replace(table, field=table.field[:, points], points_m=table.points_m[points], field_residual=residual)
 
 
 def _points(beam: PatchedBeam) -> FloatArray:

@@ -10,7 +10,6 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from solvers.shaping.contrast import (
     REGIONS,
-    PassiveActive,
     attach_oscillators,
     best_contrast,
     confinement,
@@ -19,7 +18,6 @@ from solvers.shaping.contrast import (
     region_target,
 )
 from solvers.shaping.inversion import Errors, drive_voltages, monte_carlo
-from solvers.shaping.modal_table import ModalTable
 from solvers.shaping.travelling_wave import (
     ModePair,
     best_travelling_drive,
@@ -29,7 +27,7 @@ from solvers.shaping.travelling_wave import (
     two_wave_fit,
     wave_target,
 )
-from solvers.thesis.shaped_beam import LINE, ShapedBeam, Signal
+from solvers.thesis.shaped_beam import LINE, ShapedBeam, Signal, part_of
 
 TARGETS = {"in phase": False, "alternating": True}
 NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the travelling wave is evaluated
@@ -168,16 +166,9 @@ def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]
     return margin, model.beam.length_m - margin
 
 
-def line_table(model: ShapedBeam) -> ModalTable:
-    """The beam's table over the points along it alone."""
-    table, residual = model.table, model.table.field_residual
-    line = None if residual is None else residual[:LINE]
-    return replace(table, field=table.field[:, :LINE], points_m=table.points_m[:LINE], field_residual=line)
-
-
 def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, highest_hz: float) -> ModePair:
     """Neighbouring modes whose quarter-period sum travels best inside a zone when contrast, both below a frequency."""
-    table = line_table(model)
+    table = part_of(model.table, slice(LINE))
     inside = inner_window(table.points_m, *zone_m)
     last = int(np.searchsorted(table.frequencies_hz, highest_hz))
     pairs = [travelling_pair(table, (n, n + 1), inside, others=others) for n in range(max(last - 1, 1))]
@@ -186,11 +177,13 @@ def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, hig
 
 def resonators_and_patches(
     model: ShapedBeam, zone_m: tuple[float, float], places_m: FloatArray, mass_kg: float, frequency_hz: float
-) -> PassiveActive:
-    """The zone held by oscillators at places (tuned to the frequency), by patches, by both; driven from inside the zone."""
-    bare = line_table(model)
+) -> dict[str, float]:
+    """dB of the zone, driven from inside: free, held by oscillators at places (tuned to the frequency), by patches, by both."""
+    bare = part_of(model.table, slice(LINE))
     inside = inner_window(bare.points_m, *zone_m)
     nearest = np.argmin(np.abs(bare.points_m[:, 0] - places_m[:, None]), axis=1)
     passive = attach_oscillators(bare, nearest, mass_kg, frequency_hz, model.beam.quality_factor)
     driver = int(np.argmin(np.abs(model.places_m - sum(zone_m) / 2.0)))
-    return PassiveActive(*(confinement(table, frequency_hz, inside, driver) for table in (bare, passive)))
+    alone, hung = (confinement(table, frequency_hz, inside, driver) for table in (bare, passive))
+    levels = (alone.alone_db, hung.alone_db, alone.shaped_db, hung.shaped_db)
+    return dict(zip(("neither_db", "passive_db", "active_db", "both_db"), levels, strict=True))

@@ -12,9 +12,16 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError
-from solvers.shaping.contrast import PassiveActive
 from solvers.shaping.inversion import Errors, LowPass, filter_for, quantiles
-from solvers.shaping.modal_table import Conditioning, Scan, conditioning, operating_frequencies, scan, sensor_matrix
+from solvers.shaping.modal_table import (
+    Conditioning,
+    Scan,
+    common_phase,
+    conditioning,
+    operating_frequencies,
+    scan,
+    sensor_matrix,
+)
 from solvers.shaping.travelling_wave import ModePair, forward_energy_share, net_flux_share
 from solvers.thesis.shaped_beam import (
     LINE,
@@ -94,7 +101,7 @@ class ShapingStudy:
     travelling: tuple[Travelling, ...]
     trials: dict[tuple[str, Signal], ErrorTrials]
     pairs: dict[str, ModePair]
-    resonators: dict[str, PassiveActive]
+    resonators: dict[str, dict[str, float]]
     choices: tuple[Choice, ...]
     filter: LowPass
     filter_error: float
@@ -180,7 +187,7 @@ def _zone(beam: PatchedBeam) -> tuple[float, float]:
     return beam.length_m / 3.0, 2.0 * beam.length_m / 3.0
 
 
-def _resonators(model: ShapedBeam, data: ShapingData) -> PassiveActive:
+def _resonators(model: ShapedBeam, data: ShapingData) -> dict[str, float]:
     """Two oscillators beside each end of the middle third, at the last of the frequencies."""
     places = model.beam.length_m * np.array([0.30, 0.34, 0.66, 0.70])
     return resonators_and_patches(model, _zone(model.beam), places, data.oscillator_kg, data.frequencies_hz[-1])
@@ -267,7 +274,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
             }
             for name, pair in study.pairs.items()
         ],
-        "passive_and_active": [{"beam": name, **one.to_dict()} for name, one in study.resonators.items()],
+        "passive_and_active": [{"beam": name, **levels} for name, levels in study.resonators.items()],
     }
 
 
@@ -287,8 +294,8 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
         if calibration is None
         else {
             "mode_hz": table.frequencies_hz[model.calibrated_on],
-            "m_per_v": _complex(calibration.factor),
-            "common_phase_rad": calibration.common_phase,
+            "m_per_v": _complex(calibration),
+            "common_phase_rad": common_phase(calibration),
         },
     }
 

@@ -152,15 +152,10 @@ def test_operating_frequencies_are_the_minima_of_the_condition_number():
         operating_frequencies(Scan(grid[:3], np.array([1.0, 2.0, 3.0]), np.zeros(3)))
 
 
-def test_inverse_reaches_the_target_and_regularisation_is_tikhonovs():
+def test_inverse_reaches_the_target():
     matrix, target = matrix_of(), matrix_of()[0]
     exact = drive_voltages(matrix, target)
-    assert exact.achieved == pytest.approx(target) and exact.error < 1e-12 and not exact.limited.any()
-    weight = 0.1 * np.linalg.norm(matrix, 2)
-    stacked = np.linalg.lstsq(
-        np.vstack([matrix, weight * np.eye(4)]), np.concatenate([target, np.zeros(4)]), rcond=None
-    )
-    assert drive_voltages(matrix, target, alpha=0.1).voltages == pytest.approx(stacked[0])
+    assert matrix @ exact.voltages == pytest.approx(target) and exact.error < 1e-12
 
 
 def test_limited_voltages_are_the_constrained_minimum():
@@ -168,7 +163,7 @@ def test_limited_voltages_are_the_constrained_minimum():
         matrix, target = matrix_of(5), matrix_of(5)[0]
         free = np.abs(drive_voltages(matrix, target).voltages).max()
         result = drive_voltages(matrix, target, limit_v=0.4 * free)
-        assert np.abs(result.voltages).max() <= 0.4 * free * (1 + 1e-12) and result.limited.any()
+        assert np.abs(result.voltages).max() == pytest.approx(0.4 * free)
         voltages, step = np.zeros(5, complex), 1.0 / np.linalg.norm(matrix, 2) ** 2
         for _ in range(40_000):  # projected gradient: slow, and sure for a convex problem
             voltages = voltages - step * matrix.conj().T @ (matrix @ voltages - target)
@@ -197,8 +192,7 @@ def test_limits_are_reached_in_any_unit():
         ((np.zeros((0, 0)), np.zeros(0)), "list of actuators or of sensors is empty"),
         ((np.eye(2), np.ones(3)), r"shape \(3,\), must be \(2,\)"),
         ((np.eye(2), np.zeros(2)), "zero everywhere"),
-        ((np.eye(2), np.ones(2), -0.1), "alpha = -0.1: must be 0 or more"),
-        ((np.eye(2), np.ones(2), 0.0, 0.0), "must be above 0"),
+        ((np.eye(2), np.ones(2), 0.0), "must be above 0"),
         ((np.array([[np.inf]]), np.ones(1)), "not finite"),
         ((np.zeros((2, 2)), np.ones(2)), "answers no actuator"),
     ],
