@@ -20,7 +20,7 @@ from geometry.mesh import Mesh
 from solvers.fem.assembly import System, assemble
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.surface import face_quadrature
-from solvers.piezo.patch import _matrices, with_potential
+from solvers.piezo.patch import with_potential
 
 SAME_M = 1e-9
 NEAREST = 14  # modes of a quarter about the middle of a band, more than it holds
@@ -147,16 +147,18 @@ def _nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple
 
 def bonded_solid(plate: System, patch: Mesh, material: PiezoMaterial, thickness_m: float) -> BondedSolid:
     """Join an assembled plate and a patch where their nodes meet."""
-    stiffness, mass, theta, capacitance = _matrices(patch, material, thickness_m)
+    both, mass, theta, capacitance = with_potential(patch, material, thickness_m)
+    size = 3 * len(patch.nodes)
     place = np.round(np.vstack([plate.mesh.nodes, patch.nodes]) / SAME_M).astype(np.int64)
     unique, number = np.unique(place, axis=0, return_inverse=True)
     below, above = (_spread(own, len(unique)) for own in np.split(number.ravel(), [len(plate.mesh.nodes)]))
-    both, size = with_potential(patch, material, thickness_m)[0], 3 * len(patch.nodes)
     unit, heavy = plate.scale.young_pa * plate.scale.length_m, sp.kron(plate.mass, sp.eye_array(3))
     return BondedSolid(
-        sp.csr_array(below @ (unit * plate.stiffness) @ below.T + above @ sp.csr_array(stiffness) @ above.T),
-        sp.csr_array(below @ (plate.scale.mass_kg * heavy) @ below.T + above @ sp.csr_array(mass) @ above.T),
-        above @ theta,
+        sp.csr_array(below @ (unit * plate.stiffness) @ below.T + above @ sp.csr_array(both[:size, :size]) @ above.T),
+        sp.csr_array(
+            below @ (plate.scale.mass_kg * heavy) @ below.T + above @ sp.csr_array(mass[:size, :size]) @ above.T
+        ),
+        above @ theta[:size],
         capacitance,
         unique,
         below,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import TypeVar
 
 import numpy as np
@@ -109,10 +110,12 @@ class Forms:
         self._ends = np.cumsum([len(block.cells) for block in mesh.blocks])[:-1]
 
     def stiffness(self, tensor: FloatArray) -> sp.csr_array:
-        """int C_ikjl N_a,k N_b,l, (3n, 3n), from tensors (3, 3, 3, 3) or one an element."""
+        """int C_ikjl N_a,k N_b,l of f fields at each node, (f n, f n), from tensors (f, 3, f, 3) or one an element."""
         tensors = np.split(tensor, self._ends) if tensor.ndim == 5 else [tensor] * len(self._parts)
+        count = tensor.shape[-2]
+        pairs = list(product(range(count), repeat=2))
         return _sum(
-            pattern.vector_matrix((i, j, geometry.stiffness(own, i, j)) for i in range(3) for j in range(3))
+            pattern.vector_matrix(((i, j, geometry.stiffness(own, i, j)) for i, j in pairs), count)
             for (geometry, pattern), own in zip(self._parts, tensors, strict=True)
         )
 
@@ -275,17 +278,17 @@ class _Pattern:
         shape = (self.node_count, self.node_count)
         return sp.csr_array((self._reduce(values), self.columns.astype(np.int32), self.indptr), shape=shape)
 
-    def vector_matrix(self, blocks: Iterable[tuple[int, int, FloatArray]]) -> sp.csr_array:
-        """A 3 x 3 block per node pair, from an iterable of (i, j, values)."""
+    def vector_matrix(self, blocks: Iterable[tuple[int, int, FloatArray]], count: int) -> sp.csr_array:
+        """A block (count, count) per node pair, from an iterable of (i, j, values)."""
         length = np.diff(self.indptr)
-        indptr = np.concatenate([[0], np.cumsum(np.repeat(3 * length, 3))])
+        indptr = np.concatenate([[0], np.cumsum(np.repeat(count * length, count))])
         index_type = np.int32 if indptr[-1] < 2**31 else np.int64
         indices = np.empty(indptr[-1], dtype=index_type)
         data = np.empty(indptr[-1])
         offset = np.arange(len(self.columns)) - self.indptr[self.rows]
         for i, j, values in blocks:
-            place = indptr[3 * self.rows + i] + 3 * offset + j
+            place = indptr[count * self.rows + i] + count * offset + j
             data[place] = self._reduce(values)
-            indices[place] = 3 * self.columns + j
-        size = 3 * self.node_count
+            indices[place] = count * self.columns + j
+        size = count * self.node_count
         return sp.csr_array((data, indices, indptr.astype(index_type)), shape=(size, size))

@@ -25,6 +25,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
 from geometry.materials import PiezoMaterial
 from geometry.mesh import Mesh
+from solvers.fem.assembly import Forms
 from solvers.fem.factor.factoriser import Factor, Factoriser
 from solvers.fem.surface import face_quadrature
 from solvers.machine import check_room
@@ -41,7 +42,7 @@ OWN = 1e-6  # of a resonance: how finely a patch's own one is found
 BASIS = 10  # Lanczos vectors of a lowest resonance
 KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
 CLASSES = ("SS", "SA", "AS", "AA")
-VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of xx yy zz yz xz xy
 
 
 @dataclass(frozen=True)
@@ -103,21 +104,15 @@ def bonded_patch(
     """
     x0, x1, y0, y1 = (float(end) for end in box_m)
     size = round(x1 - x0, 12), round(y1 - y0, 12)
-    patch = _known(material, *size, thickness_m, above, mesh or MESH, _Where(cache))
+    patch = _known((material, *size, thickness_m, above, mesh or MESH), _Where(cache))
     return replace(patch, points=patch.points + np.array([x0, y0]), box_m=np.array([x0, x1, y0, y1]))
 
 
+_Own = tuple[PiezoMaterial, float, float, float, bool, HexSettings]  # what tells patches from others, wherever they are
+
+
 @lru_cache(maxsize=8)
-def _known(
-    material: PiezoMaterial,
-    x_m: float,
-    y_m: float,
-    thickness_m: float,
-    above: bool,
-    settings: HexSettings,
-    where: _Where,
-) -> BondedPatch:
-    own = material, x_m, y_m, thickness_m, above, settings
+def _known(own: _Own, where: _Where) -> BondedPatch:
     if where.cache is None:
         return _alike(*own)
     key = hashlib.sha256(repr(("patch", *own)).encode()).hexdigest()
@@ -126,6 +121,7 @@ def _known(
         patch = _alike(*own)
         where.cache.keep(key, {name: getattr(patch, name) for name in KEPT})
         return patch
+    material, x_m, y_m, thickness_m, _, settings = own
     parts: dict[str, Any] = {name: flat[name] if flat[name].ndim else float(flat[name]) for name in KEPT}
     return BondedPatch(material, np.array([0.0, x_m, 0.0, y_m]), thickness_m, settings, **parts)
 
@@ -140,18 +136,12 @@ def _alike(
     bond = np.flatnonzero(np.abs(mesh.nodes[:, 2] - (0.0 if above else thickness_m)) < 1e-9 * thickness_m + 1e-15)
     matrices = with_potential(mesh, material, thickness_m)
     parts = [_condensed(matrices, *_fields(mesh, symmetry, matrices[0].shape[0]), 3 * bond) for symmetry in CLASSES]
+    *added, own_hz = zip(*parts, strict=True)
+    stiffness, mass, theta, swell, charged = (np.sum(each, axis=0) for each in added)
+    places = _projection(mesh, "touch" if above else "top", bond)
+    capacitance_f = float(matrices[3] + charged)
     return BondedPatch(
-        material,
-        box,
-        thickness_m,
-        settings,
-        *_projection(mesh, "touch" if above else "top", bond),
-        np.sum([part[0] for part in parts], axis=0),
-        np.sum([part[1] for part in parts], axis=0),
-        np.sum([part[2] for part in parts], axis=0),
-        np.sum([part[3] for part in parts], axis=0),
-        float(matrices[3] + sum(part[4] for part in parts)),
-        min(part[5] for part in parts),
+        material, box, thickness_m, settings, *places, stiffness, mass, theta, swell, capacitance_f, min(own_hz)
     )
 
 
@@ -264,90 +254,21 @@ def with_potential(
 
     K is indefinite and M has nothing there. The potential is scaled, so that its own part is as large as K_E.
     """
-    stiffness, mass, theta, capacitance = _matrices(mesh, material, thickness_m)
-    height = mesh.nodes[:, 2]
-    inside = np.flatnonzero((height > height.min() + SAME * thickness_m) & (height < height.max() - SAME * thickness_m))
     size = float(np.sqrt(material.stiffness_pa[2, 2] / material.permittivity_clamped_f_m[2, 2]))
-    coupling, dielectric = _potential(mesh, material)
-    coupling, dielectric = size * coupling[:, inside], size**2 * dielectric[inside][:, inside]
-    whole = sp.csr_array(sp.block_array([[stiffness, coupling], [coupling.T, -dielectric]], format="csr"))
-    heavy = sp.csr_array(sp.block_diag([mass, sp.csr_array((len(inside),) * 2)], format="csr"))
-    return whole, heavy, np.concatenate([theta, np.zeros(len(inside))]), capacitance
-
-
-def _potential(mesh: Mesh, material: PiezoMaterial) -> tuple[sp.csr_array, sp.csr_array]:
-    """N (3n, n) in C/m and E (n, n) in F of the potential at all nodes."""
-    assert mesh.spans is not None
-    kinds, which = np.unique(np.round(mesh.spans, 12), axis=0, return_inverse=True)
-    rule, count = mesh.element.quadrature, len(mesh.nodes)
-    _, gradient = mesh.element.shape(rule.points)
-    alike = []
-    for half in kinds / 2.0:
-        weight, slope = rule.weights * half.prod(), gradient / half
-        strain = _strain(slope)
-        one = np.einsum("q,qim,ji,qaj->ma", weight, strain, material.stress_c_m2, slope, optimize=True)
-        permittivity = material.permittivity_clamped_f_m
-        alike.append((one, np.einsum("q,qai,ij,qbj->ab", weight, slope, permittivity, slope, optimize=True)))
-    moved = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(len(mesh.cells), -1)
-    out = []
-    for part, (rows, size) in enumerate(((moved, 3 * count), (mesh.cells, count))):
-        place = (
-            np.repeat(rows, mesh.cells.shape[1], axis=1).ravel(),
-            np.tile(mesh.cells, rows.shape[1]).ravel(),
-        )
-        values = np.concatenate([alike[kind][part].ravel() for kind in which.ravel()])
-        out.append(sp.csr_array(sp.coo_array((values, place), (size, count))))
-    return out[0], out[1]
-
-
-def _matrices(
-    mesh: Mesh, material: PiezoMaterial, thickness_m: float
-) -> tuple[sp.csr_array, sp.csr_array, FloatArray, float]:
-    """K_E and M (3n, 3n), theta (3n,), C: boxes, one of each size integrated."""
-    assert mesh.spans is not None
-    size = 3 * len(mesh.nodes)
-    theta = np.zeros(size)
-    kinds, which = np.unique(np.round(mesh.spans, 12), axis=0, return_inverse=True)
-    alike = [_element(mesh, span / 2.0, material, thickness_m) for span in kinds]
-    places = (3 * mesh.cells[:, :, None] + np.arange(3)).reshape(len(mesh.cells), -1)
-    for place, kind in zip(places, which.ravel(), strict=True):
-        theta[place] += alike[kind][2]
-    rows = np.repeat(places, places.shape[1], axis=1).ravel()
-    columns = np.tile(places, places.shape[1]).ravel()
-    stiffness, mass = (
-        sp.csr_array(
-            sp.coo_array(
-                (np.concatenate([alike[k][part].ravel() for k in which.ravel()]), (rows, columns)), (size, size)
-            )
-        )
-        for part in (0, 1)
-    )
-    mass.eliminate_zeros()  # one direction's inertia knows nothing of another's
+    law = np.zeros((4, 3, 4, 3))  # of u_x, u_y, u_z and the potential: stresses and charges of their slopes
+    law[:3, :, :3] = material.stiffness_pa[VOIGT[:, :, None, None], VOIGT]
+    law[3, :, :3] = size * material.stress_c_m2[:, VOIGT]
+    law[:3, :, 3] = law[3, :, :3].transpose(1, 2, 0)
+    law[3, :, 3] = -(size**2) * material.permittivity_clamped_f_m
+    forms, count, height = Forms(mesh, 1.0), len(mesh.nodes), mesh.nodes[:, 2]
+    motion, potential = (4 * np.arange(count)[:, None] + np.arange(3)).ravel(), 4 * np.arange(count) + 3
+    inside = (height > height.min() + SAME * thickness_m) & (height < height.max() - SAME * thickness_m)
+    every = forms.stiffness(law)
+    own = np.concatenate([motion, potential[inside]])
+    scalar = forms.mass(np.full(len(mesh.cells), material.density_kg_m3))
+    heavy = sp.block_diag([sp.kron(scalar, np.eye(3)), sp.csr_array((inside.sum(),) * 2)], format="csr")
+    # a field E_z = -V/t has the potential V z/t: N times it is -theta V
+    theta = np.concatenate([every[motion][:, potential] @ height / (-thickness_m * size), np.zeros(inside.sum())])
     area = float(np.ptp(mesh.nodes[:, 0]) * np.ptp(mesh.nodes[:, 1]))
-    return stiffness, mass, theta, float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
-
-
-def _element(
-    mesh: Mesh, half: FloatArray, material: PiezoMaterial, thickness_m: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K_E, M (3k, 3k) and theta (3k,) of a box of half-edges (3,)."""
-    rule = mesh.element.quadrature
-    value, gradient = mesh.element.shape(rule.points)
-    weight = rule.weights * half.prod()
-    strain = _strain(gradient / half)
-    one = np.einsum("q,qim,ij,qjn->mn", weight, strain, material.stiffness_pa, strain, optimize=True)
-    scalar = material.density_kg_m3 * np.einsum("q,qa,qb->ab", weight, value, value, optimize=True)
-    # stress of a field E_z = -V/t is -e' E = e_3 V/t against c S: the equivalent nodal force is theta V
-    load = np.einsum("q,qim,i->m", weight, strain, material.stress_c_m2[2], optimize=True) / -thickness_m
-    return one, np.kron(scalar, np.eye(3)), load
-
-
-def _strain(gradient: FloatArray) -> FloatArray:
-    """B (q, 6, 3k): strains xx, yy, zz, yz, xz, xy (engineering shear) of nodal displacements."""
-    points, nodes = gradient.shape[:2]
-    out = np.zeros((points, 6, nodes, 3))
-    for row, (a, b) in enumerate(VOIGT):
-        out[:, row, :, a] += gradient[:, :, b]
-        if a != b:
-            out[:, row, :, b] += gradient[:, :, a]
-    return out.reshape(points, 6, 3 * nodes)
+    capacitance = float(material.permittivity_clamped_f_m[2, 2]) * area / thickness_m
+    return sp.csr_array(every[own][:, own]), sp.csr_array(heavy), theta, capacitance
