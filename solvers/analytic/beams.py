@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice, pairwise
 from math import isfinite, pi, sqrt
 from typing import Literal
 
@@ -50,6 +50,13 @@ def root_between(
         a, fa = x, fx
         share = _inverse_quadratic(a, b, c, fa, fb, fc)
     raise SolverError(f"no root within {xtol:g} between {low:g} and {high:g} after {MAX_COUNT} steps")
+
+
+def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol: float) -> Iterator[float]:
+    """The roots that `root_between` finds in the steps of an ascending grid over which the function changes its sign."""
+    for (low, at_low), (high, at_high) in pairwise((float(x), function(float(x))) for x in grid):
+        if (at_low < 0.0) != (at_high < 0.0):
+            yield root_between(function, low, high, xtol)
 
 
 def _inverse_quadratic(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
@@ -120,10 +127,6 @@ def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
     return np.stack(rows)
 
 
-def _determinant(kappa: float, left: str, right: str) -> float:
-    return float(np.linalg.det(_end_matrix(kappa, left, right)))
-
-
 def rigid_count(left: End, right: End) -> int:
     """Number of rigid-body modes the two ends leave: 2 for free-free, 1 for pinned-free, sliding-free, sliding-sliding."""
     check_ends(left, right)
@@ -149,9 +152,8 @@ def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
     """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
     bracketed = min(count, BRACKETED)
     grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
-    values = [_determinant(float(kappa), left, right) for kappa in grid]
-    brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
-    roots = [root_between(lambda kappa: _determinant(kappa, left, right), a, b, 1e-13) for a, b in brackets[:bracketed]]
+    found = roots_along(lambda kappa: float(np.linalg.det(_end_matrix(kappa, left, right))), grid, 1e-13)
+    roots = list(islice(found, bracketed))
     if len(roots) < bracketed:
         raise SolverError(f"{left}-{right} beam: {len(roots)} of {bracketed} roots were found")
     quarters = round(4.0 * roots[-1] / pi)

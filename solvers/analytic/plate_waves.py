@@ -11,6 +11,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.layout import Pillar
 from geometry.materials import Material
+from solvers.analytic.beams import roots_along
 from solvers.errors import SolverError
 
 # -- exact waves -------------------------------------------------------------------------------------------------------
@@ -42,7 +43,10 @@ def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, sym
             return 4.0 * k2 * p2 * _s(p2, b) * _c(q2, b) + (q2 - k2) ** 2 * _c(p2, b) * _s(q2, b)
         return 4.0 * k2 * q2 * _s(q2, b) * _c(p2, b) + (q2 - k2) ** 2 * _s(p2, b) * _c(q2, b)
 
-    return _first_root(characteristic, slow * np.linspace(0.02, 2.0, 2000)) * wavenumber_per_m / (2.0 * pi)
+    speed = next(roots_along(characteristic, slow * np.linspace(0.02, 2.0, 2000), 1e-10), None)
+    if speed is None:
+        raise SolverError("no wave found between the speeds searched")
+    return speed * wavenumber_per_m / (2.0 * pi)
 
 
 def shear_speed(material: Material) -> float:
@@ -58,17 +62,6 @@ def pressure_speed(material: Material) -> float:
 def supported_plate_hz(m: int, n: int, edges_m: tuple[float, float], thickness_m: float, material: Material) -> float:
     """Flexural mode (m, n) of a rectangle on hard supports (u_z = 0, tangential u = 0), exact in three dimensions, Hz."""
     return lamb_hz(pi * hypot(m / edges_m[0], n / edges_m[1]), thickness_m, material, False)
-
-
-def _first_root(characteristic: Callable[[float], float], speeds: FloatArray) -> float:
-    values = np.array([characteristic(float(c)) for c in speeds])
-    changes = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))
-    if not len(changes):
-        raise SolverError("no wave found between the speeds searched")
-    first = int(changes[0])
-    from scipy.optimize import brentq  # slow to import, and a count needs none
-
-    return float(brentq(characteristic, speeds[first], speeds[first + 1], xtol=1e-10))
 
 
 def _c(square: float, b: float) -> float:

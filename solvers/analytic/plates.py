@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
+from itertools import islice
 from math import cos, pi, sin, sqrt, tanh
 from typing import Literal
 
@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from threadpoolctl import ThreadpoolController
 
 from geometry.elements import FloatArray
-from solvers.analytic.beams import free_free_mode, root_between
+from solvers.analytic.beams import free_free_mode, roots_along
 from solvers.errors import SolverError
 
 # -- formulas and exact solutions --------------------------------------------------------------------------------------
@@ -94,19 +94,13 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
         raise SolverError(f"nodal lines = {nodal_lines}: must be 0 or more")
     q = strip.across_per_m
     low = q * 0.5 * (1.0 - strip.poisson**2) ** 0.25  # the narrow-strip limit is twice this
-    sign_changes, step = 0, 0.125 * pi / strip.length_m
-    even = nodal_lines % 2 == 0
-
-    def edges(kappa: float) -> float:
-        return _free_edges(kappa, strip, even)
-
+    step, even = 0.125 * pi / strip.length_m, nodal_lines % 2 == 0
     grid = [low, *(sqrt(q**2 + (i * step) ** 2) for i in range(8 * (nodal_lines + 3)))]
-    for a, b in pairwise(grid):
-        if (edges(a) < 0.0) != (edges(b) < 0.0):
-            sign_changes += 1
-            if sign_changes == nodal_lines // 2 + 1:
-                return root_between(edges, a, b, 1e-14 * b)
-    raise SolverError(f"Levy's equation: the mode with {nodal_lines} nodal lines was not found for {strip}")
+    found = roots_along(lambda kappa: _free_edges(kappa, strip, even), grid, 1e-14 * q)
+    kappa = next(islice(found, nodal_lines // 2, None), None)
+    if kappa is None:
+        raise SolverError(f"Levy's equation: the mode with {nodal_lines} nodal lines was not found for {strip}")
+    return kappa
 
 
 def _free_edges(kappa: float, strip: Strip, even: bool) -> float:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from math import inf, pi, sqrt
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
-from solvers.analytic.beams import End, check_ends, rigid_count, root_between
+from solvers.analytic.beams import End, check_ends, rigid_count, roots_along
 from solvers.errors import SolverError, check_above_zero
 
 # -- sections ----------------------------------------------------------------------------------------------------------
@@ -213,16 +212,7 @@ def _omega_of(wavenumber: float, beam: Beam) -> float:
 
 
 def _sign_changes(omegas: list[float], beam: Beam, left: str, right: str) -> list[float]:
-    def determinant(omega: float) -> float:
-        return characteristic(omega, beam, left, right)
-
-    values = [determinant(omega) for omega in omegas]
-    pairs = pairwise(zip(omegas, values, strict=True))
-    return [
-        root_between(determinant, low, high, 1e-13 * low)
-        for (low, at_low), (high, at_high) in pairs
-        if (at_low < 0.0) != (at_high < 0.0)
-    ]
+    return list(roots_along(lambda omega: characteristic(omega, beam, left, right), omegas, 1e-13 * omegas[0]))
 
 
 def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.optimize import least_squares
+from scipy.signal import peak_widths
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.control.loop import ModePlant, stretched_detuning
@@ -284,15 +285,10 @@ def half_power_quality_factor(frequency_hz: FloatArray, amplitude: FloatArray, p
 
 def half_power_points(frequency_hz: FloatArray, amplitude: FloatArray, peak: int) -> tuple[float, float] | None:
     """Interpolated crossings of 1/sqrt(2) of the peak below and above it; None when a side does not fall that far."""
-    level = amplitude[peak] / np.sqrt(2.0)
-    sides = []
-    for step in (-1, 1):
-        i = peak
-        while 0 <= i + step < len(amplitude) and amplitude[i] > level:
-            i += step
-        if amplitude[i] > level:
-            return None
-        inner = i - step
-        share = (amplitude[inner] - level) / (amplitude[inner] - amplitude[i])
-        sides.append(float(frequency_hz[inner] + share * (frequency_hz[i] - frequency_hz[inner])))
-    return sides[0], sides[1]
+    last = len(amplitude) - 1
+    if max(amplitude[: peak + 1].min(), amplitude[peak:].min()) > amplitude[peak] / np.sqrt(2.0):
+        return None
+    bases = (amplitude[[peak]], np.array([0]), np.array([last]))
+    _, _, *ends = peak_widths(amplitude, [peak], 1.0 - np.sqrt(0.5), prominence_data=bases)
+    low, high = np.interp(np.concatenate(ends), np.arange(last + 1), frequency_hz)
+    return float(low), float(high)

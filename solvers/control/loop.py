@@ -82,13 +82,11 @@ class Pi:
     proportional: float
     integral_per_s: float
 
-    def closed_loop(
-        self, plant: ModePlant, omega: ArrayLike, delay_s: float = 0.0
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Open-loop L and U/reference of the resonant axis at envelope frequencies omega (rad/s), with a delay."""
+    def closed_loop(self, plant: ModePlant, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
+        """Open-loop L and U/reference of the resonant axis at envelope frequencies omega (rad/s)."""
         s = 1j * np.asarray(omega, dtype=float)
         size = abs(plant.gain)
-        loop = (self.proportional + self.integral_per_s / s) * size / (1.0 + plant.tau_s * s) * np.exp(-s * delay_s)
+        loop = (self.proportional + self.integral_per_s / s) * size / (1.0 + plant.tau_s * s)
         return np.asarray(loop), np.asarray(loop / (1.0 + loop))
 
 
@@ -377,7 +375,6 @@ class Controller:
         decay = np.exp(-(1.0 / model.tau_s + 1j * detuning) * rates.ahead_s)
         steady = self.size / (1.0 + 1j * detuning * model.tau_s)
         self.states, self.feeds = feedback * decay, feedback * steady * (1.0 - decay)
-        self.state, self.feed, self.limited = complex(self.states[0]), complex(self.feeds[0]), 0
         known = setup.known_delay_s
         late = setup.delay_s + 0.5 / rates.sample_rate_hz if known is None else known
         turn = setup.omega_rad_s / rates.sample_rate_hz
@@ -387,7 +384,7 @@ class Controller:
         self.fitting = np.linalg.pinv(tone)
         self.advance, self.phase = np.exp(-1j * turn * rates.period), 1.0 + 0.0j
         self.age = rates.ahead_s / rates.period_s
-        self.integral, self.drive, self.last = 0j, 0j, 0.0
+        self.integral, self.drive, self.last, self.limited = 0j, 0j, 0.0, 0
 
     def fit(self, samples: FloatArray) -> complex:
         """a + j b of a cos - b sin + c over the window, exact at any frequency, turned to the drive's phase."""

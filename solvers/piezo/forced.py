@@ -12,21 +12,20 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
-from solvers.fem.assembly import Scale
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, wanted_symmetry
 from solvers.measures.wanted_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
-from solvers.piezo.patched_plate import Group
+from solvers.piezo.patched_plate import Group, PatchedPlate, PressedPlate
 from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual
@@ -114,30 +113,6 @@ class Curve:
     sensor_v_per_v: ComplexArray
 
 
-class DrivenPlate(Protocol):
-    """A plate that loads drive: its symmetry classes solved together, each load a patch or a pressure."""
-
-    name: str
-    scale: Scale
-    groups: list[Group]
-    everything: list[Group]  # with those that no load drives
-
-    @property
-    def patches(self) -> Sequence[object]:
-        """One a load."""
-        ...
-
-    @property
-    def stiffness_unit(self) -> float:
-        """N/m of one scaled unit of stiffness."""
-        ...
-
-    @property
-    def capacitance_f(self) -> FloatArray:
-        """Of each patch with its bonded face clamped, F."""
-        ...
-
-
 @dataclass(frozen=True)
 class Drive:
     """Which patches drive and which listen, by number; the band; every mode's quality factor; what holds those that drive:
@@ -171,7 +146,7 @@ class ForcedPlate:
 
     def __init__(
         self,
-        plate: DrivenPlate,
+        plate: PatchedPlate | PressedPlate,
         design: Design,
         drive: Drive,
         margin: tuple[float, float] = MARGIN,

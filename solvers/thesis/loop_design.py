@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from math import exp, inf, isfinite, pi
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
+from solvers.analytic.beams import roots_along
 from solvers.control.identification import Identified, Sensor, Sweep, identify, noisy, sweep_of
 from solvers.control.loop import (
     SETTLED,
@@ -60,20 +59,10 @@ class Margins:
     poles: ComplexArray
 
 
-@dataclass(frozen=True)
-class _Coefficients:
-    """Over a period U' = a U + b V, in the middle of the window M = c U + e V, then V' = I - state M - feed V, I' = I - i M."""
-
-    a: complex
-    b: complex
-    c: complex
-    e: complex
-    state: complex
-    feed: complex
-    integral: float
-
-
-def _coefficients(setup: Setup, gain_error: complex) -> _Coefficients:
+def _coefficients(setup: Setup, gain_error: complex) -> tuple[complex, ...]:
+    """Over a period U' = a U + b V, in the middle of the window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
+    a, b, c, e, state, feed, i.
+    """
     rates, truth, model, control = setup.rates, setup.modes[setup.wanted], setup.model, Controller(setup)
     detuning = setup.omega_rad_s - truth.omega_rad_s
     rate = 1.0 / truth.tau_s + 1j * detuning
@@ -82,34 +71,27 @@ def _coefficients(setup: Setup, gain_error: complex) -> _Coefficients:
     middle = (rates.period - rates.gap) / (2.0 * rates.sample_rate_hz)
     a, c = np.exp(-rate * rates.period_s), np.exp(-rate * middle)
     own = complex(control.states[0]), complex(control.feeds[0]), control.gains.integral
-    return _Coefficients(a, size * (1 - a), c, size * (1 - c), *own)
+    return a, size * (1 - a), c, size * (1 - c), *own
 
 
 def sampled_loop(setup: Setup) -> SampledLoop:
     """Return ratio and reference response from slow to half the slow step's rate, both signs of frequency."""
-    steps, period = _coefficients(setup, 1.0), setup.rates.period_s
+    (a, b, c, e, state, feed, integral), period = _coefficients(setup, 1.0), setup.rates.period_s
     half = np.geomspace(1e-4, 1.0, POINTS) * pi / period
     omega = np.concatenate([-half[::-1], half])
     z = np.exp(1j * omega * period)
-    plant = steps.e + steps.c * steps.b / (z - steps.a)
-    control = (steps.integral / (z - 1.0) + steps.state) / (z + steps.feed)
-    loop = plant * control
+    plant = e + c * b / (z - a)
+    loop = plant * (integral / (z - 1.0) + state) / (z + feed)
     age = setup.rates.ahead_s / period
-    forward = setup.gains.proportional + steps.integral * (1.0 - age + age / z) / (z - 1.0)
-    return SampledLoop(omega, loop, plant * forward / (z + steps.feed) / (1.0 + loop))
+    forward = setup.gains.proportional + integral * (1.0 - age + age / z) / (z - 1.0)
+    return SampledLoop(omega, loop, plant * forward / (z + feed) / (1.0 + loop))
 
 
 def closed_loop_poles(setup: Setup, gain_error: complex = 1.0) -> ComplexArray:
     """Poles in z of (U, V, I), shape (3,); gain_error multiplies the plant (its phase: an error of the carrier's)."""
-    s = _coefficients(setup, gain_error)
-    matrix = np.array(
-        [
-            [s.a, s.b, 0.0],
-            [-s.state * s.c, -s.state * s.e - s.feed, 1.0],
-            [-s.integral * s.c, -s.integral * s.e, 1.0],
-        ]
-    )
-    return np.asarray(np.linalg.eigvals(matrix))
+    a, b, c, e, state, feed, integral = _coefficients(setup, gain_error)
+    matrix = [[a, b, 0.0], [-state * c, -state * e - feed, 1.0], [-integral * c, -integral * e, 1.0]]
+    return np.asarray(np.linalg.eigvals(np.array(matrix)))
 
 
 def margins(setup: Setup) -> Margins:
@@ -118,12 +100,15 @@ def margins(setup: Setup) -> Margins:
     if not np.all(np.abs(poles) < 1.0):
         raise SolverError(f"the loop is unstable: a pole of size {np.abs(poles).max():.3f} a step")
 
-    def stable(log_gain: float, phase: float) -> bool:
-        return bool(np.all(np.abs(closed_loop_poles(setup, np.exp(log_gain + 1j * phase))) < 1.0))
+    def edge(direction: complex, end: float) -> float:
+        """How far the plant's logarithm may go in a direction until the largest pole leaves the circle; inf if it does not."""
 
-    gain = _edge(lambda x: stable(x, 0.0), 0.0, 7.0)
-    turned = _edge(lambda x: stable(0.0, x), 0.0, pi), _edge(lambda x: stable(0.0, -x), 0.0, pi)
-    loop = sampled_loop(setup)
+        def growth(x: float) -> float:
+            return float(np.abs(closed_loop_poles(setup, np.exp(x * direction))).max()) - 1.0
+
+        return next(roots_along(growth, np.linspace(0.0, end, 181), 1e-13), inf)
+
+    gain, turned, loop = edge(1.0, 7.0), (edge(1j, pi), edge(-1j, pi)), sampled_loop(setup)
     return Margins(
         gain=exp(gain) if gain < inf else inf,
         phase_deg=float(np.degrees(min(*turned, pi))),
@@ -131,19 +116,6 @@ def margins(setup: Setup) -> Margins:
         stable=True,
         poles=poles,
     )
-
-
-def _edge(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """Where a condition that holds at `low` first fails on a scan to `high`, by halving; inf if it never does."""
-    scan = np.linspace(low, high, 181)
-    for before, after in pairwise(scan):
-        if not holds(float(after)):
-            left, right = float(before), float(after)
-            for _ in range(40):
-                middle = 0.5 * (left + right)
-                left, right = (middle, right) if holds(middle) else (left, middle)
-            return left
-    return inf
 
 
 # -- study -------------------------------------------------------------------------------------------------------------

@@ -174,15 +174,10 @@ def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, 
 
 def oscillator_total_reflection_rad_s(host_beam: HostBeam, mass_kg: float, resonance_rad_s: float) -> float:
     """Where an undamped vertical oscillator lets nothing through: w^2 = w0^2 [1 + m beta(w)/(4 rho A)], above w0."""
-
-    def excess(omega: float) -> float:
-        added = mass_kg * float(host_beam.wavenumber_per_m(omega)[0]) / (4.0 * host_beam.mass_kg_m)
-        return omega**2 - resonance_rad_s**2 * (1.0 + added)
-
-    high = resonance_rad_s
-    while excess(high) < 0.0:
-        high *= 2.0
-    return float(brentq(excess, resonance_rad_s, high, xtol=1e-12 * high)) if high > resonance_rad_s else high
+    own = np.sqrt(resonance_rad_s)
+    added = mass_kg * float(host_beam.wavenumber_per_m(resonance_rad_s)[0]) / (4.0 * host_beam.mass_kg_m)
+    roots = np.roots([1.0, 0.0, 0.0, -added, -1.0])  # of sqrt(w/w0), as which beta grows; the largest is above 1
+    return float((own * roots.real.max()) ** 2)
 
 
 def moment_total_reflection_rad_s(

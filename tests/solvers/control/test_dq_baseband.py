@@ -102,8 +102,6 @@ def test_open_and_closed_loop_of_the_pi():
     loop, closed_loop = pi_gains(PLANT, response).closed_loop(PLANT, omega)
     assert loop == pytest.approx(1 / (1j * omega * response), rel=1e-10)
     assert closed_loop == pytest.approx(1 / (1 + 1j * omega * response), rel=1e-10)
-    late, _ = pi_gains(PLANT, response).closed_loop(PLANT, omega, 1e-4)
-    assert late == pytest.approx(loop * np.exp(-1e-4j * omega), rel=1e-10)
 
 
 def test_full_drive_bounds_the_time():
