@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise, permutations
-from math import inf, isfinite, pi, sqrt
+from math import inf, isfinite, nan, pi, sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
+from scipy.signal import argrelmax
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
@@ -116,8 +117,7 @@ def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000
     """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
     x = np.linspace(0.0, beam.length_m, steps + 1)
     size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
-    inner = (size[1:-1] > size[:-2]) & (size[1:-1] >= size[2:])
-    return np.asarray(x[1:-1][inner])
+    return np.asarray(x[argrelmax(size)])
 
 
 def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> ComplexArray:
@@ -140,7 +140,7 @@ def _check_bounded(response: ComplexArray, size: FloatArray, s: ComplexArray) ->
 # Its gain on velocity is K = -K'/omega < 0.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """Where loops act and listen: points_m (p,), spread (p, loops) of a loop's signal over the points, pick (loops, p).
 
@@ -148,27 +148,19 @@ class Layout:
     """
 
     name: str
-    points_m: tuple[float, ...]
-    spread: tuple[tuple[float, ...], ...]
-    pick: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        spread, pick = np.array(self.spread, dtype=float), np.array(self.pick, dtype=float)
-        points = len(self.points_m)
-        if not points or len(set(self.points_m)) < points:
-            raise SolverError("feedback needs at least one point, all different")
-        if spread.ndim != 2 or spread.shape[0] != points or pick.shape != spread.shape[::-1]:
-            raise SolverError(f"feedback {self.name}: spread must be (points, loops), pick (loops, points)")
+    points_m: FloatArray
+    spread: FloatArray
+    pick: FloatArray
 
     @property
     def dual(self) -> bool:
         """True when what a loop senses is what its forces do work on."""
-        return bool(np.array_equal(np.array(self.pick), np.array(self.spread).T))
+        return bool(np.array_equal(self.pick, self.spread.T))
 
     @property
     def region_m(self) -> tuple[float, float]:
         """Outermost points, m: the stretch that the loops shall confine to."""
-        return min(self.points_m), max(self.points_m)
+        return float(self.points_m.min()), float(self.points_m.max())
 
 
 def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
@@ -177,37 +169,22 @@ def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...
     point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed forces
     of their relative velocity, a couple. opposed: two, each with its own, the inner ones with the sign turned over: not dual.
     """
-    half = apart_m / 2.0
-    two, four = (
-        (left_m, length_m - left_m),
-        (left_m - half, left_m + half, length_m - left_m - half, length_m - left_m + half),
-    )
-    relative = ((1.0, -1.0, 0.0, 0.0), (0.0, 0.0, -1.0, 1.0))
+    two, half = np.array([left_m, length_m - left_m]), apart_m / 2.0 * np.array([-1.0, 1.0])
+    four, relative = (two[:, None] + half).ravel(), np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0]])
     return (
-        Layout("point", two, _diagonal(1.0, 1.0), _diagonal(1.0, 1.0)),
-        Layout("pair", four, _diagonal(*(1.0,) * 4), _diagonal(*(1.0,) * 4)),
-        Layout("couple", four, tuple(zip(*relative, strict=True)), relative),
-        Layout("opposed", four, _diagonal(1.0, -1.0, -1.0, 1.0), _diagonal(*(1.0,) * 4)),
+        Layout("point", two, np.eye(2), np.eye(2)),
+        Layout("pair", four, np.eye(4), np.eye(4)),
+        Layout("couple", four, relative.T, relative),
+        Layout("opposed", four, np.diag([1.0, -1.0, -1.0, 1.0]), np.eye(4)),
     )
-
-
-def _diagonal(*values: float) -> tuple[tuple[float, ...], ...]:
-    return tuple(tuple(row) for row in np.diag(values).tolist())
 
 
 @dataclass(frozen=True)
 class ForcedBeam:
-    """Steady state: deflection phasors at x (n,) per newton of excitation, loop signals (loops,), point forces (p,).
+    """Steady state: deflection phasors at x (n,) and point forces (p,), per newton of excitation."""
 
-    Powers in W for an excitation of 1 N peak: given by it, taken by the loops.
-    """
-
-    x_m: FloatArray
     deflection: ComplexArray
-    signals: ComplexArray
     forces: ComplexArray
-    given_w: float
-    taken_w: float
 
 
 def forced(
@@ -220,31 +197,14 @@ def forced(
     """
     if not np.isfinite(gain_n_m):
         raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
-    omega = float(checked_frequencies(omega))
-    points, spread, pick = np.array(layout.points_m), np.array(layout.spread), np.array(layout.pick)
-    field = beam.receptance(x_m, np.append(points, source_m), 1j * omega)
-    at = beam.receptance(np.append(points, source_m), np.append(points, source_m), 1j * omega)
-    law = 1j * gain_n_m
-    loop = np.eye(pick.shape[0]) + law * pick @ at[:-1, :-1] @ spread
+    s, sources = 1j * float(checked_frequencies(omega)), np.append(layout.points_m, source_m)
+    heard = 1j * gain_n_m * layout.pick @ beam.receptance(layout.points_m, sources, s)
     try:
-        signals = np.asarray(-np.linalg.solve(loop, law * pick @ at[:-1, -1]), dtype=np.complex128)
+        signals = -np.linalg.solve(np.eye(len(heard)) + heard[:, :-1] @ layout.spread, heard[:, -1])
     except np.linalg.LinAlgError:
         raise SolverError(EXACTLY) from None
-    forces = spread @ signals
-    moved = at @ np.append(forces, 1.0)
-    return ForcedBeam(
-        x_m=x_m,
-        deflection=field @ np.append(forces, 1.0),
-        signals=signals,
-        forces=forces,
-        given_w=_power_w(1.0, moved[-1], omega),
-        taken_w=-float(sum(_power_w(f, w, omega) for f, w in zip(forces, moved[:-1], strict=True))),
-    )
-
-
-def _power_w(force: complex, deflection: complex, omega: float) -> float:
-    """Mean power of a force on a moving point, Re(F conj(j omega W))/2."""
-    return float(0.5 * np.real(force * np.conj(1j * omega * deflection)))
+    forces = layout.spread @ signals
+    return ForcedBeam(beam.receptance(x_m, sources, s) @ np.append(forces, 1.0), forces)
 
 
 @dataclass(frozen=True)
@@ -285,20 +245,18 @@ def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes
 
     q'' + (theta Omega^2 + c P' B C P/m) q' + Omega^2 q = 0 with P the shapes at the points, B spread, C pick, m = rho A L.
     """
-    shapes, square = beam.shapes(np.array(layout.points_m), modes), beam.natural_rad_s(modes) ** 2
-    feedback = shapes.T @ np.array(layout.spread) @ np.array(layout.pick) @ shapes
+    shapes, square = beam.shapes(layout.points_m, modes), beam.natural_rad_s(modes) ** 2
+    feedback = shapes.T @ layout.spread @ layout.pick @ shapes
     damping = np.diag(beam.viscosity_s * square) + damper_n_s_m / (beam.mass_kg_m * beam.length_m) * feedback
     unit = float(np.sqrt(square[-1])) or 1.0  # one size for displacement and velocity
     state = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(square) / unit**2, -damping / unit]])
     return np.asarray(np.linalg.eigvals(state) * unit)
 
 
-def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> tuple[float, float]:
-    """Largest real part of the poles other than rigid drift, 1/s, and that pole's frequency, Hz; above 0 is unstable."""
-    poles = closed_loop_poles(beam, layout, damper_n_s_m, modes)
-    moving = poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]]
-    worst = moving[np.argmax(moving.real)]
-    return float(worst.real), float(abs(worst.imag) / (2.0 * pi))
+def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
+    """Largest real part of the poles other than rigid drift, 1/s; above 0 is unstable."""
+    poles = closed_loop_poles(beam, layout, damper_n_s_m)
+    return float(poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]].real.max())
 
 
 @dataclass(frozen=True)
@@ -313,12 +271,16 @@ class Loci:
     values: ComplexArray
 
 
-def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float, low_hz: float = 1.0) -> Loci:
-    """Eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from low_hz to high_hz."""
-    omega = _grid(beam, 2.0 * pi * low_hz, 2.0 * pi * high_hz)
-    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
-    loci = 1j * omega[:, None, None] * (pick @ beam.receptance(points, points, 1j * omega) @ spread)
-    values = np.linalg.eigvals(loci)
+def _return_ratio(beam: FreeBeam, layout: Layout, omega: FloatArray) -> ComplexArray:
+    """j omega C G(j omega) B, (n, loops, loops)."""
+    moved = beam.receptance(layout.points_m, layout.points_m, 1j * omega)
+    return np.asarray(1j * omega[:, None, None] * (layout.pick @ moved @ layout.spread))
+
+
+def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float) -> Loci:
+    """Eigenvalues of j omega C G(j omega) B on a grid that resolves every resonance from 1 Hz to high_hz."""
+    omega = _grid(beam, 2.0 * pi, 2.0 * pi * high_hz)
+    values = np.asarray(np.linalg.eigvals(_return_ratio(beam, layout, omega)), dtype=complex)
     orders = [list(order) for order in permutations(range(values.shape[1]))]
     for i in range(1, len(values)):
         candidates = values[i][np.array(orders)]
@@ -330,11 +292,10 @@ def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
     """A frequency, Hz, above which no loop of this damper has a gain of 1: |lambda| falls as omega^-1/2, and faster with
     losses.
     """
-    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
     high = 1e5
     while high < HIGHEST_HZ:
-        s = 2j * pi * high
-        if damper_n_s_m * np.abs(np.linalg.eigvals(s * pick @ beam.receptance(points, points, s) @ spread)).max() < 0.5:
+        ratio = _return_ratio(beam, layout, np.array([2.0 * pi * high]))
+        if damper_n_s_m * np.abs(np.linalg.eigvals(ratio)).max() < 0.5:
             break
         high *= 2.0
     return high
@@ -355,24 +316,16 @@ def _grid(beam: FreeBeam, low: float, high: float) -> FloatArray:
     return np.unique(every[(every >= low) & (every <= high)])
 
 
-def delay_margin_s(loci: Loci, damper_n_s_m: float) -> tuple[float, float]:
-    """Largest pure delay that the loop bears, s, and the frequency that limits it, Hz; (inf, nan) without a crossing.
+def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
+    """Largest pure delay that the loop bears, s; inf without a crossing.
 
     The least phase above -pi over omega where |c lambda| = 1. A loop that still exceeds 1 at the grid's end is refused.
     """
     size = damper_n_s_m * np.abs(loci.values)
     if np.any(size[-1] > 1.0):
         raise SolverError("the loop gain is above 1 at the upper end of the frequencies: widen them")
-    worst = (inf, float("nan"))
-    for k in range(size.shape[1]):
-        level = np.log(size[:, k])
-        for i in np.flatnonzero((level[:-1] < 0.0) != (level[1:] < 0.0)):
-            share = level[i] / (level[i] - level[i + 1])
-            omega = loci.omega_rad_s[i] + share * (loci.omega_rad_s[i + 1] - loci.omega_rad_s[i])
-            value = loci.values[i, k] + share * (loci.values[i + 1, k] - loci.values[i, k])
-            delay = float(((np.angle(value) + pi) % (2.0 * pi)) / omega)
-            worst = min(worst, (delay, float(omega / (2.0 * pi))))
-    return worst
+    value, omega = _crossings(loci, np.log(size), loci.values)
+    return float(np.min((np.angle(value) + pi) % (2.0 * pi) / omega, initial=inf))
 
 
 def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
@@ -381,17 +334,16 @@ def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
     The least 1/|lambda H| where lambda H crosses the negative real axis: sure for a plant that is stable by itself.
     """
     values = loci.values * filtered(loci.omega_rad_s)[:, None]
-    worst = (inf, float("nan"))
-    for k in range(values.shape[1]):
-        v = values[:, k]
-        turned = (v.imag[:-1] < 0.0) != (v.imag[1:] < 0.0)
-        for i in np.flatnonzero(turned):
-            share = v.imag[i] / (v.imag[i] - v.imag[i + 1])
-            real = v.real[i] + share * (v.real[i + 1] - v.real[i])
-            if real < 0.0:
-                omega = loci.omega_rad_s[i] + share * (loci.omega_rad_s[i + 1] - loci.omega_rad_s[i])
-                worst = min(worst, (float(-1.0 / real), float(omega / (2.0 * pi))))
-    return worst
+    found, omega = _crossings(loci, values.imag, values)
+    limits = [(float(-1.0 / x), float(w / (2.0 * pi))) for x, w in zip(found.real, omega, strict=True) if x < 0.0]
+    return min(limits, default=(inf, nan))
+
+
+def _crossings(loci: Loci, level: FloatArray, values: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Values (n, loops) and frequencies where a level (n, loops) changes its sign, interpolated."""
+    i, k = np.nonzero((level[:-1] < 0.0) != (level[1:] < 0.0))
+    share, omega = level[i, k] / (level[i, k] - level[i + 1, k]), loci.omega_rad_s
+    return values[i, k] + share * (values[i + 1, k] - values[i, k]), omega[i] + share * (omega[i + 1] - omega[i])
 
 
 def delayed(delay_s: float) -> Filter:
@@ -412,11 +364,11 @@ def demodulated(carrier_rad_s: float, window_s: float, delay_s: float = 0.0) -> 
     return lambda omega: (mean(omega - carrier_rad_s) - mean(omega + carrier_rad_s)) * carrier_rad_s / omega
 
 
-def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float, modes: int = MODES) -> float:
+def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float) -> float:
     """Least damper c up to `high` at which some pole crosses into growth, N s/m; inf when none does on a fine scan."""
 
     def growth(damper: float) -> float:
-        return growth_per_s(beam, layout, damper, modes)[0]
+        return growth_per_s(beam, layout, damper)
 
     scan = np.geomspace(1e-9 * high_n_s_m, high_n_s_m, 91)
     for low, high in pairwise(scan):

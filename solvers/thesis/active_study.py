@@ -216,7 +216,7 @@ def _case(data: ActiveBeamData, layout: Layout, frequency_hz: float, gain: float
     beam, omega, middle = data.beam, 2.0 * pi * frequency_hz, data.length_m / 2.0
     before = active_beam.forced(beam, layout, 0.0, omega, x, middle)
     after = active_beam.forced(beam, layout, gain, omega, x, middle)
-    signals = np.array(layout.pick) @ beam.receptance(layout.points_m, middle, 1j * omega)
+    signals = layout.pick @ beam.receptance(layout.points_m, middle, 1j * omega)
     return Case(
         layout=layout.name,
         frequency_hz=frequency_hz,
@@ -232,7 +232,7 @@ def _case(data: ActiveBeamData, layout: Layout, frequency_hz: float, gain: float
 
 def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
     beam, omega = data.beam, 2.0 * pi * data.frequencies_hz[0]
-    growth = tuple(active_beam.growth_per_s(beam, layout, gain / omega)[0] for gain in data.gains_n_m)
+    growth = tuple(active_beam.growth_per_s(beam, layout, gain / omega) for gain in data.gains_n_m)
     highest = 10.0 * max(data.gains_n_m) / omega
     unstable = inf if layout.dual else active_beam.instability_gain_n_s_m(beam, layout, highest)
     stable = [gain / omega < unstable for gain in data.gains_n_m]
@@ -245,7 +245,7 @@ def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
         loci = active_beam.characteristic_loci(beam, layout, active_beam.highest_hz(beam, layout, highest))
         limits = [active_beam.gain_limit_n_s_m(loci, one) for one in filters]
         margins = [
-            active_beam.delay_margin_s(loci, gain / omega)[0] if holds else None
+            active_beam.delay_margin_s(loci, gain / omega) if holds else None
             for gain, holds in zip(data.gains_n_m, stable, strict=True)
         ]
     return LoopStability(

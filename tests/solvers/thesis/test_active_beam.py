@@ -63,7 +63,7 @@ def modal_receptance(beam: FreeBeam, x_m, source_m, s: complex, modes: int) -> n
 
 def refined_pole(layout: Layout, damper_n_s_m: float, start: complex) -> complex:
     """The pole near `start` of the whole beam: det(I + c s C G(s) B) = 0, G exact."""
-    spread, pick, points = np.array(layout.spread), np.array(layout.pick), np.array(layout.points_m)
+    spread, pick, points = layout.spread, layout.pick, layout.points_m
 
     def characteristic(s: complex) -> complex:
         law = damper_n_s_m * s * pick @ BEAM.receptance(points, points, s)
@@ -123,14 +123,14 @@ def test_closed_loop_against_finite_elements_with_dampers(layout):
     gain, elements = 3e6, 300  # every place is a node: half millimetres
     stiffness, mass = hermite(BEAM, elements)
     damping = BEAM.viscosity_s * stiffness
-    dofs = 2 * np.round(np.array(layout.points_m) / LENGTH * elements).astype(int)
-    damping[np.ix_(dofs, dofs)] += gain / OMEGA * np.array(layout.spread) @ np.array(layout.pick)
+    dofs = 2 * np.round(layout.points_m / LENGTH * elements).astype(int)
+    damping[np.ix_(dofs, dofs)] += gain / OMEGA * layout.spread @ layout.pick
     load = np.zeros(len(mass))
     load[elements] = 1.0
     motion = np.linalg.solve(stiffness + 1j * OMEGA * damping - OMEGA**2 * mass, load)
     result = forced(BEAM, layout, gain, OMEGA, np.linspace(0.0, LENGTH, elements + 1), LENGTH / 2)
     assert result.deflection == pytest.approx(motion[::2], rel=1e-5, abs=1e-5 * np.abs(motion).max())
-    pulled = -1j * gain * np.array(layout.spread) @ np.array(layout.pick) @ motion[dofs]
+    pulled = -1j * gain * layout.spread @ layout.pick @ motion[dofs]
     assert result.forces == pytest.approx(pulled, rel=1e-4, abs=1e-4 * np.abs(pulled).max())
 
 
@@ -140,7 +140,7 @@ def test_closed_loop_against_time_stepping(layout):
     beam, gain, modes = replace(BEAM, viscosity_s=0.05 / OMEGA), 2e6, 9
     shapes, middle = beam.shapes(layout.points_m, modes), beam.shapes(LENGTH / 2, modes)[0]
     square, mass = beam.natural_rad_s(modes) ** 2, beam.mass_kg_m * LENGTH
-    feedback = gain / OMEGA * shapes.T @ np.array(layout.spread) @ np.array(layout.pick) @ shapes / mass
+    feedback = gain / OMEGA * shapes.T @ layout.spread @ layout.pick @ shapes / mass
 
     def rate(time, state):
         q, speed = state[:modes], state[modes:]
@@ -157,7 +157,7 @@ def test_closed_loop_against_time_stepping(layout):
             return modal_receptance(self, x_m, source_m, s, modes)
 
     same = Truncated(beam.length_m, beam.bending_n_m2, beam.mass_kg_m, beam.viscosity_s)
-    points = np.array(layout.points_m)
+    points = layout.points_m
     if layout.name == "couple":  # nothing holds its rigid-body modes: take their drift out
         phasor, points = phasor - phasor.mean(), points
     result = forced(same, layout, gain, OMEGA, points, LENGTH / 2).deflection
@@ -165,19 +165,25 @@ def test_closed_loop_against_time_stepping(layout):
     assert phasor == pytest.approx(result, abs=2e-3 * np.abs(result).max())
 
 
+def powers_w(layout: Layout, gain: complex) -> tuple[float, float, float]:
+    """Mean power given by 1 N peak in the lossless beam's middle, that taken by the loops, and the size of the reactive one."""
+    result = forced(LOSSLESS, layout, gain, OMEGA, np.append(layout.points_m, LENGTH / 2), LENGTH / 2)
+    power = 0.5 * np.real(np.append(-result.forces, 1.0) * np.conj(1j * OMEGA * result.deflection))
+    return power[-1], power[:-1].sum(), 0.5 * OMEGA * abs(result.deflection[-1])
+
+
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
 @pytest.mark.parametrize("gain", [1e5, 1e7, 1e9])
 def test_power_of_the_excitation_is_what_the_loops_take(layout, gain):
-    result = forced(LOSSLESS, layout, gain, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
-    scale = 0.5 * OMEGA * abs(result.deflection[5])  # of the reactive power
-    assert result.given_w == pytest.approx(result.taken_w, abs=1e-10 * scale)
+    given, taken, scale = powers_w(layout, gain)
+    assert given == pytest.approx(taken, abs=1e-10 * scale)
     if layout.dual:
-        assert result.taken_w > 0.0
+        assert taken > 0.0
 
 
 def test_open_lossless_beam_takes_no_power():
-    result = forced(LOSSLESS, LAYOUTS[0], 0.0, OMEGA, np.linspace(0.0, LENGTH, 11), LENGTH / 2)
-    assert abs(result.given_w) < 1e-10 * 0.5 * OMEGA * abs(result.deflection[5])
+    given, _, scale = powers_w(LAYOUTS[0], 0.0)
+    assert abs(given) < 1e-10 * scale
 
 
 def test_endless_gain_pins_the_points():
@@ -186,7 +192,7 @@ def test_endless_gain_pins_the_points():
     stiffness, mass = hermite(BEAM, elements)
     dynamic = stiffness * (1 + 1j * OMEGA * BEAM.viscosity_s) - OMEGA**2 * mass
     for layout in LAYOUTS[:2]:
-        clamped = 2 * np.round(np.array(layout.points_m) / LENGTH * elements).astype(int)
+        clamped = 2 * np.round(layout.points_m / LENGTH * elements).astype(int)
         kept = np.setdiff1d(np.arange(len(mass)), clamped)
         load = (kept == elements).astype(float)
         motion = np.zeros(len(mass), dtype=complex)
@@ -200,15 +206,15 @@ def test_endless_gain_pins_the_points():
 def test_a_late_answer_turns_the_force_back():
     """f(t) = -c w'(t - delay), hence F = -j K' e^{-j omega delay} W; a quarter period late it is a spring of -K'."""
     late = 1e5 * np.exp(-1j * pi / 2)
-    result = forced(BEAM, LAYOUTS[0], late, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2)
+    result = forced(BEAM, LAYOUTS[0], late, OMEGA, LAYOUTS[0].points_m, LENGTH / 2)
     assert result.forces == pytest.approx(-1e5 * result.deflection, rel=1e-9)
-    lossless = forced(LOSSLESS, LAYOUTS[0], late, OMEGA, np.array([0.0, LENGTH / 2]), LENGTH / 2)
-    assert abs(lossless.given_w) < 1e-10 * 0.5 * OMEGA * abs(lossless.deflection[1])
+    given, _, scale = powers_w(LAYOUTS[0], late)
+    assert abs(given) < 1e-10 * scale
 
 
 def test_law_in_its_two_components():
     """F_d = K' W_q and F_q = -K' W_d, against the velocity: power is taken out."""
-    result = forced(BEAM, LAYOUTS[0], 1e6, OMEGA, np.array(LAYOUTS[0].points_m), LENGTH / 2)
+    result = forced(BEAM, LAYOUTS[0], 1e6, OMEGA, LAYOUTS[0].points_m, LENGTH / 2)
     assert result.forces.real == pytest.approx(1e6 * result.deflection.imag, rel=1e-9)
     assert result.forces.imag == pytest.approx(-1e6 * result.deflection.real, rel=1e-9)
     assert result.forces == pytest.approx(-1e6 / OMEGA * 1j * OMEGA * result.deflection, rel=1e-9)
@@ -217,13 +223,13 @@ def test_law_in_its_two_components():
 @pytest.mark.parametrize("layout", LAYOUTS[:3], ids=lambda layout: layout.name)
 @pytest.mark.parametrize("damper", [1.0, 300.0, 5000.0])
 def test_dual_loops_never_make_a_pole_grow(layout, damper):
-    assert growth_per_s(BEAM, layout, damper)[0] < 0.0
-    assert growth_per_s(LOSSLESS, layout, damper)[0] < 1e-6
+    assert growth_per_s(BEAM, layout, damper) < 0.0
+    assert growth_per_s(LOSSLESS, layout, damper) < 1e-6
 
 
 def test_opposed_loops_grow_beyond_the_losses():
     limit = instability_gain_n_s_m(BEAM, LAYOUTS[3], 1e4)
-    assert growth_per_s(BEAM, LAYOUTS[3], 1.02 * limit)[0] > 0.0 > growth_per_s(BEAM, LAYOUTS[3], 0.98 * limit)[0]
+    assert growth_per_s(BEAM, LAYOUTS[3], 1.02 * limit) > 0.0 > growth_per_s(BEAM, LAYOUTS[3], 0.98 * limit)
     loci = characteristic_loci(BEAM, LAYOUTS[3], 1e5)
     assert gain_limit_n_s_m(loci, delayed(0.0))[0] == pytest.approx(limit, rel=1e-3)
     assert instability_gain_n_s_m(BEAM, LAYOUTS[0], 1e4) == inf
@@ -240,8 +246,8 @@ def test_poles_of_modes_are_near_those_of_the_whole_beam(layout):
     for pole in poles[np.argsort(np.abs(poles))][:4]:
         exact = refined_pole(layout, 50.0, complex(pole))
         assert abs(exact - pole) < 1e-3 * abs(pole)
-        law = 50.0 * exact * np.array(layout.pick) @ BEAM.receptance(layout.points_m, layout.points_m, exact)
-        assert abs(np.linalg.det(np.eye(len(law)) + law @ np.array(layout.spread))) < 1e-5
+        law = 50.0 * exact * layout.pick @ BEAM.receptance(layout.points_m, layout.points_m, exact)
+        assert abs(np.linalg.det(np.eye(len(law)) + law @ layout.spread)) < 1e-5
 
 
 def test_poles_without_loops_are_the_beams_own():
@@ -257,7 +263,7 @@ def delayed_growth(layout: Layout, damper: float, delay: float, modes: int = 40,
     """Largest real part of q'' + ... = -c P'BCP q'(t - delay): eigenvalues of the collocated infinitesimal generator."""
     shapes, square = BEAM.shapes(layout.points_m, modes), BEAM.natural_rad_s(modes) ** 2
     mass = BEAM.mass_kg_m * LENGTH
-    feedback = damper / mass * shapes.T @ np.array(layout.spread) @ np.array(layout.pick) @ shapes
+    feedback = damper / mass * shapes.T @ layout.spread @ layout.pick @ shapes
     zero, unit = np.zeros((modes, modes)), np.eye(modes)
     now = np.block([[zero, unit], [-np.diag(square), -np.diag(BEAM.viscosity_s * square)]])
     then = np.block([[zero, zero], [zero, -feedback]])
@@ -282,7 +288,7 @@ def test_limits_of_delay_and_gain_against_the_delay_equations_poles(layout, dela
     assert 0.0 < hz < 2e4
     below, above = (delayed_growth(layout, share * limit, delay, 14, 10) for share in (0.95, 1.05))
     assert below < 0.0 < above
-    margin, _ = delay_margin_s(loci, limit)
+    margin = delay_margin_s(loci, limit)
     assert margin < 1.001 * delay  # a shorter delay may do harm that a longer one does not
     before, after = (delayed_growth(layout, limit, share * margin, 14, 10) for share in (0.97, 1.03))
     assert before < 0.0 < after
@@ -375,8 +381,6 @@ def test_force_scales_the_answer_not_its_shape(study):
         (lambda: BEAM.receptance(0.1, 0.075, 0.0), "other than 0"),
         (lambda: FreeBeam(0.0, 1.0, 1.0), "above 0"),
         (lambda: LOSSLESS.receptance(0.1, 0.075, 1j * LOSSLESS.natural_rad_s(3)[2]), "hit exactly"),
-        (lambda: Layout("none", (), (), ()), "at least one point"),
-        (lambda: Layout("odd", (0.1,), ((1.0,),), ((1.0, 1.0),)), "must be"),
     ],
 )
 def test_refused(call, expected):
