@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +13,9 @@ from pipeline.board.table_file import ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.measured.files import LARGEST
 from pipeline.quantity import frequency
 from pipeline.records.outputs import write_file
-from solvers.control.identification import Identified, Sweep
+from solvers.control.identification import Identified
 from solvers.control.loop import ModePlant, Rates
 from solvers.thesis.loop_design import DqData
 
@@ -25,7 +23,6 @@ if TYPE_CHECKING:
     from solvers.control.identification import Sensor
 
 WANTED_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where nothing was identified
-COLUMNS = ("frequency_hz", "re", "im")
 
 
 def read_table(path: str) -> ModeTable:
@@ -83,27 +80,6 @@ def velocity_of(plant: ModePlant, sensor: Sensor) -> ModePlant:
     """The gain that a velocity sensor of the same size would show, real."""
     turned = 1j * plant.gain if sensor == "displacement" else plant.gain
     return replace(plant, gain=float(np.copysign(abs(turned), complex(turned).real)))
-
-
-def read_sweep(path: str) -> Sweep:
-    """Read a file with the columns frequency_hz, re, im. Raises InputError with the line otherwise."""
-    try:
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"--sweep = {path}: cannot be read ({error})") from error
-    values = []
-    for number, row in enumerate(rows, start=2):
-        try:
-            values.append([float(row[column]) for column in COLUMNS])
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"--sweep = {path}: line {number}: must hold {', '.join(COLUMNS)}") from error
-    if not values:
-        raise InputError(f"--sweep = {path}: no rows; columns must be {', '.join(COLUMNS)}")
-    columns = np.array(values)
-    if not (np.abs(columns) <= LARGEST).all() or not np.abs(columns[:, 1:]).max() > 1.0 / LARGEST:
-        raise InputError(f"--sweep = {path}: must hold finite numbers within {LARGEST:g}, not all of them 0")
-    return Sweep(columns[:, 0], columns[:, 1] + 1j * columns[:, 2])
 
 
 def write_table(table: ModeTable, identified: Identified, folder: Path | None, log: Log) -> None:

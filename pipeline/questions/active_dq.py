@@ -130,6 +130,7 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
     def compute(self, case: Case | None, plan: Plan, run: Run) -> DqResult:
         """Study the loop of the mode that sweep, table, case or option names."""
         from pipeline.active import loop, thesis
+        from pipeline.measured.files import read_sweep
         from solvers.control.identification import identify
         from solvers.thesis.loop_design import dq_study
 
@@ -137,7 +138,7 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
         with asked("dq"):
             data, measured = self._data(case, table, run), None
             if self.sweep:
-                measured = identify(loop.read_sweep(self.sweep), data.sensor, data.delay_guess_s)
+                measured = identify(read_sweep(self.sweep).sweep, data.sensor, data.delay_guess_s)
                 late = max(measured.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)  # beyond the hold's half sample
                 data = replace(data, wanted=loop.velocity_of(measured.plant, data.sensor), delay_s=late)
             study = dq_study(data)

@@ -194,16 +194,9 @@ def _pillar_size(pillar: Pillar, wanted_hz: float | None) -> PillarSize:
 
 def _solved(excess: Callable[[float], float], start: float) -> float:
     """The root of a falling function of a length, bracketed by doubling and halving from `start`."""
-    low = high = start
-    for _ in range(40):
-        if excess(low) >= 0.0:
-            break
-        low /= 1.5
-    for _ in range(40):
-        if excess(high) <= 0.0:
-            break
-        high *= 1.5
-    if excess(low) < 0.0 or excess(high) > 0.0:
+    low = next((x for x in (start / 1.5**n for n in range(41)) if excess(x) >= 0.0), None)
+    high = next((x for x in (start * 1.5**n for n in range(41)) if excess(x) <= 0.0), None)
+    if low is None or high is None:
         raise SolverError("no such length")
     return low if low == high else root_between(excess, low, high, 1e-9 * start)
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import chain, islice, takewhile
+from itertools import count as numbers
 from math import inf, pi, sqrt
 
 import numpy as np
@@ -184,24 +186,10 @@ def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
     check_beam(beam, count)
     if beam.width_ratio is not None or beam.end is not None:
         raise SolverError("a tapered beam, or one that carries a body, has no exact solution: use ritz_frequencies_hz")
-    omegas = _scanned(beam, left, right, count)
-    return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
-
-
-def _scanned(beam: Beam, left: str, right: str, count: int) -> list[float]:
-    """Roots below the cut-off, at most `count`: sign changes over the bending wavenumber."""
     cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
-    roots_hz: list[float] = []
-    start, width = LOWEST, STEP * 4
-    while len(roots_hz) < count:
-        wavenumbers = np.arange(start, start + width + STEP / 2, STEP)
-        omegas = [omega for omega in (_omega_of(float(a), beam) for a in wavenumbers) if omega < cutoff]
-        omegas += [cutoff * (1.0 - 1e-12)] if len(omegas) < len(wavenumbers) else []
-        roots_hz += _sign_changes(omegas, beam, left, right)
-        if len(omegas) < len(wavenumbers):
-            break
-        start += width
-    return roots_hz[:count]
+    below = takewhile(lambda omega: omega < cutoff, (_omega_of(LOWEST + STEP * i, beam) for i in numbers()))
+    omegas = list(islice(_roots(chain(below, [cutoff * (1.0 - 1e-12)]), beam, left, right), count))
+    return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
 
 
 def _omega_of(wavenumber: float, beam: Beam) -> float:
@@ -211,8 +199,8 @@ def _omega_of(wavenumber: float, beam: Beam) -> float:
     return sqrt(2.0 * square**2 / (p + sqrt(p**2 - 4.0 * flex * turn * square**2)))
 
 
-def _sign_changes(omegas: list[float], beam: Beam, left: str, right: str) -> list[float]:
-    return list(roots_along(lambda omega: characteristic(omega, beam, left, right), omegas, 1e-13 * omegas[0]))
+def _roots(omegas: Iterable[float], beam: Beam, left: str, right: str) -> Iterator[float]:
+    return roots_along(lambda omega: characteristic(omega, beam, left, right), omegas, 1e-14)
 
 
 def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
@@ -221,9 +209,8 @@ def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[fl
     estimates = ritz_omegas(beam, left, right, count)
     refined = list(below)
     for estimate in estimates[len(below) :]:
-        low, high = estimate * (1.0 - REFINE), estimate * (1.0 + REFINE)
-        roots = _sign_changes([low, high], beam, left, right)
-        refined.append(roots[0] if roots else float(estimate))
+        around = estimate * np.array([1.0 - REFINE, 1.0 + REFINE])
+        refined.append(next(_roots(around, beam, left, right), float(estimate)))
     return refined
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,7 +31,7 @@ from solvers.fem.solid import constrain, free_mask
 from solvers.piezo import patch as piezo_patch
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, between, grid_weights, mirror_signs, positive_part
 from solvers.piezo.patch import BondedPatch
-from solvers.plates.assembled import Reductions
+from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.plate import AssembledPlate
 
 WAVE = 3.75  # elements along a half-wavelength of the wanted shape, at least
@@ -41,24 +40,12 @@ COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
 
 
-class Cache(Protocol):
-    """Where flexibilities are kept between runs."""
-
-    def get(self, key: str) -> FloatArray | None:
-        """A symmetric matrix kept under this key, or None."""
-        ...
-
-    def put(self, key: str, matrix: FloatArray) -> None:
-        """Keep a symmetric matrix."""
-        ...
-
-
 @dataclass
 class Beneath:
     """Flexibility beneath the patches of one plate; places alike are computed once, and none that the cache has."""
 
     reductions: Reductions
-    cache: Cache | None = None
+    cache: Cache[FloatArray] | None = None
     _known: dict[str, FloatArray] = field(default_factory=dict)
 
     def flexibility(self, plate: AssembledPlate, patch: BondedPatch, back: bool) -> FloatArray:

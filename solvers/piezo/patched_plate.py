@@ -211,7 +211,8 @@ class PatchedPlate:
         own = self._moved(plates)[first][mesh]
         if first == number:
             return own
-        return _scaled(own, np.tile(mirror_signs(plates[0].symmetry, flip), own.shape[0] // 3))
+        signs = np.tile(mirror_signs(plates[0].symmetry, flip), own.shape[0] // 3)
+        return sp.csr_array(sp.diags_array(signs) @ own)
 
     def _moved(self, plates: Sequence[AssembledPlate]) -> dict[int, list[sp.csr_array]]:
         """Motions of the bonded faces that are no other's image, kept."""
@@ -287,12 +288,6 @@ def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatAr
     first: dict[str, int] = {}
     numbers = [first.setdefault(key, number) for number, (key, _) in enumerate(folded)]
     return [(number, folded[number][1] * flip) for number, (_, flip) in zip(numbers, folded, strict=True)]
-
-
-def _scaled(matrix: sp.csr_array, rows: FloatArray) -> sp.csr_array:
-    """The matrix with each of its rows times a factor."""
-    factors = np.repeat(rows, np.diff(matrix.indptr))
-    return sp.csr_array((matrix.data * factors, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
 _Bonded = tuple[float, FloatArray, sp.csr_array]  # a factor, a patch's own matrix (3 b, 3 b), its motion (3 b, dof)

@@ -30,14 +30,10 @@ def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_
 
 def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
     """The same at points (p, 2): (p, n) in m/V."""
-    rows = [_rows(basis, points_m) for basis in forced.modes]
-    out = np.zeros((len(points_m), len(frequency_hz)), dtype=complex)
-    for index, frequency in enumerate(frequency_hz):
-        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
-        volts = forced.volts(eigenvalue)
-        for basis, row in zip(forced.modes, rows, strict=True):
-            out[:, index] += row @ basis.amplitudes(eigenvalue, forced.loss, volts)
-    return out
+    at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
+    volts = forced.volts_over(at)
+    parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
+    return np.asarray(np.sum(parts, axis=0))
 
 
 def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
@@ -285,14 +281,13 @@ def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
     losses are left out.
     """
     signs, driven, left = forced.signs[forced.drivers], forced.drivers, forced.sensors
-    out = np.zeros(len(frequency_hz), dtype=complex)
-    for index, frequency in enumerate(frequency_hz):
-        eigenvalue = forced.plate.scale.eigenvalue(float(frequency))
-        parts = [basis.receptance(eigenvalue, forced.loss) for basis in forced.modes]
-        per_volt = np.sum(parts, axis=0) * forced.plate.stiffness_unit + np.diag(forced.plate.capacitance_f)
-        charge = per_volt[np.ix_(driven, driven)] @ signs
-        if left:
-            volts = np.linalg.solve(per_volt[np.ix_(left, left)], -per_volt[np.ix_(left, driven)] @ signs)
-            charge = charge + per_volt[np.ix_(driven, left)] @ volts
-        out[index] = 2j * np.pi * frequency * (signs @ charge)
-    return out
+    at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
+    parts = [basis.receptance(at, forced.loss) for basis in forced.modes]
+    per_volt = np.sum(parts, axis=0) * forced.plate.stiffness_unit + np.diag(forced.plate.capacitance_f)
+    to_driven = per_volt[:, driven]
+    charge = to_driven[..., driven] @ signs
+    if left:
+        of_left = per_volt[:, left]
+        volts = np.linalg.solve(of_left[..., left], -of_left[..., driven] @ signs[:, None])
+        charge = charge + (to_driven[..., left] @ volts)[..., 0]
+    return np.asarray(2j * np.pi * frequency_hz * (charge @ signs))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import starmap
 from math import ceil
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -37,15 +37,18 @@ HIGHEST = 4  # order of hexahedra
 TETRAHEDRA = "tet"
 
 
-class Cache(Protocol):
-    """Where reduced cells are kept between runs."""
+Kept = TypeVar("Kept")
 
-    def get(self, key: str) -> Cell | None:
-        """A cell kept under this key, or None."""
+
+class Cache(Protocol[Kept]):
+    """Where reduced cells, or matrices, are kept between runs."""
+
+    def get(self, key: str) -> Kept | None:
+        """What is kept under this key, or None."""
         ...
 
-    def put(self, key: str, cell: Cell) -> None:
-        """Keep a cell."""
+    def put(self, key: str, kept: Kept, /) -> None:
+        """Keep it."""
         ...
 
 
@@ -64,7 +67,7 @@ class Reductions:
     material: Material
     pillar: Pillar | None
     reduction: ReductionSettings
-    cache: Cache | None = None
+    cache: Cache[Cell] | None = None
     mesher: Meshes | None = None
     mesher_name: str = ""  # tells one mesher's cells from another's in the cache
     fresh: int = 0

@@ -39,17 +39,12 @@ def free_wavelength_m(frequency_hz: float, bending_n_m2: float, mass_kg_m: float
     return float(2.0 * pi * (bending_n_m2 / mass_kg_m) ** 0.25 / np.sqrt(omega))
 
 
-def standing_wave_ratio(displacement: ComplexArray) -> float:
-    """(A_max - A_min)/(A_max + A_min) of |w| over points that leave the near field out. SolverError for a field of zeros."""
+def travelling_wave_ratio(displacement: ComplexArray) -> float:
+    """TWR = 1 - SWR of |w| over points that leave the near field out. SolverError for a field of zeros."""
     size = np.abs(displacement)
     if not size.size or size.max() == 0.0:
         raise SolverError("the field is zero everywhere: it has no standing-wave ratio")
-    return float((size.max() - size.min()) / (size.max() + size.min()))
-
-
-def travelling_wave_ratio(displacement: ComplexArray) -> float:
-    """TWR = 1 - SWR = 2 A_min/(A_max + A_min)."""
-    return 1.0 - standing_wave_ratio(displacement)
+    return 1.0 - float((size.max() - size.min()) / (size.max() + size.min()))
 
 
 def forward_energy_share(ratio: float) -> float:

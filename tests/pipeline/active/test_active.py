@@ -356,11 +356,11 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no rows"),
+        ("", "no columns"),
         ("frequency_hz,re,im\n", "no rows"),
-        ("frequency_hz,re\n1,2\n", "line 2"),
-        ("frequency_hz,re,im\n1,2,3\n2,x,4\n", "line 3"),
-        ("frequency_hz,re,im\n1,2,3\n", "at least 8"),
+        ("frequency_hz,re\n1e4,2\n", "line 1: columns frequency_hz, real: must hold real with imag"),
+        ("frequency_hz,re,im\n1e4,2,3\n2e4,x,4\n", "line 3, column real"),
+        ("frequency_hz,re,im\n1e4,2,3\n", "at least 8"),
     ],
 )
 def test_a_bad_sweep_is_told(text: str, said: str, tmp_path: Path, capsys) -> None:
