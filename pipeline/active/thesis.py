@@ -122,15 +122,9 @@ def pillar(row: PillarFilter, point: PointForce, cell: dict[str, Any] | None) ->
     damper, spring, printed = (point.of(name) for name in ("printed damper", "spring", "printed force"))
     yield "force", {"spring": spring.transmitted, "printed": printed.transmitted}
     yield "damper", {name: getattr(damper, name) for name in ("transmitted", "reflected", "absorbed")}
-    yield (
-        "stop",
-        {
-            "stopped_khz": row.stopped_hz / KHZ,
-            "clamped_khz": row.clamped_hz / KHZ,
-            "ratio": row.stopped_hz / row.clamped_hz,
-            "oscillator": row.oscillator_stopped_hz / row.clamped_hz,
-        },
-    )
+    tones = {"stopped_khz": row.stopped_hz / KHZ, "clamped_khz": row.clamped_hz / KHZ}
+    ratios = {"ratio": row.stopped_hz / row.clamped_hz, "oscillator": row.oscillator_stopped_hz / row.clamped_hz}
+    yield "stop", tones | ratios
     yield "rows", {"bands": "; ".join(map(_band, row.bands_hz))}
     yield "endless", {"band": _band(row.stop_hz)}
     if cell:
@@ -221,18 +215,10 @@ def _limit(gain: float) -> str:
 def dq(study: DqStudy) -> Iterator[tuple[str, Figures]]:
     """The closed loop's response, and with the firmware's own time constant."""
     fast, trace = study.step("firmware's constant"), study.query.trace
-    yield (
-        "response",
-        {
-            "reached_ms": trace.reached_s() / MS,
-            "overshoot": 100.0 * trace.overshoot(),
-            "planned_ms": study.planned_s / MS,
-            "firmware_ms": fast.trace.reached_s() / MS,
-            "constant_ms": FIRMWARE_RESPONSE_S / MS,
-            "asked_ms": study.data.within_s / MS,
-            "largest_share": study.largest_share,
-        },
-    )
+    reached = {"reached_ms": trace.reached_s() / MS, "firmware_ms": fast.trace.reached_s() / MS}
+    planned = {"planned_ms": study.planned_s / MS, "constant_ms": FIRMWARE_RESPONSE_S / MS}
+    asked = {"asked_ms": study.data.within_s / MS, "largest_share": study.largest_share}
+    yield "response", {"overshoot": 100.0 * trace.overshoot()} | reached | planned | asked
 
 
 TWR, STEP_M, WAVELENGTHS_M = 0.58, 3e-3, (0.074, 0.059)  # the text's travelling-wave ratio, measuring step, wavelengths
@@ -265,14 +251,13 @@ def shaping(study: ShapingStudy) -> Iterator[tuple[str, Figures]]:
 
 
 def _confined(study: ShapingStudy, model: ShapedBeam, signal: Signal, region: str) -> Figures:
-    last = study.data.frequencies_hz[-1]
-    contrast = {name: study.confinement(model.name, signal, last, region, name) for name in TARGETS}
+    contrast = {name: study.confinement(model.name, signal, study.last_hz, region, name) for name in TARGETS}
     best = max(contrast.values(), key=lambda one: one.peak_ratio)
     return {
         "region": region,
         "beam": model.name,
         "signal": signal,
-        "khz": last / KHZ,
+        "khz": study.last_hz / KHZ,
         "ratios": ", ".join(f"{figure(one.peak_ratio)} {name}" for name, one in contrast.items()),
         "ratio": best.peak_ratio,
         "best_db": best.best_contrast_db,
@@ -296,35 +281,27 @@ def _coupling(model: ShapedBeam, frequency_hz: float, signal: Signal) -> tuple[s
 
 
 def _wave(study: ShapingStudy, model: ShapedBeam, signal: Signal) -> Figures:
-    wave = study.wave(model.name, signal, study.data.frequencies_hz[-1])
-    return {
-        "beam": model.name,
-        "signal": signal,
-        "twr": float(wave.twr[wave.peak]),
-        "wavelength_cm": float(wave.wavelengths_m[wave.peak]) / CM,
-        "fit": float(wave.fitted_twr[wave.peak]),
-        "free_cm": wave.free_wavelength_m / CM,
-    }
+    wave = study.wave(model.name, signal, study.last_hz)
+    best = {"twr": wave.peak["twr"], "wavelength_cm": wave.peak["wavelength_m"] / CM}
+    fitted = {"fit": float(wave.fitted_twr[wave.twr.argmax()]), "free_cm": wave.free_wavelength_m / CM}
+    return {"beam": model.name, "signal": signal} | best | fitted
 
 
 def _free(study: ShapingStudy, model: ShapedBeam) -> Figures:
-    wave = study.wave(model.name, "displacement", study.data.frequencies_hz[-1])
-    share = 100.0 * wave.best_residual
-    return {"beam": model.name, "twr": wave.best_twr, "fit": wave.best_fit, "near_fields": share}
+    free = study.wave(model.name, "displacement", study.last_hz).free
+    share = 100.0 * free["near_field_share"]
+    return {"beam": model.name, "twr": free["twr"], "fit": free["fitted_twr"], "near_fields": share}
 
 
 def _choices(study: ShapingStudy) -> Figures:
-    twr = [one.peak_twr for one in study.choices]
-    free = [one.conditioning["displacement"].independence for one in study.choices]
+    twr = [one["peak_twr"] for one in study.choices]
+    free = [one["displacement"]["independence"] for one in study.choices]
     return {"least": min(twr), "most": max(twr), "least_independence": min(free), "most_independence": max(free)}
 
 
 def _forces(study: ShapingStudy, model: ShapedBeam) -> Figures:
-    last = study.data.frequencies_hz[-1]
-    ratios = {
-        region: study.confinement(model.name, "displacement", last, region, "in phase").beyond_to_inside
-        for region in REGIONS
-    }
+    levels = (study.confinement(model.name, "displacement", study.last_hz, region, "in phase") for region in REGIONS)
+    ratios = {level.region: level.beyond_to_inside for level in levels}
     return {
         "beam": model.name,
         "ratios": ", ".join(f"{figure(ratio)} {region}" for region, ratio in ratios.items()),
@@ -333,15 +310,14 @@ def _forces(study: ShapingStudy, model: ShapedBeam) -> Figures:
 
 
 def _own_strain(study: ShapingStudy, model: ShapedBeam) -> Figures:
-    last, table = study.data.frequencies_hz[-1], model.table
+    last, table = study.last_hz, model.table
     residual = np.zeros((1, 1)) if table.sensor_residual is None else table.sensor_residual
     share = 100.0 * np.abs(np.diag(residual)) / np.abs(np.diag(sensor_matrix(table, last)))
     return {"least": share.min(), "most": share.max(), "khz": last / KHZ, "modes": table.frequencies_hz.size}
 
 
 def _follows(study: ShapingStudy, model: ShapedBeam) -> Figures:
-    last = study.data.frequencies_hz[-1]
-    matrix, laser = model.matrix(last, "calibrated"), model.matrix(last, "displacement")
+    matrix, laser = (model.matrix(study.last_hz, signal) for signal in model.signals)
     missed = []
     for region in REGIONS:
         target = region_target(region, len(matrix))

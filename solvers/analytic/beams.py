@@ -80,7 +80,6 @@ LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial on
 STEP = pi / 16.0  # roots of one pair lie about pi apart
 BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
 PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
-HALVINGS = 40  # of a bracket of 1/(32 half-waves): below 1e-13
 
 
 @dataclass(frozen=True)
@@ -196,14 +195,7 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
     if mode.kappa == 0.0:
         return ()
     grid = np.linspace(0.0, 1.0, 32 * (int(mode.kappa / pi) + 2) + 1)[1:-1]
-    rising = mode.shape(grid, 1) > 0.0
-    at = np.flatnonzero(rising[:-1] != rising[1:])
-    low, high = grid[at], grid[at + 1]
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2.0
-        below = (mode.shape(middle, 1) > 0.0) == rising[at]
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    return tuple(((low + high) / 2.0).tolist())
+    return tuple(roots_along(lambda s: float(mode.shape(s, 1)), grid, 1e-14))
 
 
 def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_kg_m: float) -> FloatArray:
@@ -215,16 +207,6 @@ def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_k
 # Finite elements of a layered beam: cubic deflection, quadratic extension, and the coupling of a one-sided layer.
 # Strain u' - z w'': the energy is 1/2 integral of EA u'^2 - 2 ES u' w'' + EI w''^2, mass rho A for the deflection
 # alone (Euler-Bernoulli; extension follows without inertia).
-
-
-@dataclass(frozen=True)
-class Sections:
-    """One value per element: EA (N), ES (N m), EI (N m2) about the beam's middle plane, rho A (kg/m)."""
-
-    stretching: FloatArray
-    coupling: FloatArray
-    bending: FloatArray
-    mass: FloatArray
 
 
 @dataclass(frozen=True)
@@ -252,22 +234,25 @@ def hermite(s: FloatArray, length_m: FloatArray | float, derivative: int = 0) ->
     return np.asarray(np.stack(columns, axis=-1) / np.asarray(length**derivative)[..., None])
 
 
-def assemble_beam(nodes_m: FloatArray, sections: Sections) -> BeamMatrices:
-    """Element matrices by a Gauss rule that is exact for them, summed over the nodes."""
+def assemble_beam(nodes_m: FloatArray, sections: FloatArray) -> BeamMatrices:
+    """Element matrices by a Gauss rule that is exact for them, summed over the nodes.
+
+    sections (n, 4): EA (N), ES (N m), EI (N m2) about the beam's middle plane and rho A (kg/m) of each element.
+    """
     count = len(nodes_m) - 1
     points, weights = legendre.leggauss(4)
     s = (points + 1.0) / 2.0
     stretching, coupling = np.zeros((2 * count + 1,) * 2), np.zeros((2 * count + 1, 2 * count + 2))
     bending, mass = np.zeros((2 * count + 2,) * 2), np.zeros((2 * count + 2,) * 2)
-    for e, length in enumerate(np.diff(nodes_m)):
+    for e, (length, (ea, es, ei, heavy)) in enumerate(zip(np.diff(nodes_m), sections, strict=True)):
         weight = weights * length / 2.0
         slope = np.stack([4.0 * s - 3.0, 4.0 - 8.0 * s, 4.0 * s - 1.0], axis=-1) / length
         value, curve = hermite(s, float(length)), hermite(s, float(length), 2)
         axial, lateral = slice(2 * e, 2 * e + 3), slice(2 * e, 2 * e + 4)
-        stretching[axial, axial] += sections.stretching[e] * slope.T @ (weight[:, None] * slope)
-        coupling[axial, lateral] -= sections.coupling[e] * slope.T @ (weight[:, None] * curve)
-        bending[lateral, lateral] += sections.bending[e] * curve.T @ (weight[:, None] * curve)
-        mass[lateral, lateral] += sections.mass[e] * value.T @ (weight[:, None] * value)
+        stretching[axial, axial] += ea * slope.T @ (weight[:, None] * slope)
+        coupling[axial, lateral] -= es * slope.T @ (weight[:, None] * curve)
+        bending[lateral, lateral] += ei * curve.T @ (weight[:, None] * curve)
+        mass[lateral, lateral] += heavy * value.T @ (weight[:, None] * value)
     return BeamMatrices(nodes_m, stretching, coupling, bending, mass)
 
 

@@ -204,13 +204,12 @@ class Rates:
 class Setup:
     """What is simulated: the plate, the controller's idea of it, and the imperfections between them.
 
-    modes: the plate's, velocity response from drive to signal (complex gains allowed); wanted: which one is controlled.
+    modes: the plate's, velocity response from drive to signal (complex gains allowed); the first is controlled.
     known: the controller's copy, None for the truth; detuning_hz: of the drive from the known frequency. delay_s: dead time
     beyond the hold; known_delay_s: what the controller makes good of it and of the hold's half sample, None for all.
     """
 
     modes: tuple[ModePlant, ...]
-    wanted: int = 0
     known: ModePlant | None = None
     detuning_hz: float = 0.0
     response_s: float = 0.53e-3
@@ -224,8 +223,8 @@ class Setup:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        if not self.modes or not 0 <= self.wanted < len(self.modes):
-            raise SolverError("a loop needs at least one mode, and the wanted one among them")
+        if not self.modes:
+            raise SolverError("a loop needs at least one mode")
         top = 0.45 * self.rates.sample_rate_hz
         if not all(mode.frequency_hz < top for mode in (*self.modes, self.model)):
             raise SolverError(f"modes must lie below {top:g} Hz, 0.45 of the sample rate")
@@ -237,12 +236,12 @@ class Setup:
     @property
     def model(self) -> ModePlant:
         """What the controller works with."""
-        return self.known if self.known is not None else self.modes[self.wanted]
+        return self.known if self.known is not None else self.modes[0]
 
     @property
     def gains(self) -> SampledPi:
         """K_p and its integral, bounded by what the strongest neighbour allows."""
-        others = [abs(mode.gain) for i, mode in enumerate(self.modes) if i != self.wanted]
+        others = [abs(mode.gain) for mode in self.modes[1:]]
         bound = NEIGHBOUR_LOOP / max(others) if others else inf
         return sampled_gains(self.model, self.response_s, self.rates.period_s, bound)
 

@@ -63,7 +63,7 @@ def _coefficients(setup: Setup, gain_error: complex) -> tuple[complex, ...]:
     """Over a period U' = a U + b V, in the middle of the window M = c U + e V, then V' = I - state M - feed V, I' = I - i M:
     a, b, c, e, state, feed, i.
     """
-    rates, truth, model, control = setup.rates, setup.modes[setup.wanted], setup.model, Controller(setup)
+    rates, truth, model, control = setup.rates, setup.modes[0], setup.model, Controller(setup)
     detuning = setup.omega_rad_s - truth.omega_rad_s
     rate = 1.0 / truth.tau_s + 1j * detuning
     turned = truth.gain * np.conj(model.gain) / abs(model.gain)  # the controller takes its idea of the phase out
@@ -236,9 +236,7 @@ class DqStudy:
         carried = {name: found[name] for name in ("frequency_hz", "tau_s", "gain", "delay_s")}
         return {
             "plant": {
-                "frequency_hz": plant.frequency_hz,
-                "quality_factor": plant.quality_factor,
-                "tau_s": plant.tau_s,
+                **{name: getattr(plant, name) for name in ("frequency_hz", "quality_factor", "tau_s")},
                 "gain": abs(plant.gain),
                 "sensor": data.sensor,
                 "delay_s": data.delay_s,
@@ -301,9 +299,8 @@ def planned_response_s(setup: Setup, within_s: float) -> float:
     The planned pole is not the loop's: the integral and the age of a measurement slow it. SolverError when no gain below a
     deadbeat answer gets there.
     """
-    alone = (setup.modes[setup.wanted],)
-    ideal = replace(setup, modes=alone, wanted=0, noise=0.0, drive_limit=inf)
-    ideal = replace(ideal, rates=replace(setup.rates, bits=0), offset=0.0)
+    exact = replace(setup.rates, bits=0)
+    ideal = replace(setup, modes=setup.modes[:1], noise=0.0, offset=0.0, drive_limit=inf, rates=exact)
 
     def late(response: float) -> float:
         trace = step_response(replace(ideal, response_s=response), 1.0, 3.0 * within_s + 10.0 * setup.rates.period_s)

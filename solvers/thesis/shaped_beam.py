@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
-from solvers.analytic.beams import BeamMatrices, End, Sections, assemble_beam, beam_mode, deflection_rows, frequency_hz
+from solvers.analytic.beams import BeamMatrices, End, assemble_beam, beam_mode, deflection_rows, frequency_hz
 from solvers.errors import SolverError, check_above_zero
 from solvers.shaping.modal_table import ModalTable, calibrate, field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import free_wavelength_m
@@ -124,8 +124,7 @@ def condense(beam: PatchedBeam, element_m: float = 1.5e-3) -> Condensed:
     nodes = _nodes(beam, element_m)
     middle = (nodes[1:] + nodes[:-1]) / 2.0
     patched = (np.abs(middle[:, None] - np.array(beam.centres_m)) < beam.patch_length_m / 2.0).any(axis=1)
-    values = np.where(patched[:, None], section(beam, True), section(beam, False)).T
-    matrices = assemble_beam(nodes, Sections(*values))
+    matrices = assemble_beam(nodes, np.where(patched[:, None], section(beam, True), section(beam, False)))
     per_width = -beam.piezo.thin_young_pa * beam.piezo.d31
     axial, lateral = _edge_rows(beam, nodes)
     force_u, force_w = (per_width * beam.actuator_width_m * part for part in (axial, lateral))
@@ -206,6 +205,10 @@ def check_beam(beam: PatchedBeam) -> None:
         )
     if any(after < before - slack for before, after in pairwise(edges.ravel())):
         raise SolverError(f"beam: patches overlap; centres must ascend by at least {beam.patch_length_m:g} m")
+    _check_ends(beam)
+
+
+def _check_ends(beam: PatchedBeam) -> None:
     for end in beam.ends:
         if end not in CONSTRAINED:
             raise SolverError(f"beam: end {end!r}: must be one of {', '.join(CONSTRAINED)}")
@@ -223,23 +226,19 @@ def _edge_rows(beam: PatchedBeam, nodes: FloatArray) -> tuple[FloatArray, FloatA
     """Rows [u] over u, and -z_p [w'] over (w, w'), of each patch: the layer's elongation between its ends."""
     count = len(beam.centres_m)
     axial, lateral = np.zeros((count, 2 * len(nodes) - 1)), np.zeros((count, 2 * len(nodes)))
-    for k, ends in enumerate(beam.edges_m):
-        for sign, at in zip((-1.0, 1.0), ends, strict=True):
-            node = int(np.argmin(np.abs(nodes - at)))
-            axial[k, 2 * node] += sign
-            lateral[k, 2 * node + 1] -= sign * beam.lever_m
+    for sign, ends in zip((-1.0, 1.0), beam.edges_m.T, strict=True):
+        node = np.abs(nodes - ends[:, None]).argmin(axis=1)
+        axial[np.arange(count), 2 * node] += sign
+        lateral[np.arange(count), 2 * node + 1] -= sign * beam.lever_m
     return axial, lateral
 
 
 def _free(beam: PatchedBeam, nodes: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Degrees of freedom of u and of (w, w') that the ends leave free."""
-    fixed_u: list[int] = []
-    fixed_w: list[int] = []
-    for end, node in zip(beam.ends, (0, nodes - 1), strict=True):
-        u, w, slope = CONSTRAINED[end]
-        fixed_u += [2 * node] * u
-        fixed_w += [2 * node] * w + [2 * node + 1] * slope
-    return np.setdiff1d(np.arange(2 * nodes - 1), fixed_u), np.setdiff1d(np.arange(2 * nodes), fixed_w)
+    held = np.array([CONSTRAINED[end] for end in beam.ends])
+    places = 2 * np.array([[0, 0, 0], [nodes - 1] * 3]) + [0, 0, 1]
+    u, w = places[:, 0][held[:, 0]], places[:, 1:][held[:, 1:]]
+    return np.setdiff1d(np.arange(2 * nodes - 1), u), np.setdiff1d(np.arange(2 * nodes), w)
 
 
 # -- idealised beam ----------------------------------------------------------------------------------------------------
@@ -265,8 +264,7 @@ def point_beam_table(
         raise SolverError("beam: the list of actuators is empty, at least one place is needed")
     if (places < 0.0).any() or (places > beam.length_m).any():
         raise SolverError(f"beam: places must lie from 0 to {beam.length_m:g} m")
-    if "clamped" not in beam.ends and beam.ends != ("pinned", "pinned"):
-        raise SolverError(f"beam: ends {beam.ends} leave a rigid-body mode; clamp one or pin both")
+    _check_ends(beam)
     if modes < 1:
         raise SolverError(f"modes = {modes}: must be 1 or more")
     points = np.linspace(0.0, beam.length_m, LINE) if points_m is None else points_m

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log, pi
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,9 @@ from solvers.shaping.inversion import Errors, drive_voltages, monte_carlo
 from solvers.shaping.travelling_wave import (
     ModePair,
     best_travelling_drive,
+    forward_energy_share,
     inner_window,
+    net_flux_share,
     travelling_pair,
     travelling_wave_ratio,
     two_wave_fit,
@@ -82,9 +85,9 @@ def confine(model: ShapedBeam, signal: Signal, frequency_hz: float, limit_v: flo
 
 @dataclass(frozen=True)
 class Travelling:
-    """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, and by the two-wave fit, evaluated over window_m.
+    """TWR (n,) over wavelengths (n,) for equal amplitudes at the sensors, SWR, and TWR by the two-wave fit, over window_m.
 
-    best_twr, best_fit, best_residual: amplitude and phase of all actuators free; best_volts: its relative voltages.
+    peak: at the wavelength of the largest TWR. free: amplitude and phase of all actuators free.
     """
 
     beam: str
@@ -94,16 +97,15 @@ class Travelling:
     free_wavelength_m: float
     wavelengths_m: FloatArray
     twr: FloatArray
+    swr: FloatArray
     fitted_twr: FloatArray
-    best_twr: float
-    best_fit: float
-    best_residual: float
-    best_voltages: ComplexArray
+    peak: dict[str, float]
+    free: dict[str, Any]
 
-    @property
-    def peak(self) -> int:
-        """Index of the wavelength with the largest TWR."""
-        return int(np.argmax(self.twr))
+
+def polar(values: ComplexArray | complex) -> dict[str, Any]:
+    """Size and phase of complex numbers."""
+    return {"abs": np.abs(values), "phase_rad": np.angle(values)}
 
 
 def sweep(
@@ -128,11 +130,14 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
     x, field = model.line_m[inside], model.field(frequency_hz)[inside]
     twr, fitted = sweep(model, signal, frequency_hz, wavelengths_m)
     voltages, best = best_travelling_drive(field, x, k)
-    fit = two_wave_fit(x, field @ voltages, k)
-    return Travelling(
-        model.name, signal, frequency_hz, window, 2.0 * pi / k, wavelengths_m,
-        twr, fitted, best, fit.twr, fit.residual, voltages / np.abs(voltages).max(),
-    )  # fmt: skip
+    fit, at = two_wave_fit(x, field @ voltages, k), int(np.argmax(twr))
+    ratio = float(twr[at])
+    shares = {"forward_energy_share": forward_energy_share(ratio), "net_flux_over_forward": net_flux_share(ratio)}
+    peak = {"wavelength_m": float(wavelengths_m[at]), "twr": ratio} | shares
+    free = {"twr": best, "fitted_twr": fit.twr, "near_field_share": fit.residual}
+    driven = {"voltages_relative": polar(voltages / np.abs(voltages).max())}
+    lengths = 2.0 * pi / k, wavelengths_m
+    return Travelling(model.name, signal, frequency_hz, window, *lengths, twr, 1.0 - twr, fitted, peak, free | driven)
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import product
 from math import pi
 from typing import Any
 
 import numpy as np
 
-from geometry.elements import ComplexArray, FloatArray
+from geometry.elements import FloatArray
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError
 from solvers.shaping.inversion import Errors, LowPass, filter_for, quantiles
 from solvers.shaping.modal_table import (
-    Conditioning,
     Scan,
     common_phase,
     conditioning,
@@ -22,7 +22,7 @@ from solvers.shaping.modal_table import (
     scan,
     sensor_matrix,
 )
-from solvers.shaping.travelling_wave import ModePair, forward_energy_share, net_flux_share
+from solvers.shaping.travelling_wave import ModePair
 from solvers.thesis.shaped_beam import (
     LINE,
     PatchedBeam,
@@ -41,6 +41,7 @@ from solvers.thesis.shaping_steps import (
     best_pair,
     confine,
     error_trials,
+    polar,
     resonators_and_patches,
     sweep,
     travel,
@@ -80,17 +81,6 @@ class ShapingData:
 
 
 @dataclass(frozen=True)
-class Choice:
-    """What another pitch of the patches or another loss gives at one frequency on the long beam: T, and the largest TWR."""
-
-    pitch_m: float
-    quality_factor: float
-    conditioning: dict[Signal, Conditioning]
-    peak_twr: float
-    peak_wavelength_m: float
-
-
-@dataclass(frozen=True)
 class ShapingStudy:
     """Results by beam and signal (`calibrated` or `displacement`); scans, trials, pairs and resonators by their names."""
 
@@ -102,13 +92,14 @@ class ShapingStudy:
     trials: dict[tuple[str, Signal], ErrorTrials]
     pairs: dict[str, ModePair]
     resonators: dict[str, dict[str, float]]
-    choices: tuple[Choice, ...]
+    choices: tuple[dict[str, Any], ...]
     filter: LowPass
     filter_error: float
 
-    def of(self, name: str) -> ShapedBeam:
-        """The beam of a name."""
-        return next(beam for beam in self.beams if beam.name == name)
+    @property
+    def last_hz(self) -> float:
+        """The last of the frequencies, Hz."""
+        return self.data.frequencies_hz[-1]
 
     def confinement(self, beam: str, signal: str, frequency: float, region: str, target: str) -> Confinement:
         """One confinement by its names."""
@@ -212,22 +203,21 @@ def bare_modes_hz(beam: PatchedBeam, count: int) -> FloatArray:
     return frequency_hz(np.array(kappas), beam.length_m, bending, mass)
 
 
-def choices(data: ShapingData, frequency_hz: float) -> tuple[Choice, ...]:
-    """Pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200; TWR of waves asked for in displacement."""
-    length = data.beam.length_m
-    variants = [(length / share, quality_factor) for share in (6.0, 6.5, 7.0) for quality_factor in (20.0, 50.0, 200.0)]
-    drives = []
-    for pitch, quality_factor in variants:
-        beam = replace(
-            data.beam, centres_m=evenly(length, len(data.beam.centres_m), pitch), quality_factor=quality_factor
-        )
+def choices(data: ShapingData, frequency_hz: float) -> tuple[dict[str, Any], ...]:
+    """What pitches of 1/6, 1/6.5 and 1/7 of the length and Q of 20, 50 and 200 give on the long beam: conditioning of T by
+    signal, and the largest TWR of waves asked for in displacement.
+    """
+    length, wavelengths, out = data.beam.length_m, np.linspace(*data.wavelengths_m), []
+    for pitch, quality_factor in product((length / share for share in (6.0, 6.5, 7.0)), (20.0, 50.0, 200.0)):
+        centres = evenly(length, len(data.beam.centres_m), pitch)
+        beam = replace(data.beam, centres_m=centres, quality_factor=quality_factor)
         model = patched("variant", beam, data.modes, data.calibrate_near_hz)
-        wavelengths = np.linspace(*data.wavelengths_m)
         twr, _ = sweep(model, "displacement", frequency_hz, wavelengths)
-        matrices = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
-        best = int(np.argmax(twr))
-        drives.append(Choice(pitch, quality_factor, matrices, float(twr[best]), float(wavelengths[best])))
-    return tuple(drives)
+        found = {signal: conditioning(model.matrix(frequency_hz, signal)) for signal in model.signals}
+        best = {"peak_twr": twr.max(), "peak_wavelength_m": wavelengths[twr.argmax()]}
+        told = {signal: {"condition": t.condition, "independence": t.independence} for signal, t in found.items()}
+        out.append({"pitch_m": pitch, "quality_factor": quality_factor} | best | told)
+    return tuple(out)
 
 
 # -- document ----------------------------------------------------------------------------------------------------------
@@ -246,9 +236,9 @@ def document(study: ShapingStudy) -> dict[str, Any]:
             | {"independence": 1.0 - scan.coupling}
             for (name, signal), scan in study.scans.items()
         ],
-        "choices": [_choice(one) for one in study.choices],
+        "choices": study.choices,
         "confinement": study.confinements,
-        "travelling": [_travelling(one) for one in study.travelling],
+        "travelling": study.travelling,
         "errors": [
             {"beam": name, "signal": signal, **{key: quantiles(values) for key, values in vars(trials).items()}}
             for (name, signal), trials in study.trials.items()
@@ -257,9 +247,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
             **vars(study.filter),
             "corner_hz": study.filter.corner_hz,
             "pwm_ripple": abs(study.filter.response(data.pwm_hz)),
-            "compensation": [
-                {"frequency_hz": f, **_complex(study.filter.compensation(f))} for f in data.frequencies_hz
-            ],
+            "compensation": [{"frequency_hz": f, **polar(study.filter.compensation(f))} for f in data.frequencies_hz],
             "compensation_error_of_moving_patches": study.filter_error,
         },
         "mode_pairs": [
@@ -270,7 +258,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
                 "twr": pair.twr,
                 "twr_of_the_two_modes_alone": pair.alone,
                 "wavenumber_rad_m": pair.wavenumber,
-                "voltages_relative": _complex(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
+                "voltages_relative": polar(pair.drive.voltages / np.abs(pair.drive.voltages).max()),
             }
             for name, pair in study.pairs.items()
         ],
@@ -294,39 +282,7 @@ def _beam(model: ShapedBeam) -> dict[str, Any]:
         if calibration is None
         else {
             "mode_hz": table.frequencies_hz[model.calibrated_on],
-            "m_per_v": _complex(calibration),
+            "m_per_v": polar(calibration),
             "common_phase_rad": common_phase(calibration),
         },
     }
-
-
-def _choice(one: Choice) -> dict[str, Any]:
-    known = {key: getattr(one, key) for key in ("pitch_m", "quality_factor", "peak_twr", "peak_wavelength_m")}
-    return known | {
-        signal: {"condition": coupling.condition, "independence": coupling.independence}
-        for signal, coupling in one.conditioning.items()
-    }
-
-
-def _travelling(one: Travelling) -> dict[str, Any]:
-    ratio, kept = one.twr[one.peak], ("window_m", "free_wavelength_m", "wavelengths_m", "twr", "fitted_twr")
-    return {
-        **{key: getattr(one, key) for key in ("beam", "signal", "frequency_hz", *kept)},
-        "swr": 1.0 - one.twr,
-        "peak": {
-            "wavelength_m": one.wavelengths_m[one.peak],
-            "twr": ratio,
-            "forward_energy_share": forward_energy_share(ratio),
-            "net_flux_over_forward": net_flux_share(ratio),
-        },
-        "free": {
-            "twr": one.best_twr,
-            "fitted_twr": one.best_fit,
-            "near_field_share": one.best_residual,
-            "voltages_relative": _complex(one.best_voltages),
-        },
-    }
-
-
-def _complex(values: ComplexArray | complex) -> dict[str, Any]:
-    return {"abs": np.abs(values), "phase_rad": np.angle(values)}

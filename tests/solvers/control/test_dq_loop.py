@@ -328,7 +328,6 @@ def test_a_faster_wish_is_met_and_costs_amplitude():
         (lambda: dq_study(DqData(within_s=inf)), "finite"),
         (lambda: dq_study(DqData(share=0.0)), "above 0"),
         (lambda: Setup(()), "at least one mode"),
-        (lambda: Setup((PLANT,), wanted=1), "wanted one"),
         (lambda: Setup((ModePlant(120e3, 1e-3, 1.0),)), "0.45 of the sample rate"),
         (lambda: Setup((PLANT,), response_s=0.0), "above 0"),
         (lambda: Setup((PLANT,), anti_windup="clamp"), "match, freeze or none"),
