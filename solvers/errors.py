@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, pi
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,6 +42,25 @@ def check_above_zero(what: str, *values: float) -> None:
     for value in values:
         if not (isfinite(value) and value > 0.0):
             raise SolverError(f"{what} = {value:g}: must be a finite number above 0")
+
+
+UNBOUNDED = 1e9  # an answer this many times what it is far from a resonance is one met to nine digits
+RESONANT = "a lossless resonance is hit exactly: give it a loss or move the frequency"
+
+
+def solved(matrix: NDArray[Any], load: NDArray[Any], trouble: str = RESONANT) -> NDArray[np.complex128]:
+    """The answer of a complex system, or of a stack of them; SolverError for a singular one."""
+    try:
+        return np.asarray(np.linalg.solve(matrix, load), dtype=np.complex128)
+    except np.linalg.LinAlgError:
+        raise SolverError(trouble) from None
+
+
+def check_bounded(sizes: NDArray[np.float64], rad_s: NDArray[np.float64]) -> None:
+    """SolverError when an answer, of a size 1 far from a resonance, is rounding noise over the zero of a lossless one."""
+    if not np.all(sizes <= UNBOUNDED):
+        worst = rad_s[int(np.argmax(np.nan_to_num(sizes, nan=np.inf)))]
+        raise SolverError(f"{RESONANT} (near {worst / (2.0 * pi):.9g} Hz)")
 
 
 def checked_frequencies(frequency: ArrayLike) -> NDArray[np.float64]:

@@ -15,15 +15,13 @@ from scipy.signal import argrelmax
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import Material
 from solvers.analytic.beams import free_free_mode
-from solvers.errors import SolverError, checked_frequencies
+from solvers.errors import SolverError, check_bounded, checked_frequencies, solved
 
 # -- free beam ---------------------------------------------------------------------------------------------------------
 # A free-free Euler-Bernoulli beam answering point forces: exact waves at any complex frequency, and modes; e^{st}.
 # Losses are Kelvin and Voigt's, E (1 + s theta), so that waves, modes and time stepping speak of one beam.
 
 ASYMPTOTIC = 20  # number of shapes whose wavenumbers are solved for
-UNBOUNDED = 1e9  # receptances this many times 1/(4 EI |beta|^3) are a resonance met to nine digits
-EXACTLY = "a lossless resonance is hit exactly: give the beam a loss or move the frequency"
 
 
 @dataclass(frozen=True)
@@ -76,13 +74,11 @@ class FreeBeam:
         ends = [(np.array([end]), side, n) for end, side in ((0.0, -1.0), (self.length_m, 1.0)) for n in (2, 3)]
         matrix = np.concatenate([self._waves(roots, end, n) / size[..., None] ** n for end, _, n in ends], axis=-2)
         sent = np.stack([side**n * _direct(roots, end - sources, n) / size**n for end, side, n in ends], axis=-2)
-        try:
-            echoes = np.linalg.solve(matrix, -sent)
-        except np.linalg.LinAlgError:
-            raise SolverError(EXACTLY) from None
+        echoes = solved(matrix, -sent)
         distances = x[:, None] - sources[None, :]
         response = _direct(roots[..., None, :], distances, 0) + self._waves(roots, x, 0) @ echoes
-        _check_bounded(response, size[..., None], at)
+        peaks = 4.0 * np.max(np.abs(response), axis=(-2, -1), initial=0.0) * size[..., 0] ** 3
+        check_bounded(np.ravel(peaks), np.abs(np.ravel(at)))
         return np.asarray(response / stiff[..., None, None])
 
     def _decaying(self, s: ComplexArray) -> ComplexArray:
@@ -124,14 +120,6 @@ def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> Compl
     """Derivatives outwards of sum e^{p|d|}/(4 p^3), the shape of distance."""
     d = np.abs(np.asarray(distance))[..., None]
     return np.asarray(np.sum(roots**derivative * np.exp(roots * d) / (4.0 * roots**3), axis=-1))
-
-
-def _check_bounded(response: ComplexArray, size: FloatArray, s: ComplexArray) -> None:
-    """SolverError when an answer is rounding noise over the zero of a lossless resonance."""
-    peaks = np.ravel(np.max(np.abs(response) * size**3, axis=(-2, -1), initial=0.0))
-    if not np.all(peaks <= UNBOUNDED / 4.0):
-        worst = abs(np.ravel(s)[int(np.argmax(np.nan_to_num(peaks, nan=np.inf)))])
-        raise SolverError(f"{EXACTLY} (near {worst / (2.0 * pi):.9g} Hz)")
 
 
 # -- feedback ----------------------------------------------------------------------------------------------------------
@@ -199,11 +187,7 @@ def forced(
         raise SolverError(f"gain K' = {gain_n_m:g} N/m: must be finite")
     s, sources = 1j * float(checked_frequencies(omega)), np.append(layout.points_m, source_m)
     heard = 1j * gain_n_m * layout.pick @ beam.receptance(layout.points_m, sources, s)
-    try:
-        signals = -np.linalg.solve(np.eye(len(heard)) + heard[:, :-1] @ layout.spread, heard[:, -1])
-    except np.linalg.LinAlgError:
-        raise SolverError(EXACTLY) from None
-    forces = layout.spread @ signals
+    forces = layout.spread @ solved(np.eye(len(heard)) + heard[:, :-1] @ layout.spread, -heard[:, -1])
     return ForcedBeam(beam.receptance(x_m, sources, s) @ np.append(forces, 1.0), forces)
 
 

@@ -57,10 +57,6 @@ class ActiveBeamData:
             raise SolverError("no antinode lies between an end and the middle of the beam: state where the loops stand")
         return float(antinodes[room][np.argmin(np.abs(antinodes[room] - self.length_m / 4.0))])
 
-    def layouts(self, left_m: float) -> tuple[Layout, ...]:
-        """point, pair, couple and opposed, in this order."""
-        return active_beam.layouts(left_m, self.apart_m, self.length_m)
-
 
 @dataclass(frozen=True)
 class Case:
@@ -159,7 +155,7 @@ def active_beam_study(data: ActiveBeamData | None = None) -> ActiveBeamStudy:
     _check(data)
     beam, left = data.beam, data.place_m
     x = np.linspace(0.0, data.length_m, STEPS + 1)
-    layouts = data.layouts(left)
+    layouts = active_beam.layouts(left, data.apart_m, data.length_m)
     cases = [
         _case(data, layout, frequency, gain, x)
         for frequency in data.frequencies_hz
@@ -191,12 +187,12 @@ def active_beam_study(data: ActiveBeamData | None = None) -> ActiveBeamStudy:
 
 def _place_sweep(data: ActiveBeamData, places: FloatArray, x: FloatArray) -> dict[str, FloatArray]:
     """rms ratio of the three dual layouts over the place of the loops, each frequency, the last gain."""
-    strongest = data.gains_n_m[-1]
+    moved = [active_beam.layouts(at, data.apart_m, data.length_m)[:3] for at in places]
     return {
-        f"{layout.name} at {frequency:g} Hz": np.array(
-            [_case(data, data.layouts(at)[i], frequency, strongest, x).after.ratio for at in places]
+        f"{dual[0].name} at {frequency:g} Hz": np.array(
+            [_case(data, layout, frequency, data.gains_n_m[-1], x).after.ratio for layout in dual]
         )
-        for i, layout in enumerate(data.layouts(float(places[0]))[:3])
+        for dual in zip(*moved, strict=True)
         for frequency in data.frequencies_hz
     }
 

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.materials import MATERIALS, Material
-from solvers.errors import SolverError, check_above_zero, checked_frequencies
+from solvers.errors import SolverError, check_above_zero, check_bounded, checked_frequencies, solved
 from solvers.measures.confinement import ratio_db
 
 # -- circuit -----------------------------------------------------------------------------------------------------------
@@ -23,8 +23,6 @@ from solvers.measures.confinement import ratio_db
 # clamped ones open. Source: mason1948.
 
 End = Literal["free", "clamped"]
-UNBOUNDED = 1e9  # velocities this many times E0/Z0 are a resonance met to nine digits
-EXACTLY = "a lossless resonance is hit exactly: give the cells a loss or move the frequency"
 
 
 @dataclass(frozen=True)
@@ -150,9 +148,11 @@ def nodal_response(line: Line, omega: ArrayLike) -> LineResponse:
             matrix[:, row, joint] = -scale
     for row, end, current, voltage in ((-2, line.left, 0, size), (-1, line.right, cells, -1)):
         matrix[:, row, current if end == "clamped" else voltage] = 1.0
-    solution = _solved(matrix, load)
-    response = LineResponse(solution[:, :size], solution[:, size:].reshape(w.size, cells, 2) * z0)
-    return _bounded(line, response, w)
+    solution = solved(matrix, load[:, :, None])[:, :, 0]
+    currents = solution[:, :size]
+    driven = (max(map(abs, line.sources)) or 1.0) / min(abs(one.impedance) for one in line.cells)
+    check_bounded(np.abs(currents).max(axis=1) / driven, w)
+    return LineResponse(currents, solution[:, size:].reshape(w.size, cells, 2) * z0)
 
 
 def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: float = 5.0) -> FloatArray:
@@ -180,23 +180,6 @@ def natural_frequencies_hz(line: Line, low_hz: float, high_hz: float, step_hz: f
     values = mismatch(grid)
     brackets = [(a, b) for (a, fa), (b, fb) in pairwise(zip(grid, values, strict=True)) if (fa < 0.0) != (fb < 0.0)]
     return np.array([brentq(lambda f: float(mismatch(np.array([f]))[0]), a, b, xtol=1e-9) for a, b in brackets])
-
-
-def _solved(matrix: ComplexArray, load: ComplexArray) -> ComplexArray:
-    try:
-        return np.asarray(np.linalg.solve(matrix, load[:, :, None])[:, :, 0])
-    except np.linalg.LinAlgError:
-        raise SolverError(EXACTLY) from None
-
-
-def _bounded(line: Line, response: LineResponse, omega: FloatArray) -> LineResponse:
-    """The response, unless it is rounding noise divided by the zero of a lossless resonance."""
-    scale = max(map(abs, line.sources)) / min(abs(cell.impedance) for cell in line.cells)
-    peaks = np.abs(response.currents).max(axis=1)
-    if not np.all(np.isfinite(peaks)) or np.any(peaks > UNBOUNDED * scale):
-        worst = float(omega[int(np.nanargmax(np.where(np.isfinite(peaks), peaks, np.inf)))]) / (2.0 * pi)
-        raise SolverError(f"{EXACTLY} (near {worst:.9g} Hz)")
-    return response
 
 
 # -- study -------------------------------------------------------------------------------------------------------------

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from math import inf, isnan, pi
+from dataclasses import dataclass
+from math import isnan, pi
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,27 +116,24 @@ class PillarFilter:
         return self.bands_hz[0]
 
 
-def strip_beam(design: Design, plate: bool = True) -> HostBeam:
-    """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x, or E I of a free beam."""
+def strip_beam(design: Design) -> HostBeam:
+    """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x."""
     material, width = design.material, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
-    rigidity = material.young_pa * design.thickness_m**3 / 12.0 / ((1.0 - material.poisson**2) if plate else 1.0)
+    rigidity = material.young_pa * design.thickness_m**3 / 12.0 / (1.0 - material.poisson**2)
     return HostBeam(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
 
 
-def pillar_filter(
-    design: Design, frequencies_hz: FloatArray, loss: float = 0.0, plate: bool = True, lever: bool = True
-) -> PillarFilter:
+def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0) -> PillarFilter:
     """Scattering of the design's rows, pitch_y apart, at normal incidence. loss: E (1 - i loss) in the pillar.
 
-    lever: the foot stands half a thickness above the neutral line. SolverError without a pillar, a pitch or a thickness.
+    The foot stands half a thickness above the neutral line. SolverError without a pillar, a pitch or a thickness.
     """
     if design.pillar is None:
         raise SolverError("a row of pillars needs a pillar")
-    host_beam, pillar = strip_beam(design, plate), design.pillar
+    host_beam, pillar, lever_m = strip_beam(design), design.pillar, design.thickness_m / 2.0
     omega, rows = 2.0 * pi * frequencies_hz, max(design.rows, 1)
-    lever_m = design.thickness_m / 2.0 if lever else 0.0
     feet = design_feet(pillar, omega, loss, lever_m)
     scattered = [
         scatter(host_beam, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)
@@ -163,14 +160,9 @@ def pillar_filter(
     )
 
 
-def design_feet(
-    pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0, euler: bool = False
-) -> ComplexArray:
+def design_feet(pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
     """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
-    adds the same; euler leaves shear and rotary inertia out.
+    adds the same.
     """
-    beam = pillar_beam(pillar, about_x=True)
-    if euler:
-        beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
     axial = pillar.material.young_pa * pillar.form.section.area_m2
-    return pillar.faces * pillar_foot(beam, omega, axial, loss, lever_m)
+    return pillar.faces * pillar_foot(pillar_beam(pillar, about_x=True), omega, axial, loss, lever_m)

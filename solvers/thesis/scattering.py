@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.errors import SolverError, checked_frequencies
+from solvers.errors import SolverError, checked_frequencies, solved
 
 # -- resonators on a beam ----------------------------------------------------------------------------------------------
 # Flexural waves on an infinite beam that carries resonators: reflection, transmission, stop bands; e^{-i omega t}.
@@ -104,10 +104,8 @@ def _loads(host_beam: HostBeam, beta: float, foot: ComplexArray, places: FloatAr
     scale = np.array([1.0, beta])  # w and w_x/beta: both equations of one size
     matrix = np.eye(2 * count) + np.einsum("iajb,bc->iajc", mobility, foot).reshape(2 * count, 2 * count)
     matrix = matrix * np.tile(scale, count)[None, :] / np.tile(scale, count)[:, None]
-    try:
-        motion = np.linalg.solve(matrix, (incident / scale).ravel())
-    except np.linalg.LinAlgError:
-        raise SolverError("the resonators and the beam form a singular system at this frequency") from None
+    trouble = "the resonators and the beam form a singular system at this frequency"
+    motion = solved(matrix, (incident / scale).ravel(), trouble)
     return np.asarray(-(motion.reshape(count, 2) * scale) @ foot.T)
 
 
