@@ -80,11 +80,6 @@ def quality_option(of: str) -> Any:
     )  # fmt: skip
 
 
-def frequencies_hz(given_kHz: tuple[float, ...], default: tuple[float, ...]) -> tuple[float, ...]:
-    """Return frequencies in Hz, or the default where none is given."""
-    return tuple(KHZ * each for each in given_kHz) or default
-
-
 # -- circuit -----------------------------------------------------------------------------------------------------------
 
 
@@ -450,7 +445,7 @@ class ActiveBeam(
         data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
         data = replace(
             data,
-            frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz),
+            frequencies_hz=tuple(KHZ * each for each in self.frequency_kHz) or data.frequencies_hz,
             gains_n_m=self.gain_N_per_m or data.gains_n_m,
             quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
             delays_s=self.delay_s or data.delays_s,
@@ -565,7 +560,7 @@ class ActiveShaping(
 
         if case is not None:
             run.info("the case is not used: shaping has its own beams, stated in its document")
-        data = ShapingData()
+        own = tuple(KHZ * each for each in self.frequency_kHz)
         with asked("shaping"):
-            study = shaping_study(replace(data, frequencies_hz=frequencies_hz(self.frequency_kHz, data.frequencies_hz)))
+            study = shaping_study(ShapingData(frequencies_hz=own) if own else ShapingData())
         return ShapingResult(**document(study), comparison=compared("shaping", shaping(study)), study=study)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
-from math import cos, pi, sin, sqrt, tanh
+from math import cos, hypot, pi, sin, sqrt, tanh
 from typing import Literal
 
 import numpy as np
@@ -70,17 +70,12 @@ def mindlin_wave_hz(strip: Strip, wavenumber_per_m: float) -> float:
     return sqrt(square * strip.rigidity_n_m / strip.mass_kg_m2) / (2.0 * pi)
 
 
-def beam_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
-    """k of the free-free beam shape with N nodes, cosh(kL) cos(kL) = 1, near (N - 1/2) pi/L; 0 for N = 0, 1. rad/m."""
-    return free_free_mode(nodal_lines).kappa / strip.length_m
-
-
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
-    """The thesis' (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k.
+    """The thesis' (2.25): f = 1/(2 pi) sqrt(D/(rho h)) (k^2 + (pi/W)^2), Hz, with the free-free beam's k: 0 for N = 0, 1.
 
     An estimate: the beam function meets neither the plate equation nor a plate's free edge (see levy_hz).
     """
-    return thin_plate_hz(strip, sqrt(beam_wavenumber_per_m(strip, nodal_lines) ** 2 + strip.across_per_m**2))
+    return thin_plate_hz(strip, hypot(free_free_mode(nodal_lines).kappa / strip.length_m, strip.across_per_m))
 
 
 def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:

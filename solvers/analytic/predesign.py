@@ -21,7 +21,7 @@ from solvers.analytic.plates import (
     levy_wavenumber_per_m,
     mindlin_mode,
 )
-from solvers.analytic.timoshenko import Beam, EndBody, beam_of, exact_omegas
+from solvers.analytic.timoshenko import Beam, EndBody, beam_of, exact_omegas, ritz_frequencies_hz
 from solvers.errors import SolverError, check_above_zero
 
 Theory = Literal["euler", "timoshenko"]
@@ -124,8 +124,6 @@ def pillar_frequencies_hz(
     """The first `count` bending frequencies of the pillar on its clamped foot, shape (count,), Hz."""
     beam = pillar_beam(pillar, height_m, about_x)
     if beam.width_ratio is not None or beam.end is not None:
-        from solvers.analytic.timoshenko import ritz_frequencies_hz
-
         return ritz_frequencies_hz(beam, "clamped", "free", count, rigid_shear=theory == "euler")
     if theory == "timoshenko":
         return np.array(exact_omegas(beam, "clamped", "free", count)) * beam.unit_rad_s / (2.0 * pi)

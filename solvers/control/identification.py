@@ -214,9 +214,7 @@ def noisy(sweep: Sweep, rms: float, seed: int = 1) -> Sweep:
 # Peak, frequency and quality factor of a measured sweep: circle fit about its highest point, half-power width beside
 # it.
 
-FLOOR = (
-    0.5  # of the peak: the circle is fitted to the points about it that reach so high, 240 degrees of a single mode's
-)
+FLOOR = 0.5  # of the peak: points about it that reach so high, 240 degrees of a single mode's circle, are fitted
 MIN_COUNT = 8
 
 
@@ -248,23 +246,16 @@ def resonance(sweep: Sweep, sensor: Sensor) -> Resonance:
     identified, trouble = None, None
     try:
         identified = identify(part, sensor)
-        if not part.frequencies_hz[0] <= identified.plant.frequency_hz <= part.frequencies_hz[-1]:
-            raise SolverError(
-                f"the circle's frequency {identified.plant.frequency_hz:.1f} Hz lies outside what was fitted"
-            )
+        tone = identified.plant.frequency_hz
+        if not part.frequencies_hz[0] <= tone <= part.frequencies_hz[-1]:
+            raise SolverError(f"the circle's frequency {tone:.1f} Hz lies outside what was fitted")
     except SolverError as fault:
         identified, trouble = None, str(fault)
     peak_hz = float(sweep.frequencies_hz[peak])
-    return Resonance(
-        peak_hz,
-        identified.plant.frequency_hz if identified else peak_hz,
-        identified.plant.quality_factor if identified else half,
-        half,
-        identified,
-        float(part.frequencies_hz[0]),
-        float(part.frequencies_hz[-1]),
-        trouble,
-    )
+    found = identified.plant if identified else None
+    tone, quality = (found.frequency_hz, found.quality_factor) if found else (peak_hz, half)
+    low_hz, high_hz = float(part.frequencies_hz[0]), float(part.frequencies_hz[-1])
+    return Resonance(peak_hz, tone, quality, half, identified, low_hz, high_hz, trouble)
 
 
 def _about(amplitude: FloatArray, peak: int) -> tuple[int, int]:

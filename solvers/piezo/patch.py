@@ -32,10 +32,8 @@ from solvers.machine import check_room
 from solvers.piezo.bond import mirror_signs
 
 MESH = HexSettings(3, 4e-3, 1, 0.15)  # along the patch a quarter of a half-wavelength of 15 mm, shorter at its edges
-COPIES, SQUARES = (
-    4,
-    6,
-)  # of the nodes' motions and potential inside per bonded one, and of matrices of the bonded face, held at once
+COPIES = 4  # of the nodes' motions and potential inside per bonded one, held at once
+SQUARES = 6  # of matrices of the bonded face, held at once
 SAME = 1e-9  # of the thickness: one place
 APART = 1e-6  # of a length: nodes are farther from each other
 OWN = 1e-6  # of a resonance: how finely a patch's own one is found

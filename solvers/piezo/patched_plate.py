@@ -145,9 +145,8 @@ class PatchedPlate:
         self._pencils: dict[str, PlainPencil] = {}
         self._matrices = _PatchMatrices(len(classes) > 1)
         self.whole = some
-        self.motions: dict[
-            str, dict[int, list[sp.csr_array]]
-        ] = {}  # of bonded faces, mesh by mesh, as far as asked for
+        # of bonded faces, mesh by mesh, as far as asked for
+        self.motions: dict[str, dict[int, list[sp.csr_array]]] = {}
         self.everything = [self._group([plates[p] for p in symmetries]) for symmetries in classes]
         loudest = max(float(np.abs(group.loads).max()) for group in self.everything)
         self.groups = [group for group in self.everything if np.abs(group.loads).max() > UNDRIVEN * loudest]

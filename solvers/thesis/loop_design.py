@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from math import exp, inf, isfinite, pi
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from scipy.optimize import brentq
@@ -289,7 +289,10 @@ def dq_study(data: DqData | None = None) -> DqStudy:
         identified=identified,
         margins=margins(replace(setup, modes=(plant,), known=None, known_delay_s=None)),
         steps=tuple(_steps(data, setup, reach)),
-        windups=tuple(_windup(setup, kind, reach) for kind in ("match", "freeze", "none")),
+        windups=tuple(
+            _step(f"anti-windup {kind}", replace(setup, anti_windup=kind), SATURATED * reach)
+            for kind in get_args(AntiWindup)
+        ),
     )
 
 
@@ -360,10 +363,6 @@ def _steps(data: DqData, setup: Setup, reach: float) -> list[Step]:
 
 def _step(name: str, setup: Setup, reference: float) -> Step:
     return Step(name, setup.detuning_hz, reference, step_response(setup, reference))
-
-
-def _windup(setup: Setup, kind: AntiWindup, reach: float) -> Step:
-    return _step(f"anti-windup {kind}", replace(setup, anti_windup=kind), SATURATED * reach)
 
 
 def envelope_frequencies(data: DqData) -> FloatArray:

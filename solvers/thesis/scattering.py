@@ -138,18 +138,14 @@ def decay_db_per_row(host_beam: HostBeam, feet: ComplexArray, pitch_m: float, om
 
     The eigenvalues of T come in pairs lambda, 1/lambda whose sums follow from two traces: 20 log10 of the smaller outer one.
     """
-    w = np.atleast_1d(np.asarray(omega, dtype=float))
-    decays = []
-    for value, foot in zip(w, feet, strict=True):
-        matrix = transfer_matrix(host_beam, foot, pitch_m, float(value))
-        trace = np.trace(matrix)
-        second = (trace**2 - np.trace(matrix @ matrix)) / 2.0
-        root = np.sqrt(trace**2 - 4.0 * (second - 2.0) + 0j)
-        sums = np.array([(trace + root) / 2.0, (trace - root) / 2.0])  # lambda + 1/lambda of each pair
-        outer = np.sqrt(sums**2 - 4.0 + 0j)
-        larger = np.maximum(np.abs(sums + outer), np.abs(sums - outer)) / 2.0
-        decays.append(20.0 * np.log10(larger.min()))
-    return np.array(decays)
+    pairs = zip(np.atleast_1d(omega), feet, strict=True)
+    matrices = np.stack([transfer_matrix(host_beam, foot, pitch_m, float(value)) for value, foot in pairs])
+    trace, squared = (np.trace(each, axis1=1, axis2=2) for each in (matrices, matrices @ matrices))
+    root = np.sqrt(trace**2 - 4.0 * ((trace**2 - squared) / 2.0 - 2.0) + 0j)
+    sums = np.array([(trace + root) / 2.0, (trace - root) / 2.0])  # lambda + 1/lambda of each pair
+    outer = np.sqrt(sums**2 - 4.0 + 0j)
+    larger = np.maximum(np.abs(sums + outer), np.abs(sums - outer)) / 2.0
+    return np.asarray(20.0 * np.log10(larger.min(axis=0)))
 
 
 def half_power_band(transmitted: FloatArray, omega: FloatArray) -> tuple[float, float] | None:

@@ -140,29 +140,20 @@ def travel(model: ShapedBeam, signal: Signal, frequency_hz: float, wavelengths_m
     return Travelling(model.name, signal, frequency_hz, window, *lengths, twr, 1.0 - twr, fitted, peak, free | driven)
 
 
-@dataclass(frozen=True)
-class ErrorTrials:
-    """Trials (n,) of the left region's peak ratio, of a travelling wave's TWR, and of the pattern's error."""
-
-    peak_ratio: FloatArray
-    twr: FloatArray
-    pattern_error: FloatArray
-
-
 def error_trials(
     model: ShapedBeam, signal: Signal, frequency_hz: float, wavelength_m: float, errors: Errors
-) -> ErrorTrials:
-    """What measurement errors do to the left region and to a wave of one length."""
+) -> dict[str, FloatArray]:
+    """What measurement errors do to the left region and to a wave of one length, trial by trial (n,): the region's peak ratio,
+    the wave's TWR, the pattern's error.
+    """
     matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
     inside = region_points("left", model.places_m, model.line_m)
     left = monte_carlo(matrix, region_target("left", len(matrix)), errors)
     wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), replace(errors, seed=errors.seed + 1))
     window = inner_window(model.line_m, *travel_window(model, frequency_hz))
-    return ErrorTrials(
-        np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages]),
-        np.array([travelling_wave_ratio(field[window] @ v) for v in wave.voltages]),
-        left.error,
-    )
+    ratios = np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages])
+    twr = np.array([travelling_wave_ratio(field[window] @ v) for v in wave.voltages])
+    return {"peak_ratio": ratios, "twr": twr, "pattern_error": left.error}
 
 
 def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:
@@ -181,11 +172,12 @@ def best_pair(model: ShapedBeam, zone_m: tuple[float, float], others: float, hig
 
 
 def resonators_and_patches(
-    model: ShapedBeam, zone_m: tuple[float, float], places_m: FloatArray, mass_kg: float, frequency_hz: float
+    model: ShapedBeam, zone_m: tuple[float, float], places: tuple[float, ...], mass_kg: float, frequency_hz: float
 ) -> dict[str, float]:
-    """dB of the zone, driven from inside: free, held by oscillators at places (tuned to the frequency), by patches, by both."""
+    """dB of the zone, driven from inside: free, held by oscillators at shares of the length, by patches, by both."""
     bare = part_of(model.table, slice(LINE))
     inside = inner_window(bare.points_m, *zone_m)
+    places_m = model.beam.length_m * np.array(places)
     nearest = np.argmin(np.abs(bare.points_m[:, 0] - places_m[:, None]), axis=1)
     passive = attach_oscillators(bare, nearest, mass_kg, frequency_hz, model.beam.quality_factor)
     driver = int(np.argmin(np.abs(model.places_m - sum(zone_m) / 2.0)))

@@ -36,7 +36,6 @@ from solvers.thesis.shaped_beam import (
 )
 from solvers.thesis.shaping_steps import (
     Confinement,
-    ErrorTrials,
     Travelling,
     best_pair,
     confine,
@@ -56,6 +55,7 @@ ASSUMPTIONS = (
     "field has fallen to a tenth",
     "oscillators beside the zone: four, tuned to the frequency of use, 0.5 g each",
 )
+BESIDE = (0.30, 0.34, 0.66, 0.70)  # of the length: oscillators beside each end of the middle third
 SCANNED = 221  # frequencies of the conditioning scan
 
 
@@ -89,7 +89,7 @@ class ShapingStudy:
     scans: dict[tuple[str, Signal], Scan]
     confinements: tuple[Confinement, ...]
     travelling: tuple[Travelling, ...]
-    trials: dict[tuple[str, Signal], ErrorTrials]
+    trials: dict[tuple[str, Signal], dict[str, FloatArray]]
     pairs: dict[str, ModePair]
     resonators: dict[str, dict[str, float]]
     choices: tuple[dict[str, Any], ...]
@@ -142,7 +142,10 @@ def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
         travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
         trials={(beam.name, signal): error_trials(beam, signal, last, 0.066, data.errors) for beam, signal in signals},
         pairs={beam.name: best_pair(beam, _zone(beam.beam), 1.0, high) for beam in beams},
-        resonators={beam.name: _resonators(beam, data) for beam in beams},
+        resonators={
+            beam.name: resonators_and_patches(beam, _zone(beam.beam), BESIDE, data.oscillator_kg, last)
+            for beam in beams
+        },
         choices=choices(data, last),
         filter=low_pass,
         filter_error=filter_error,
@@ -176,12 +179,6 @@ def _used(data: ShapingData, scans: dict[tuple[str, Signal], Scan], beam: Shaped
 
 def _zone(beam: PatchedBeam) -> tuple[float, float]:
     return beam.length_m / 3.0, 2.0 * beam.length_m / 3.0
-
-
-def _resonators(model: ShapedBeam, data: ShapingData) -> dict[str, float]:
-    """Two oscillators beside each end of the middle third, at the last of the frequencies."""
-    places = model.beam.length_m * np.array([0.30, 0.34, 0.66, 0.70])
-    return resonators_and_patches(model, _zone(model.beam), places, data.oscillator_kg, data.frequencies_hz[-1])
 
 
 def _filter(data: ShapingData) -> tuple[LowPass, float]:
@@ -240,7 +237,7 @@ def document(study: ShapingStudy) -> dict[str, Any]:
         "confinement": study.confinements,
         "travelling": study.travelling,
         "errors": [
-            {"beam": name, "signal": signal, **{key: quantiles(values) for key, values in vars(trials).items()}}
+            {"beam": name, "signal": signal, **{key: quantiles(values) for key, values in trials.items()}}
             for (name, signal), trials in study.trials.items()
         ],
         "filter": {
