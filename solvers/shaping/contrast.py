@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import pi
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +20,7 @@ from solvers.shaping.modal_table import ModalTable, field_matrix
 # contrast is largest for the first eigenvector of G_in V = c^2 G_out V, G = F' F/points (acoustic contrast control,
 # choi2002).
 
-Region = Literal["left", "middle", "right"]
-REGIONS: tuple[Region, ...] = ("left", "middle", "right")
+REGIONS = ("left", "middle", "right")
 
 
 @dataclass(frozen=True)

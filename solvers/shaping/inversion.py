@@ -195,21 +195,13 @@ class Errors:
             raise SolverError(f"trials = {self.trials}: must be 1 or more")
 
 
-@dataclass(frozen=True)
-class Spread:
-    """voltages (n, a) of n trials, and error (n,) = |T V - W|/|W|."""
-
-    voltages: ComplexArray
-    error: FloatArray
-
-
-def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> Spread:
-    """Voltages and pattern errors of seeded trials; SolverError as drive_voltages."""
+def monte_carlo(matrix: ComplexArray, target: ComplexArray, errors: Errors) -> tuple[ComplexArray, FloatArray]:
+    """Voltages (n, a) of n seeded trials, and their errors |T V - W|/|W|, (n,); SolverError as drive_voltages."""
     random = np.random.default_rng(errors.seed)
     known = [_misjudged(np.asarray(matrix, dtype=complex), errors, random) for _ in range(errors.trials)]
     voltages = np.stack([drive_voltages(one, target).voltages for one in known])
     missed = np.linalg.norm(voltages @ np.asarray(matrix).T - target, axis=1)
-    return Spread(voltages, missed / float(np.linalg.norm(target)))
+    return voltages, missed / float(np.linalg.norm(target))
 
 
 def quantiles(values: FloatArray) -> dict[str, Any]:

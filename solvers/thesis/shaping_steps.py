@@ -148,12 +148,12 @@ def error_trials(
     """
     matrix, field = model.matrix(frequency_hz, signal), model.field(frequency_hz)
     inside = region_points("left", model.places_m, model.line_m)
-    left = monte_carlo(matrix, region_target("left", len(matrix)), errors)
-    wave = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), replace(errors, seed=errors.seed + 1))
+    left, missed = monte_carlo(matrix, region_target("left", len(matrix)), errors)
+    wave, _ = monte_carlo(matrix, wave_target(model.places_m, wavelength_m), replace(errors, seed=errors.seed + 1))
     window = inner_window(model.line_m, *travel_window(model, frequency_hz))
-    ratios = np.array([contrast(field @ v, inside).peak_ratio for v in left.voltages])
-    twr = np.array([travelling_wave_ratio(field[window] @ v) for v in wave.voltages])
-    return {"peak_ratio": ratios, "twr": twr, "pattern_error": left.error}
+    ratios = np.array([contrast(field @ v, inside).peak_ratio for v in left])
+    twr = np.array([travelling_wave_ratio(field[window] @ v) for v in wave])
+    return {"peak_ratio": ratios, "twr": twr, "pattern_error": missed}
 
 
 def travel_window(model: ShapedBeam, frequency_hz: float) -> tuple[float, float]:

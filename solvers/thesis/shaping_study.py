@@ -136,7 +136,7 @@ def shaping_study(data: ShapingData | None = None) -> ShapingStudy:
         confinements=tuple(
             one
             for beam, signal in signals
-            for f in _used(data, scans, beam, signal)
+            for f in sorted({*data.frequencies_hz, *operating_frequencies(scans[beam.name, signal], 1).tolist()})
             for one in confine(beam, signal, f, data.limit_v)
         ),
         travelling=tuple(travel(beam, signal, f, wavelengths) for beam, signal in signals for f in data.frequencies_hz),
@@ -169,12 +169,6 @@ def _beams(data: ShapingData) -> tuple[ShapedBeam, ...]:
         beams.append(patched(f"{name}, patches", beam, data.modes, data.calibrate_near_hz))
         beams.append(pointed(f"{name}, points", beam, data.modes))
     return tuple(beams)
-
-
-def _used(data: ShapingData, scans: dict[tuple[str, Signal], Scan], beam: ShapedBeam, signal: Signal) -> list[float]:
-    """The given frequencies, and the one of the scan at which T is conditioned best."""
-    best = operating_frequencies(scans[beam.name, signal], 1)
-    return sorted({*data.frequencies_hz, *best.tolist()})
 
 
 def _zone(beam: PatchedBeam) -> tuple[float, float]:
