@@ -101,7 +101,7 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
 
 def _printable(body: Body) -> CadSurface:
     if body.bonded:
-        raise GeometryError("a print is one solid of one material: leave patches out and give pillars the plate's")
+        raise GeometryError("a print is one solid of one material: give pillars the plate's")
     return cad_surface(body.shape, DEFLECTION_MM, ANGLE)
 
 

@@ -225,16 +225,11 @@ def _tetrahedra(design: Design, part: str, edge_m: float, quarter: bool, log: Lo
 
 def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
     """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
-    from geometry.cad import solids
     from geometry.tet import scenes
-    from geometry.tet.mesher import TetOptions, tet_mesh
 
+    is_mirrored = {"x", "y"} <= {*design.cell_mirrors}
     with log.step("mesh the cell by tetrahedra"):
-        if not {"x", "y"} <= {*design.cell_mirrors}:
-            return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
-        rim = scenes.foot_rims(design.pillar, design.thickness_m) if design.pillar else []
-        options = scenes.graded(TetOptions(), rim, edge_m)
-        return tet_mesh(solids.cell_solid(design, "xy"), edge_m, options=options), (0, 1)
+        return scenes.tet_cell(design, edge_m, "xy" if is_mirrored else ""), (0, 1) if is_mirrored else ()
 
 
 ORDER, OFF = 2, 0.125  # without layers at the singular edges: frequencies up to so much too high
