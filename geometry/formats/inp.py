@@ -11,45 +11,37 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import FloatArray, IntArray, Rings
 from geometry.errors import MeshFileError
-from geometry.formats.neutral import PLACES, RawMesh, family, require_file
+from geometry.formats.neutral import DIMENSION, PLACES, RawMesh, family, order_of, require_file
 
 MAX_DEPTH, MAX_BYTES = 8, 2_000_000_000  # of files in files, and of all together
 FACE = re.compile(r"S\d{1,2}")
 MAX_GENERATED = 50_000_000  # members of a set
 # Endings of element names that change integration, not nodes.
 VARIANTS = ("", "R", "H", "RH", "I", "IH", "M", "MH", "T", "RT", "HT", "MT", "MHT", "E", "S", "HS")
-SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15"}
-SOLIDS |= {20: "hexahedron20", 27: "hexahedron27"}
-FLAT = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+# cell types by their number of nodes
+SOLIDS = {len(p): name for name, p in PLACES.items() if DIMENSION[name] == 3 and name not in ("wedge18", "pyramid14")}
+FLAT = {len(p): name for name, p in PLACES.items() if DIMENSION[name] == 2}
 FLAT_NAMES = ("S", "CPS", "CPE", "CAX", "M3D", "SFM3D", "STRI", "DS", "R3D", "CPEG")
 LINE_NAMES = ("B2", "B3", "T2D", "T3D", "R2D", "RB", "M3D2", "LINE", "SAX", "MAX", "FRAME", "PIPE", "ELBOW")
 # Corners of the faces S1, S2, ... of each solid.
-FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+FACES: dict[str, Rings] = {
     "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
     "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
 }
-REFUSED = (
-    "NGEN",
-    "NFILL",
-    "NCOPY",
-    "NMAP",
-    "ELGEN",
-    "ELCOPY",
-    "SYSTEM",
-    "SUBSTRUCTURE",
-    "IMPORT",
-)
+REFUSED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE", "IMPORT")
 CHANGES_MODES = (
     "BOUNDARY", "MASS", "SPRING", "DASHPOT", "TIE", "MPC", "EQUATION", "COUPLING", "KINEMATIC", "DISTRIBUTING", "RIGID BODY",
     "ROTARY INERTIA", "CONTACT PAIR", "CONTACT", "TRANSFORM", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "EMBEDDED ELEMENT",
 )  # fmt: skip
+T = TypeVar("T")
 POINTLIKE = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "GAP", "CONN", "DCOUP", "HEATCAP")
 
 
@@ -70,15 +62,15 @@ class _Keyword:
 
     def integers(self, entries: Iterable[str]) -> list[int]:
         """Whole numbers; MeshFileError for an entry that is none."""
-        try:
-            return [int(entry) for entry in entries if entry]
-        except ValueError as fault:
-            raise MeshFileError(f"{self.where}: *{self.name}: {fault}") from fault
+        return self._read(int, (entry for entry in entries if entry))
 
     def floats(self, entries: Iterable[str]) -> list[float]:
         """Numbers, D for E allowed and nothing for 0; MeshFileError for an entry that is none."""
+        return self._read(lambda entry: float(entry.upper().replace("D", "E") or 0.0), entries)
+
+    def _read(self, number: Callable[[str], T], entries: Iterable[str]) -> list[T]:
         try:
-            return [float(entry.upper().replace("D", "E") or 0.0) for entry in entries]
+            return [number(entry) for entry in entries]
         except ValueError as fault:
             raise MeshFileError(f"{self.where}: *{self.name}: {fault}") from fault
 
@@ -222,7 +214,8 @@ def _element(reading: _Reading, keyword: _Keyword) -> None:
         reading.left_out[f"*ELEMENT, TYPE={kind}"] = None
         return
     here, numbers = reading.here, []
-    width = 1 + _size(cell_type, kind, keyword)
+    size = len(PLACES[cell_type]) if cell_type != "line" else max((len(line) - 1 for line in keyword.lines), default=2)
+    width = 1 + size
     entries = keyword.integers(entry for line in keyword.lines for entry in line)
     if len(entries) % width:
         raise MeshFileError(f"{keyword.where}: *ELEMENT, TYPE={kind}: {len(entries)} numbers are no rows of {width}")
@@ -252,14 +245,6 @@ def _cell_type(kind: str, where: str) -> str:
         if kind.startswith(begin) and count.isdigit() and int(count) in FLAT:
             return FLAT[int(count)]
     raise MeshFileError(f"{where}: element type {kind} is not read; must be a solid such as C3D10, C3D15 or C3D20")
-
-
-def _size(cell_type: str, kind: str, keyword: _Keyword) -> int:
-    if cell_type == "line":
-        return max(len(line) - 1 for line in keyword.lines) if keyword.lines else 2
-    if cell_type == "quad8":
-        return 8
-    return len(PLACES[cell_type])
 
 
 def _set(which: str) -> Callable[[_Reading, _Keyword], None]:
@@ -421,7 +406,7 @@ def _raw_mesh(reading: _Reading, file: str) -> RawMesh:
             [[_place(place, node, number, file) for node in model.elements[number][1]] for number in numbers]
         )
         rows |= {number: (len(blocks), row) for row, number in enumerate(numbers)}
-        blocks.append((cell_type, cells[:, _vtk_order(cell_type)]))
+        blocks.append((cell_type, cells[:, order_of(cell_type, _places(cell_type))]))
     cell_groups = {name: _by_block(members, rows) for name, members in model.element_sets.items()}
     for name, faces in model.surfaces.items():
         _add_faces(cell_groups.setdefault(name, {}), blocks, faces, rows, model, place, file)
@@ -429,6 +414,12 @@ def _raw_mesh(reading: _Reading, file: str) -> RawMesh:
     node_groups |= _line_groups(model, place)
     cell_groups = {name: parts for name, parts in cell_groups.items() if parts}
     return RawMesh(points, blocks, cell_groups, node_groups, tuple(reading.left_out))
+
+
+def _places(cell_type: str) -> Rings:
+    """Corners behind each node in the file's order, which differs from VTK's in the middles of faces alone."""
+    places = PLACES[cell_type]
+    return places if cell_type != "hexahedron27" else (*places[:20], places[26], *FACES["hexahedron"])
 
 
 def _place(place: dict[int, int], node: int, element: int, file: str) -> int:
@@ -488,12 +479,3 @@ def _add_faces(
     for cell_type, cells in found.items():
         group[len(blocks)] = np.arange(len(cells))
         blocks.append((cell_type, np.array(cells)))
-
-
-def _vtk_order(cell_type: str) -> list[int]:
-    """The file's local node at each of VTK's places: they differ in the middles of faces alone."""
-    if cell_type != "hexahedron27":
-        return list(range(8 if cell_type == "quad8" else len(PLACES[cell_type])))
-    middles = [frozenset(range(8)), *(frozenset(face) for face in FACES["hexahedron"])]
-    places = PLACES[cell_type][20:]
-    return [*range(20), *(20 + middles.index(frozenset(place)) for place in places)]

@@ -39,7 +39,7 @@ def area(mesh: Mesh, face: str) -> float:
 
 def skin(mesh: Mesh) -> trimesh.Trimesh:
     """The sides that only one tetrahedron has, as a surface another library checks."""
-    sides = mesh.cells[:, mesh.element.faces[:, :3]].reshape(-1, 3)
+    sides = mesh.cells[:, mesh.element.facets[0][:, :3]].reshape(-1, 3)
     _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
     surface = trimesh.Trimesh(1e3 * mesh.nodes, sides[first[count == 1]], process=False)
     surface.remove_unreferenced_vertices()
@@ -141,7 +141,7 @@ def test_round_pillar_follows_the_cylinder_only_when_quadratic():
     assert abs(errors[1]) < 5e-4
     radius = np.hypot(*curved.nodes[:, :2].T)
     assert radius.max() == pytest.approx(1e-3, abs=1e-9)
-    sides = curved.cells[:, curved.element.faces].reshape(-1, 6)
+    sides = curved.cells[:, curved.element.facets[0]].reshape(-1, 6)
     on_cylinder = np.unique(sides[(np.abs(radius[sides[:, :3]] - 1e-3) < 1e-9).all(axis=1)])
     outer = np.unique(skin_nodes(curved))
     wall = np.intersect1d(on_cylinder, outer)
@@ -151,7 +151,7 @@ def test_round_pillar_follows_the_cylinder_only_when_quadratic():
 
 
 def skin_nodes(mesh: Mesh) -> np.ndarray:
-    sides = mesh.cells[:, mesh.element.faces].reshape(-1, 6)
+    sides = mesh.cells[:, mesh.element.facets[0]].reshape(-1, 6)
     _, first, count = np.unique(np.sort(sides[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
     return sides[first[count == 1]]
 
