@@ -113,6 +113,14 @@ def plate_solid(design: Design, mirrors: str = "") -> Body:
     return _assemble(design, (design.length_m, 2.0 * design.half_span_m), design.standing(), mirrors)
 
 
+def part_solid(design: Design, part: str) -> Body:
+    """The whole zone, lone pillar or plate."""
+    if part == "pillar":
+        assert design.pillar
+        return pillar_solid(design.pillar)
+    return (zone_solid if part == "zone" else plate_solid)(design)
+
+
 def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[Stand, ...], mirrors: str) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]

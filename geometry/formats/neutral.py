@@ -103,14 +103,23 @@ def local_nodes(kind: str, order: int) -> IntArray:
     return element(kind, order).nodes_at(np.array([corners[list(p)].mean(axis=0) for p in PLACES[VOLUME[kind, order]]]))
 
 
-def outer_facets(mesh: Mesh) -> tuple[IntArray, IntArray, IntArray]:
-    """Facets that belong to one element, outward, in VTK's order (m, k); their elements (m,) and local faces (m,)."""
+@dataclass(frozen=True)
+class Facets:
+    """Outward facets in VTK's order (m, k), the elements (m,) that they belong to and those elements' faces (m,)."""
+
+    nodes: IntArray
+    cells: IntArray
+    local: IntArray
+
+
+def outer_facets(mesh: Mesh) -> Facets:
+    """Facets that belong to one element."""
     local = outward_faces(mesh)
     facets = mesh.cells[:, local].reshape(-1, local.shape[1])
     keys = corner_keys(facets, 3 if mesh.kind == "tet" else 4)
     _, index, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
     outer = np.sort(index[counts == 1])
-    return facets[outer], outer // len(local), outer % len(local)
+    return Facets(facets[outer], outer // len(local), outer % len(local))
 
 
 def outward_faces(mesh: Mesh) -> IntArray:

@@ -253,6 +253,14 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
 
 
+def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The zone, the lone pillar or the plate."""
+    if part == "pillar":
+        assert design.pillar
+        return pillar_scene(design.pillar, settings, quarter)
+    return (zone_scene if part == "zone" else plate_scene)(design, settings, quarter)
+
+
 def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
     return {(0.0 if quarter else -half): singular and not quarter, half: singular}
 

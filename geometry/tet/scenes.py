@@ -205,6 +205,14 @@ def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
     return part if quarter else whole(part)
 
 
+def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
+    """The zone or the plate, whole or the quarter x, y >= 0, or the whole lone pillar."""
+    if part == "pillar":
+        assert design.pillar
+        return tet_pillar(design.pillar, edge_m)
+    return tet_zone(design, edge_m, "xy" * quarter) if part == "zone" else tet_plate(design, edge_m, quarter)
+
+
 def tet_cell(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
     """The unit cell, finer near its pillar's foot; `mirrors` as of the zone.
 

@@ -151,8 +151,8 @@ def test_hexahedra_are_cut_into_tetrahedra_that_fit_together() -> None:
     cube = hex_mesh(Boxes(lines, lines, lines, region, ("plate", "pillar")), 2)
     cut = split_hexahedra(cube)
     check_mesh(cut, float(cell_volumes(cube).sum()), 1e-12)
-    facets, _, _ = outer_facets(cut)
-    hexahedral, _, _ = outer_facets(cube)
+    facets = outer_facets(cut).nodes
+    hexahedral = outer_facets(cube).nodes
     assert len(facets) == 2 * len(hexahedral)  # a face not cut alike on both sides would stay open
     assert np.array_equal(np.unique(facets), np.unique(hexahedral))
     volumes = cell_volumes(cut)
