@@ -9,7 +9,6 @@ order; of order 2 they have 18 and 14 nodes, so that their faces are those of th
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import permutations
@@ -95,31 +94,47 @@ class Quadrature:
 
 
 @dataclass(frozen=True)
-class Element(ABC):
-    """A reference element of an order."""
+class Element:
+    """A reference element of an order.
+
+    Unless it says otherwise Lagrange's of order 1 or 2, on the corners and the middles of edges and squares: the functions of
+    the span of `_functions` that are 1 at one node and 0 at the others.
+    """
 
     order: int
 
     kind: ClassVar[str]
 
-    @property
-    @abstractmethod
-    def points(self) -> FloatArray:
-        """Reference nodes (k, 3)."""
-
-    @abstractmethod
-    def shape(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Values (q, k) and reference gradients (q, k, 3) of the shape functions at points (q, 3)."""
+    def _functions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (q, k) and gradients (q, k, 3) of functions that span the element's."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
     def quadrature(self) -> Quadrature:
         """A rule that is exact for the mass matrix of a straight element."""
+        raise NotImplementedError
 
-    @property
-    @abstractmethod
+    @cached_property
+    def points(self) -> FloatArray:
+        """Reference nodes (k, 3)."""
+        own = TOPOLOGY[self.kind]
+        middles = [own.corners[list(place)].mean(axis=0) for place in (*own.edges, *own.squares)]
+        return own.corners if self.order == 1 else np.vstack([own.corners, *middles])
+
+    def shape(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Values (q, k) and reference gradients (q, k, 3) of the shape functions at points (q, 3)."""
+        to_nodal = np.linalg.inv(self._functions(self.points)[0])
+        value, slope = self._functions(at)
+        return value @ to_nodal, np.asarray(np.einsum("qfm,fk->qkm", slope, to_nodal))
+
+    @cached_property
     def facets(self) -> tuple[IntArray, ...]:
         """Local nodes of the faces by shape: triangles outward, corners first (m, 3 or 6), squares u fastest."""
+        own, found = TOPOLOGY[self.kind], []
+        for rings, places in ((own.triangles, _triangle_places), (own.squares, _square_places)):
+            if rings:
+                found.append(np.array([self.nodes_at(places(own.corners[list(ring)], self.order)) for ring in rings]))
+        return tuple(found)
 
     def nodes_at(self, places: FloatArray) -> IntArray:
         """The local nodes nearest to reference places (..., 3)."""
@@ -161,37 +176,7 @@ class Hexahedron(Element):
         return (np.array([side.ravel() for side in sides]),)
 
 
-class _OfFunctions(Element):
-    """Lagrange element of order 1 or 2 on the corners and the middles of edges and squares, of the span of some functions."""
-
-    @abstractmethod
-    def _functions(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Values (q, k) and gradients (q, k, 3) of functions that span the element's."""
-
-    @cached_property
-    def points(self) -> FloatArray:
-        """Reference nodes: corners, then the middles of edges and of squares."""
-        own = TOPOLOGY[self.kind]
-        middles = [own.corners[list(place)].mean(axis=0) for place in (*own.edges, *own.squares)]
-        return own.corners if self.order == 1 else np.vstack([own.corners, *middles])
-
-    def shape(self, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The functions of that span that are 1 at one node and 0 at the others."""
-        to_nodal = np.linalg.inv(self._functions(self.points)[0])
-        value, slope = self._functions(at)
-        return value @ to_nodal, np.asarray(np.einsum("qfm,fk->qkm", slope, to_nodal))
-
-    @cached_property
-    def facets(self) -> tuple[IntArray, ...]:
-        """Each node found by its place."""
-        own, found = TOPOLOGY[self.kind], []
-        for rings, places in ((own.triangles, _triangle_places), (own.squares, _square_places)):
-            if rings:
-                found.append(np.array([self.nodes_at(places(own.corners[list(ring)], self.order)) for ring in rings]))
-        return tuple(found)
-
-
-class Tetrahedron(_OfFunctions):
+class Tetrahedron(Element):
     """Lagrange tetrahedron: complete polynomials; 4 or 10 nodes."""
 
     kind = "tet"
@@ -211,7 +196,7 @@ class Tetrahedron(_OfFunctions):
         return Quadrature(np.concatenate(points)[:, 1:], weights)
 
 
-class Wedge(_OfFunctions):
+class Wedge(Element):
     """Lagrange wedge (triangular prism): the triangle's polynomials times the line's; 6 or 18 nodes."""
 
     kind = "wedge"
@@ -229,7 +214,7 @@ class Wedge(_OfFunctions):
         return Quadrature(np.array(points), np.asarray(np.kron(w, np.kron(v, u))))
 
 
-class Pyramid(_OfFunctions):
+class Pyramid(Element):
     """Pyramid of 5 or 14 nodes: complete polynomials and the rational functions that its square base needs.
 
     With r = xy/(1 - z): order 1 spans 1, x, y, z, r; order 2 the ten quadratic monomials, r, rx, ry, r^2 (bergot2010). At the

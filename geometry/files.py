@@ -146,8 +146,12 @@ def _beside(target: Path) -> Iterator[Path]:
 
 
 def _flush(path: Path) -> None:
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+    """Put a file, or the names in a folder, on the disc."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _take_place(temporary: Path, target: Path, old: os.stat_result | None) -> None:
@@ -162,15 +166,7 @@ def _take_place(temporary: Path, target: Path, old: os.stat_result | None) -> No
             raise
         _write_through(temporary, _opened(target))  # a mount point, or another's file in a sticky folder
         return
-    _flush_folder(target.parent)
-
-
-def _flush_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    _flush(target.parent)
 
 
 def _opened(path: FilePath) -> int:

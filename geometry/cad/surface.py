@@ -5,6 +5,7 @@ Lengths in mm, the CAD kernel's unit.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -130,24 +131,15 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
 
     fresh = shape.copy()
     BRepMesh_IncrementalMesh(fresh.wrapped, deflection, False, angle)
-    owners = _owners(fresh)
+    owners = Counter(face.hashCode() for solid in fresh.Solids() for face in solid.Faces())
     corners, faces = [], []
     for face in fresh.Faces():
         triangles = _face_triangles(face)
         corners.append(triangles)
-        faces.append(_cad_face(face, triangles, owners.get(face.hashCode(), 1) > 1))
+        faces.append(_cad_face(face, triangles, owners[face.hashCode()] > 1))
     if not corners:
         raise MeshError("the CAD shape has no face to mesh")
     return _joined(corners, faces)
-
-
-def _owners(shape: Any) -> dict[int, int]:
-    """How many solids use each face (by hash)."""
-    count: dict[int, int] = {}
-    for solid in shape.Solids():
-        for face in solid.Faces():
-            count[face.hashCode()] = count.get(face.hashCode(), 0) + 1
-    return count
 
 
 def _joined(corners: list[FloatArray], faces: list[CadFace]) -> CadSurface:

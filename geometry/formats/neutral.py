@@ -183,9 +183,10 @@ def completed(raw: RawMesh, file: str) -> RawMesh:
 
     A face that a complete element beside it names a middle of keeps that one. MeshFileError as `placed_middles`.
     """
-    points = raw.points
+    if not any(kind in FULL and len(block) for kind, block in raw.blocks):
+        return raw
+    points, blocks = raw.points, list(raw.blocks)
     keys, nodes = _named_middles(raw, file)
-    blocks = list(raw.blocks)
     for index, (kind, block) in enumerate(raw.blocks):
         if kind not in FULL or not len(block):
             continue
@@ -203,14 +204,12 @@ def completed(raw: RawMesh, file: str) -> RawMesh:
             full.append(len(points) + np.arange(len(block))[:, None])
             points = np.vstack([points, (points[edges].sum(axis=1) - points[corners].sum(axis=1)) / 4.0])
         blocks[index] = (FULL[kind], np.hstack(full))
-    groups = {name: _with_middles(members, keys, nodes, len(raw.points)) for name, members in raw.node_groups.items()}
+    added = nodes >= len(raw.points)  # they join a group that holds the corners of their face
+    groups = {
+        name: np.union1d(members, nodes[np.isin(keys, members).all(axis=1) & added])
+        for name, members in raw.node_groups.items()
+    }
     return replace(raw, points=points, blocks=blocks, node_groups=groups)
-
-
-def _with_middles(members: IntArray, keys: IntArray, nodes: IntArray, given: int) -> IntArray:
-    """A group of nodes with the added middles of the faces whose corners it holds."""
-    inside = np.isin(keys, members).all(axis=1) & (nodes >= given) if len(keys) else np.zeros(0, dtype=bool)
-    return np.union1d(members, nodes[inside])
 
 
 def _squares(kind: str) -> Rings:
@@ -220,8 +219,6 @@ def _squares(kind: str) -> Rings:
 
 def _named_middles(raw: RawMesh, file: str) -> tuple[IntArray, IntArray]:
     """Sorted corners (m, 4) and middles (m,) of the square faces that elements name, where others do not."""
-    if not any(kind in FULL and len(block) for kind, block in raw.blocks):
-        return np.empty((0, 4), dtype=np.int64), np.empty(0, dtype=np.int64)
     keys, nodes = [np.empty((0, 4), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for kind, block in raw.blocks:
         if kind not in FULL.values() or not len(block):

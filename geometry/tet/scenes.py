@@ -168,8 +168,7 @@ GROWTH = 0.7  # of the edge length per distance from there
 FOOT = 0.6  # of a plate's edge length at its feet: away from them elements as long as the plate is thick follow its bending
 AWAY = 0.4  # growth of a plate's edge length per distance from its feet
 SAME_VOLUME = 1e-12  # relative volume difference between a mesh and four times its quarter
-
-Lines = list[list[tuple[float, float, float]]]
+NO_LINES = np.empty((0, 2, 3))
 
 
 def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
@@ -179,7 +178,7 @@ def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
     """
     half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
     lines = [[(-half_x, y, z), (half_x, y, z)] for y in (-half_y, half_y) for z in (0.0, design.thickness_m)]
-    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, _graded(lines, edge_m))
+    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, _graded(np.array(lines), edge_m))
 
 
 def tet_pillar(pillar: Pillar, edge_m: float) -> Mesh:
@@ -219,18 +218,16 @@ def tet_cell(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
     Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
     Raises GeometryError when the pillar is not symmetric in a mirror.
     """
-    rim = _foot_rims(design.pillar, design.thickness_m) if design.pillar else []
-    return tet_mesh(solids.cell_solid(design, mirrors), edge_m, _graded(rim, edge_m))
+    rims = _foot_rims(design.pillar, design.thickness_m) if design.pillar else NO_LINES
+    return tet_mesh(solids.cell_solid(design, mirrors), edge_m, _graded(rims, edge_m))
 
 
 def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:
     """A rectangular panel of the plate, its middle at the origin, finer near its pillar's foot."""
-    rim: Lines = []
-    pillar = panel.pillar or design.pillar
+    pillar, rims = panel.pillar or design.pillar, NO_LINES
     if pillar and panel.foot:
-        x, y = np.array(panel.foot) - np.array(panel.middle)
-        rim = [[(a + x, b + y, c) for a, b, c in line] for line in _foot_rims(pillar, design.thickness_m)]
-    return tet_mesh(solids.panel_solid(design, panel), edge_m, _graded(rim, edge_m))
+        rims = _foot_rims(pillar, design.thickness_m, *(np.array(panel.foot) - np.array(panel.middle)))
+    return tet_mesh(solids.panel_solid(design, panel), edge_m, _graded(rims, edge_m))
 
 
 def whole(quarter: Mesh) -> Mesh:
@@ -240,41 +237,37 @@ def whole(quarter: Mesh) -> Mesh:
     return whole
 
 
-def _graded(lines: Lines, edge_m: float) -> NearSegments | None:
-    """An edge length that grows away from the lines."""
-    return NearSegments(np.array(lines), FINE * edge_m, edge_m, GROWTH) if lines else None
+def _graded(lines: FloatArray, edge_m: float) -> NearSegments | None:
+    """An edge length that grows away from segments (k, 2, 3); none without any."""
+    return NearSegments(lines, FINE * edge_m, edge_m, GROWTH) if len(lines) else None
 
 
 def _finer_at_feet(design: Design, edge_m: float, longest_m: float) -> NearSegments:
     """Edges of FOOT edge_m at the rims of a design's feet at y >= 0, growing to longest_m away from them."""
-    rim = [
-        [(a + x, b + y, c) for a, b, c in line]
+    rims = [
+        _foot_rims(stand.pillar, design.thickness_m, x, y)
         for stand in design.standing()
-        for x, y in stand.centres
-        if y >= 0.0
-        for line in _foot_rims(stand.pillar, design.thickness_m)
+        for x, y in stand.centres[stand.centres[:, 1] >= 0.0]
     ]
-    if not rim:
-        return NearSegments(np.empty((0, 2, 3)), edge_m, edge_m, AWAY)
-    return NearSegments(np.array(rim), FOOT * edge_m, longest_m, AWAY)
+    lines = np.concatenate([NO_LINES, *rims])
+    return NearSegments(lines, *((FOOT * edge_m, longest_m) if len(lines) else (edge_m, edge_m)), AWAY)
 
 
-def _foot_rims(pillar: Pillar, thickness_m: float) -> Lines:
-    """The rims of a pillar at the origin of a plate, on every face that it stands on, as segments, m."""
-    lines = _rims(pillar, thickness_m)
-    images = [[(x, y, thickness_m - z) for x, y, z in line] for line in lines]
-    return lines + images * (pillar.faces - 1)
+def _foot_rims(pillar: Pillar, thickness_m: float, x: float = 0.0, y: float = 0.0) -> FloatArray:
+    """The rims of a pillar at (x, y) on every face of the plate that it stands on, as segments (k, 2, 3), m."""
+    lines = _rims(pillar, thickness_m) + np.array([x, y, 0.0])
+    images = lines * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_m]
+    return np.concatenate([lines, images]) if pillar.faces == 2 else lines
 
 
-def _rims(pillar: Pillar, z: float) -> Lines:
+def _rims(pillar: Pillar, z: float) -> FloatArray:
     """The re-entrant edges round a foot at the origin, unless a fillet rounds it off, and below a heavy tip, as segments, m."""
-    form, loops = pillar.form, []
-    if pillar.fillet_m == 0.0:
-        loops.append((form.rim(), z))
-    if pillar.tip is not None:
-        loops.append((form.rim() * form.taper, z + pillar.height_m))
-    return [line for rim, height in loops for line in _closed([(float(x), float(y), height) for x, y in rim])]
-
-
-def _closed(corners: list[tuple[float, float, float]]) -> Lines:
-    return [[start, end] for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]
+    form, loops = pillar.form, [NO_LINES]
+    for rim, height, is_there in (
+        (form.rim(), z, pillar.fillet_m == 0.0),
+        (form.rim() * form.taper, z + pillar.height_m, pillar.tip is not None),
+    ):
+        if is_there:
+            corners = np.column_stack([rim, np.full(len(rim), height)])
+            loops.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    return np.concatenate(loops)

@@ -47,15 +47,9 @@ def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedron")
-    return vertices, oriented(vertices, cells)
-
-
-def oriented(vertices: FloatArray, cells: IntArray) -> IntArray:
-    """The same tetrahedra with positive volume."""
-    flipped = tet_volumes(vertices, cells) < 0.0
-    cells = cells.copy()
+    flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
-    return cells
+    return vertices, cells
 
 
 def tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
@@ -121,7 +115,7 @@ def background(
     if values.shape != (len(points),) or not (values > 0.0).all():
         raise MeshError("the sizing field must give one positive edge length for each point")
     nx, ny, nz = counts
-    i, j, k = np.meshgrid(np.arange(nx), np.arange(ny), np.arange(nz), indexing="ij")
+    i, j, k = np.indices((nx, ny, nz))
     corner = (i + (nx + 1) * (j + (ny + 1) * k)).ravel()
     step = np.array([a + (nx + 1) * (b + (ny + 1) * c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
     cells = (corner[:, None] + step)[:, BOX_TETS].reshape(-1, 4)

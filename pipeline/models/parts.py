@@ -69,12 +69,10 @@ class PartModel(Protocol):
         ...
 
 
-def mesh_record(what: str, mesh: AnyMesh, volume_m3: float | None = None) -> MeshRecord:
+def mesh_record(what: str, mesh: AnyMesh) -> MeshRecord:
     """Check a mesh and describe it for the record. Raises MeshError when it is not sound."""
-    report = check_mesh(mesh, volume_m3)
-    error = report.volume_m3 / volume_m3 - 1.0 if volume_m3 else None
     own = {"kind": mesh.kind, "order": mesh.order, "dof": mesh.dof, "sha256": mesh.sha256}
-    return MeshRecord.of(report, what=what, volume_error=error, **own)
+    return MeshRecord.of(check_mesh(mesh), what=what, volume_error=None, **own)
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshRecord]) -> PartModel:
