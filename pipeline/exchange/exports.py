@@ -13,13 +13,7 @@ from pipeline.records import outputs
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
-ONE_FILE = {  # a module here and what it writes
-    "phonopy": "phonopy.write",
-    "paraview": "paraview.write",
-    "xdmf": "paraview.write_xdmf",
-    "uff": "uff.write",
-    "impedance": "impedance.write",
-}
+ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # functions of `results`
 ENDINGS = {  # that a file's name may have, the first one where no name is given; "": what several files' names begin with
     "stl": (".stl",),
     "step": (".step", ".stp"),
@@ -51,8 +45,7 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     if form in SOLVER_FILES:
         return import_module(f"pipeline.exchange.{form}").write(case, part, path, log)
     if form in ONE_FILE:
-        module, function = ONE_FILE[form].split(".")
-        return [getattr(import_module(f"pipeline.exchange.{module}"), function)(case, path, log)]
+        return [getattr(import_module("pipeline.exchange.results"), form)(case, path, log)]
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
