@@ -70,8 +70,6 @@ TET_EDGES, TET_FACES = np.array(TOPOLOGY["tet"].edges), np.array(TOPOLOGY["tet"]
 @lru_cache(maxsize=16)
 def gauss_lobatto(order: int) -> FloatArray:
     """Gauss-Lobatto points of degree `order` on [-1, 1], shape (order + 1,): the ends and the roots of P'_order."""
-    if order == 1:
-        return np.array([-1.0, 1.0])
     inner = legendre.legroots(legendre.legder(np.eye(order + 1)[order]))
     return np.concatenate([[-1.0], np.sort(inner), [1.0]])
 

@@ -75,7 +75,10 @@ def obstacle(path: FilePath) -> str | None:
     if stat.S_ISDIR(status.st_mode):
         return "it is a folder, not a file"
     if descriptor is not None:
-        return "it is open for reading only" if _reads_only(descriptor) else None
+        import fcntl
+
+        reads_only = fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
+        return "it is open for reading only" if reads_only else None
     if stat.S_ISSOCK(status.st_mode):
         return "it is a socket, not a file"
     if _is_input(status):
@@ -89,12 +92,6 @@ def _folder_obstacle(folder: Path) -> str | None:
     if not folder.is_dir():
         return f"{folder} is not a folder"
     return None if os.access(folder, os.W_OK | os.X_OK) else f"the folder {folder} cannot be written to"
-
-
-def _reads_only(descriptor: int) -> bool:
-    import fcntl
-
-    return fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
 
 
 def _is_input(status: os.stat_result) -> bool:

@@ -61,11 +61,12 @@ class CadFace:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Distance of each point to the trimmed face (to its triangles), shape (n,)."""
-        return closest_triangles(self._locator, points)[1]
+        nearest = self._skin.find_closest_cell(points, return_closest_point=True)[1]
+        return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
     @cached_property
-    def _locator(self) -> Any:
-        return build_locator(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
+    def _skin(self) -> Any:
+        return _skin(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
 
 
 @dataclass(frozen=True)
@@ -84,17 +85,16 @@ class CadSurface:
 
     def nearest_face(self, points: FloatArray) -> IntArray:
         """Number of the face nearest to each point (n, 3)."""
-        return self.face_of[closest_triangles(self._locator, points)[0]]
+        return np.asarray(self.face_of[_skin(self.points, self.triangles).find_closest_cell(points)])
 
     def encloses(self, points: FloatArray) -> FloatArray:
         """Which points lie inside the outer surface (faces between bonded solids left out), shape (n,) bool."""
         from pyvista import PolyData
 
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
-        skin = PolyData.from_regular_faces(self.points, self.triangles[outer])
-        return np.asarray(
-            PolyData(points).select_interior_points(skin, method="signed_distance")["selected_points"], dtype=bool
-        )
+        skin = _skin(self.points, self.triangles[outer])
+        inside = PolyData(points).select_interior_points(skin, method="signed_distance")
+        return np.asarray(inside["selected_points"], dtype=bool)
 
     @cached_property
     def meetings(self) -> dict[tuple[int, int], bool]:
@@ -114,10 +114,6 @@ class CadSurface:
     def _smooth(self, pair: tuple[int, int], points: FloatArray) -> bool:
         first, second = (self.faces[i].project(points)[1] for i in pair)
         return bool((np.abs((first * second).sum(axis=1)) > SMOOTH).all())
-
-    @cached_property
-    def _locator(self) -> Any:
-        return build_locator(self.points, self.triangles)
 
 
 def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION) -> CadSurface:
@@ -202,28 +198,8 @@ def _project_one(surface: Any, point: FloatArray) -> tuple[FloatArray, FloatArra
     return where, gap / max(float(np.linalg.norm(gap)), 1e-300)
 
 
-def build_locator(points: FloatArray, triangles: IntArray) -> Any:
-    """A search tree over triangles."""
+def _skin(points: FloatArray, triangles: IntArray) -> Any:
+    """Triangles to search in; they keep their search tree."""
     from pyvista import PolyData
-    from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
-    locator = vtkStaticCellLocator()
-    locator.SetDataSet(PolyData.from_regular_faces(points, cast(Any, triangles)))
-    locator.BuildLocator()
-    return locator
-
-
-def closest_triangles(locator: Any, points: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of and distance to the triangle nearest to each point."""
-    from vtkmodules.vtkCommonCore import mutable
-    from vtkmodules.vtkCommonDataModel import vtkGenericCell
-
-    cell: Any = vtkGenericCell()
-    number, part, squared = (cast(Any, mutable(start)) for start in (0, 0, 0.0))
-    where = [0.0, 0.0, 0.0]
-    nearest = np.empty(len(points), dtype=np.int64)
-    distance = np.empty(len(points))
-    for i, point in enumerate(np.ascontiguousarray(points, dtype=float)):
-        locator.FindClosestPoint(point, where, cell, number, part, squared)
-        nearest[i], distance[i] = int(number), float(squared) ** 0.5
-    return nearest, distance
+    return PolyData.from_regular_faces(points, cast(Any, triangles))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ParamSpec
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto
+from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
 from geometry.errors import MeshError
 from geometry.hex.scenes import (
     Scene,
@@ -205,12 +205,5 @@ def _along_a_line(
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:
         raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
-    others = [np.delete(inner, i) for i in range(order + 1)]
-    weights = np.stack(
-        [
-            np.prod((local[:, None] - other_nodes) / (inner[i] - other_nodes), axis=1)
-            for i, other_nodes in enumerate(others)
-        ],
-        axis=1,
-    )
+    weights, _ = lagrange(inner, local)
     return order * element[:, None] + np.arange(order + 1), weights, order * (len(coarse) - 1) + 1

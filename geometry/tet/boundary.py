@@ -243,9 +243,8 @@ def _projected(vertices: FloatArray, edges: IntArray, boundary: Boundary, surfac
     """Edge middles, those of edges on curved faces moved onto them."""
     middles = vertices[edges].mean(axis=1)
     outer, faces_at = boundary.edge_faces()
-    order = np.lexsort(edges.T[::-1])
-    code = edges[order] @ np.array([len(vertices), 1])
-    place = order[np.searchsorted(code, outer @ np.array([len(vertices), 1]))]
+    both = np.array([len(vertices), 1])
+    place = np.searchsorted(edges @ both, outer @ both)  # edges stand in ascending order
     for index, faces in zip(place, faces_at, strict=True):
         if not all(surface.faces[i].flat for i in faces):
             middles[index] = onto_faces(middles[index : index + 1], faces, surface)[0]

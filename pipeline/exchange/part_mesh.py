@@ -12,8 +12,8 @@ import numpy as np
 from geometry.cad.solids import part_solid
 from geometry.elements import IntArray
 from geometry.formats.neutral import Facets, outer_facets
-from geometry.hex.boxes import Boxes, hex_mesh, part_boxes
-from geometry.hex.scenes import HexSettings
+from geometry.hex.boxes import Boxes, boxes_of, hex_mesh
+from geometry.hex.scenes import HexSettings, box_counts, part_scene
 from geometry.layout import Design, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
@@ -37,7 +37,6 @@ HALVED = 1.0 / 7.0  # of the degrees of freedom that elements half as long have
 MAX_DOFS = 300_000  # what a desktop solves in another program without thinking about memory
 FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
 FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
-DOFS_PER_HEX = 24  # at least: 8 nodes of its own, 3 degrees of freedom each
 DOFS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
 TETS_PER_CUBE = 8.5  # tetrahedra of edge h in a cube of side h
 COARSER = 1.25
@@ -199,20 +198,12 @@ def _settings(case: Case, part: str, share: float) -> Iterator[HexSettings]:
 def _boxes(case: Case, part: str, log: Log, share: float) -> Boxes:
     """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
     for settings in _settings(case, part, share):
-        boxes = part_boxes(case.design, part, settings, quarter=False)
-        if _dofs(boxes) <= MAX_DOFS:
-            return boxes
-    size = f"{_dofs(boxes)} degrees of freedom, more than {MAX_DOFS}"
-    log.warning("LARGE", f"the coarsest mesh of this {part} has {size}")
-    return boxes
-
-
-def _dofs(boxes: Boxes) -> int:
-    """Degrees of freedom of the boxes at order 2."""
-    cells = int((boxes.region >= 0).sum())
-    if DOFS_PER_HEX * cells > MAX_DOFS:
-        return DOFS_PER_HEX * cells
-    return hex_mesh(boxes, 2).dof
+        scene = part_scene(case.design, part, settings, quarter=False)
+        dofs = 3 * box_counts(scene, 2).nodes
+        if dofs <= MAX_DOFS:
+            return boxes_of(scene)
+    log.warning("LARGE", f"the coarsest mesh of this {part} has {dofs} degrees of freedom, more than {MAX_DOFS}")
+    return boxes_of(scene)
 
 
 def _tetrahedra(case: Case, part: str, log: Log, share: float) -> Mesh:
