@@ -75,7 +75,10 @@ def obstacle(path: FilePath) -> str | None:
     if stat.S_ISDIR(status.st_mode):
         return "it is a folder, not a file"
     if descriptor is not None:
-        return "it is open for reading only" if _reads_only(descriptor) else None
+        import fcntl
+
+        reads_only = fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
+        return "it is open for reading only" if reads_only else None
     if stat.S_ISSOCK(status.st_mode):
         return "it is a socket, not a file"
     if _is_input(status):
@@ -89,12 +92,6 @@ def _folder_obstacle(folder: Path) -> str | None:
     if not folder.is_dir():
         return f"{folder} is not a folder"
     return None if os.access(folder, os.W_OK | os.X_OK) else f"the folder {folder} cannot be written to"
-
-
-def _reads_only(descriptor: int) -> bool:
-    import fcntl
-
-    return fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_ACCMODE == os.O_RDONLY
 
 
 def _is_input(status: os.stat_result) -> bool:
@@ -146,8 +143,12 @@ def _beside(target: Path) -> Iterator[Path]:
 
 
 def _flush(path: Path) -> None:
-    with path.open("rb") as file:
-        os.fsync(file.fileno())
+    """Put a file, or the names in a folder, on the disc."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
 
 
 def _take_place(temporary: Path, target: Path, old: os.stat_result | None) -> None:
@@ -162,15 +163,7 @@ def _take_place(temporary: Path, target: Path, old: os.stat_result | None) -> No
             raise
         _write_through(temporary, _opened(target))  # a mount point, or another's file in a sticky folder
         return
-    _flush_folder(target.parent)
-
-
-def _flush_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    _flush(target.parent)
 
 
 def _opened(path: FilePath) -> int:

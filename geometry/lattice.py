@@ -61,14 +61,7 @@ def path_through(corners: str, points: int, pitch_x_m: float, pitch_y_m: float) 
     if unknown or len(corners) < 2:
         raise ValueError(f"path '{corners}': corners are {', '.join(CORNERS)}, at least two of them")
     edge = np.pi / np.array([pitch_x_m, pitch_y_m])
-    stops = [np.array(CORNERS[letter]) * edge for letter in corners]
-    vectors: list[FloatArray] = [stops[0]]
-    labels: list[str | None] = [corners[0]]
-    for (start, end), letter in zip(pairwise(stops), corners[1:], strict=True):
-        share = np.arange(1, points + 1)[:, None] / points
-        vectors.extend(start + share * (end - start))
-        labels.extend([None] * (points - 1) + [letter])
-    return Path(np.array(vectors), tuple(labels))
+    return Path(np.array([CORNERS[letter] for letter in corners]) * edge, tuple(corners)).finer(points)
 
 
 def zone_grid(intervals: int, pitch_x_m: float, pitch_y_m: float, mirrored: bool, diagonal: bool) -> FloatArray:

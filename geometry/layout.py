@@ -412,20 +412,13 @@ class Patches:
         half_x, half_y = np.array(self.lengths_m) / 2.0, self.size_m[1] / 2.0
         return np.column_stack([x - half_x, x + half_x, y - half_y, y + half_y])
 
-    def z_range_m(self, thickness_m: float) -> tuple[float, float]:
-        """The patches' extent along z on a plate of this thickness, m."""
-        return (thickness_m, thickness_m + self.size_m[2]) if self.face == "back" else (-self.size_m[2], 0.0)
-
 
 def mirrored_axes(boxes_m: FloatArray) -> tuple[bool, bool]:
     """Along x and y: whether footprints (n, 4) as boxes_m gives them are together their own mirror image."""
-    axes = []
-    for axis in (0, 1):
-        image = boxes_m.copy()
-        image[:, 2 * axis], image[:, 2 * axis + 1] = -boxes_m[:, 2 * axis + 1], -boxes_m[:, 2 * axis]
-        apart = np.abs(boxes_m[:, None] - image[None]).max(axis=2)
-        axes.append(bool((apart.min(axis=1) < SAME_M).all()))
-    return axes[0], axes[1]
+    images = -boxes_m[:, [1, 0]], -boxes_m[:, [3, 2]]
+    x, y = np.hstack([images[0], boxes_m[:, 2:]]), np.hstack([boxes_m[:, :2], images[1]])
+    x_apart, y_apart = (np.abs(boxes_m[:, None] - image[None]).max(axis=2).min(axis=1) for image in (x, y))
+    return bool((x_apart < SAME_M).all()), bool((y_apart < SAME_M).all())
 
 
 def antinode_places(

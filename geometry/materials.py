@@ -143,25 +143,16 @@ class PiezoMaterial:
 
 # Loss tangents of PZT-4 (0.004), PZT-5A and PZT-5H (0.02): low field, as makers' tables of the same grades have them.
 JAFFE = "H. Jaffe, D. Berlincourt, Piezoelectric transducer materials, Proc. IEEE 53 (1965) 1372-1386"
+FERROPERM = (
+    "Ferroperm Pz26 data sheet (full material data set); k31 0.33, k33 0.68, kp 0.57, kt 0.47 there too; "
+    "the loss tangent is that of its kind (hard, 0.002 to 0.005 in makers' tables), not read from its own sheet"
+)
 PIEZO_MATERIALS: dict[str, PiezoMaterial] = {
     material.name: material
     for material in (
         PiezoMaterial(
-            name="pz26",
-            density_kg_m3=7700.0,
-            s11=13.0e-12,
-            s12=-4.35e-12,
-            s13=-7.05e-12,
-            s33=19.6e-12,
-            s44=33.2e-12,
-            d31=-128e-12,
-            d33=328e-12,
-            d15=327e-12,
-            relative_11_free=1190.0,
-            relative_33_free=1330.0,
-            source="Ferroperm Pz26 data sheet (full material data set); k31 0.33, k33 0.68, kp 0.57, kt 0.47 there too; "
-            "the loss tangent is that of its kind (hard, 0.002 to 0.005 in makers' tables), not read from its own sheet",
-            loss_tangent=3e-3,
+            "pz26", 7700.0, 13.0e-12, -4.35e-12, -7.05e-12, 19.6e-12, 33.2e-12,
+            -128e-12, 328e-12, 327e-12, 1190.0, 1330.0, FERROPERM, 3e-3,
         ),
         PiezoMaterial(
             "pzt-4", 7500.0, 12.3e-12, -4.05e-12, -5.31e-12, 15.5e-12, 39.0e-12,

@@ -50,6 +50,20 @@ class _Named:
         """Sorted node indices of a named face. Raises MeshError for a name the mesh does not have."""
         return np.unique(np.concatenate([part.ravel() for part in self.facets_of(face)]))
 
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of nodes, cells, regions and faces: a mesh is an input of a case."""
+        digest = hashlib.sha256(b"".join(self._about()))
+        faces = {name: np.concatenate([part.ravel() for part in self.facets_of(name)]) for name in self.faces}
+        for named in (self.regions, faces):
+            for name in sorted(named):
+                digest.update(name.encode() + named[name].tobytes())
+        return digest.hexdigest()
+
+    def _about(self) -> list[bytes]:
+        """What the hash begins with."""
+        raise NotImplementedError
+
     def region_of_cells(self) -> dict[str, IntArray]:
         """Regions, or the whole mesh as `body` when none is named."""
         return self.regions or {"body": np.arange(self.cell_count)}
@@ -80,17 +94,8 @@ class Mesh(_Named):
         """The mesh itself."""
         return (self,)
 
-    @cached_property
-    def sha256(self) -> str:
-        """Hash of nodes, cells, faces and regions: a mesh is an input of a case."""
-        digest = hashlib.sha256(f"{self.kind}{self.order}".encode())
-        for array in (self.nodes, self.cells):
-            digest.update(np.ascontiguousarray(array).tobytes())
-        for named in (self.regions, self.faces):
-            for name in sorted(named):
-                digest.update(name.encode())
-                digest.update(np.ascontiguousarray(named[name]).tobytes())
-        return digest.hexdigest()
+    def _about(self) -> list[bytes]:
+        return [f"{self.kind}{self.order}".encode(), self.nodes.tobytes(), self.cells.tobytes()]
 
 
 @dataclass(frozen=True)
@@ -120,15 +125,8 @@ class MixedMesh(_Named):
         """Order of every element."""
         return self.parts[0].order
 
-    @cached_property
-    def sha256(self) -> str:
-        """Hash of the blocks, regions and faces."""
-        digest = hashlib.sha256("".join(block.sha256 for block in self.parts).encode())
-        for named in (self.regions, self.faces):
-            for name in sorted(named):
-                parts = named[name] if isinstance(named[name], tuple) else (named[name],)
-                digest.update(name.encode() + b"".join(np.ascontiguousarray(part).tobytes() for part in parts))
-        return digest.hexdigest()
+    def _about(self) -> list[bytes]:
+        return [block.sha256.encode() for block in self.parts]
 
 
 AnyMesh = Mesh | MixedMesh

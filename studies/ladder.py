@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from geometry.cad import solids
 from geometry.elements import FloatArray
 from geometry.hex.boxes import cell_boxes, hex_mesh, panel_boxes, pillar_boxes, plate_boxes, zone_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.mesh import Mesh, check_mesh
 from geometry.tet import scenes
-from geometry.tet.mesher import TetOptions, tet_mesh
 from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.paths import STUDIES
@@ -160,7 +158,7 @@ def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, A
     """Panels as a mesh level has them: of an extrapolated one coarser meshes take most of the mesh's error away."""
     mesher: Callable[[Panel], Mesh] | None = None
     if mesh_level["model"] == "superelement tet":
-        mesh = check(of_order(tet_cell(d, 1e-3 * mesh_level["size_mm"]), mesh_level["order"]))
+        mesh = check(of_order(scenes.tet_cell(d, 1e-3 * mesh_level["size_mm"], "xy"), mesh_level["order"]))
         mesher = lambda _: mesh  # noqa: E731
     elif mesh_level["model"] == "superelement":
         hexahedra = settings(mesh_level)
@@ -168,13 +166,6 @@ def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, A
             panel_boxes(panel, d.thickness_m, d.pillar, hexahedra), hexahedra.order
         )
     return Reductions(d.thickness_m, d.material, d.pillar, reduction, None, mesher)
-
-
-def tet_cell(d: Design, edge_m: float) -> Mesh:
-    """The quarter of the unit cell in tetrahedra, finer towards the pillar's foot."""
-    assert d.pillar
-    rim = scenes.rims(d.pillar, d.thickness_m)
-    return tet_mesh(solids.cell_solid(d, "xy"), edge_m, options=scenes.graded(TetOptions(), rim, edge_m))
 
 
 POINTS = {"G": (1, 1), "X": (-1, 1), "M": (-1, -1)}  # phases over one pitch

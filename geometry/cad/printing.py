@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import escape, quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
@@ -25,25 +26,32 @@ NO_TIME = "1970-01-01T00:00:00"  # of a STEP file: its content does not depend o
 
 DEFLECTION_MM = 0.01  # a tenth of what a powder-bed machine holds
 ANGLE = 0.2  # rad between facets of a curve
+XML = '<?xml version="1.0" encoding="UTF-8"?>\n'
 CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 PACKAGE = "http://schemas.openxmlformats.org/package/2006"
-MODEL_TYPE = "application/vnd.ms-package.3dmanufacturing-3dmodel+xml"
-RELATION_TYPE = "application/vnd.openxmlformats-package.relationships+xml"
-MODEL_RELATION = "http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"
+CONTENT_TYPES = (
+    f'{XML}<Types xmlns="{PACKAGE}/content-types">'
+    '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
+    '<Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>'
+)
+RELATIONS = (
+    f'{XML}<Relationships xmlns="{PACKAGE}/relationships"><Relationship Target="/3D/3dmodel.model" Id="rel0" '
+    'Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/></Relationships>'
+)
+METADATA = {"Title", "Designer", "Description", "Copyright", "LicenseTerms", "Rating", "CreationDate"}
+METADATA |= {"ModificationDate", "Application"}
 FIXED_DATE = (1980, 1, 1, 0, 0, 0)  # the same body gives the same bytes
 
 
 def write_stl(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
     """Binary STL; the format has no unit, so the header says mm. Raises GeometryError for a bonded body."""
+    import trimesh
+
     surface = _printable(body)
-    corners = surface.points[surface.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    facets = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    facets["normal"], facets["corners"] = normals, corners
+    stl: Any = trimesh.Trimesh(surface.points, surface.triangles, process=False).export(file_type="stl")
     header = f"antinode {name} units=mm z=up".encode("ascii", "replace")[:80].ljust(80)
     with written_whole(path) as temporary:
-        temporary.write_bytes(header + np.uint32(len(facets)).tobytes() + facets.tobytes())
+        temporary.write_bytes(header + stl[80:])
 
 
 def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, str]) -> None:
@@ -55,8 +63,8 @@ def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, s
     if unknown:
         raise GeometryError(f"3MF metadata '{unknown[0]}' is not one of {', '.join(sorted(METADATA))}")
     parts = {
-        "[Content_Types].xml": _content_types(),
-        "_rels/.rels": _relations(),
+        "[Content_Types].xml": CONTENT_TYPES,
+        "_rels/.rels": RELATIONS,
         "3D/3dmodel.model": _model(_printable(body), metadata),
     }
     with written_whole(path) as temporary, ZipFile(temporary, "w") as package:
@@ -64,19 +72,6 @@ def write_3mf(body: Body, path: str | os.PathLike[str], metadata: Mapping[str, s
             entry = ZipInfo(name, FIXED_DATE)
             entry.compress_type = ZIP_DEFLATED
             package.writestr(entry, text)
-
-
-METADATA = {
-    "Title",
-    "Designer",
-    "Description",
-    "Copyright",
-    "LicenseTerms",
-    "Rating",
-    "CreationDate",
-    "ModificationDate",
-    "Application",
-}
 
 
 def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> None:
@@ -101,7 +96,7 @@ def write_step(body: Body, path: str | os.PathLike[str], name: str = "body") -> 
 
 def _printable(body: Body) -> CadSurface:
     if body.bonded:
-        raise GeometryError("a print is one solid of one material: leave patches out and give pillars the plate's")
+        raise GeometryError("a print is one solid of one material: give pillars the plate's")
     return cad_surface(body.shape, DEFLECTION_MM, ANGLE)
 
 
@@ -110,28 +105,10 @@ def _model(surface: CadSurface, metadata: Mapping[str, str]) -> str:
     vertices = "".join(f'<vertex x="{x:.9g}" y="{y:.9g}" z="{z:.9g}"/>' for x, y, z in surface.points.tolist())
     triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in surface.triangles.tolist())
     mesh = f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles></mesh>"
-    return _xml(
-        f'<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">{notes}<resources><object id="1" type="model">{mesh}'
+    return (
+        f'{XML}<model unit="millimeter" xml:lang="en-US" xmlns="{CORE}">{notes}<resources><object id="1" type="model">{mesh}'
         '</object></resources><build><item objectid="1"/></build></model>'
     )
-
-
-def _content_types() -> str:
-    return _xml(
-        f'<Types xmlns="{PACKAGE}/content-types"><Default Extension="rels" ContentType="{RELATION_TYPE}"/>'
-        f'<Default Extension="model" ContentType="{MODEL_TYPE}"/></Types>'
-    )
-
-
-def _relations() -> str:
-    return _xml(
-        f'<Relationships xmlns="{PACKAGE}/relationships">'
-        f'<Relationship Target="/3D/3dmodel.model" Id="rel0" Type="{MODEL_RELATION}"/></Relationships>'
-    )
-
-
-def _xml(text: str) -> str:
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{text}'
 
 
 # -- checks ------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""CAD solids of plate, pillars, unit cell and patches: metres in and out, the CAD kernel's millimetres inside.
+"""CAD solids of plate, pillars and unit cell: metres in and out, the CAD kernel's millimetres inside.
 
 CadQuery takes seconds to import, so it is imported where it is used.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.errors import GeometryError
-from geometry.layout import Design, Patches, Pillar, Stand
+from geometry.layout import Design, Pillar, Stand
 from geometry.tiling import Panel
 
 MM = 1e3  # mm per m
@@ -21,27 +21,23 @@ SAME_VOLUME = 1e-6  # relative: two booleans of one solid agree to the kernel's 
 
 @dataclass(frozen=True)
 class Box:
-    """A piezo patch: an axis-parallel box between two corners, m, and the patch's number."""
+    """An axis-parallel box between two corners, m."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
-    number: int = 0
 
 
 @dataclass(frozen=True)
 class Body:
     """A CAD shape in mm and what a mesher must know about it, in m.
 
-    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the lone pillar has thickness 0. `mirrors` names the
-    symmetry planes it was cut by: "", "x", "y" or "xy" (x = 0, y = 0). `bonds` names the parts ("pillar", "tip", "patch") of
-    another material: `shape` is one cadquery solid without any, else solids that share their contact faces. `tips` are the
-    heavy tips whose material is not their pillar's.
+    Plate from 0 to z = `thickness_m`, pillars above, or on both sides; the lone pillar has thickness 0. `bonds` names the
+    parts ("pillar", "tip") of another material: `shape` is one cadquery solid without any, else solids that share their
+    contact faces. `tips` are the heavy tips whose material is not their pillar's.
     """
 
     shape: Any
     thickness_m: float
-    patches: tuple[Box, ...] = ()
-    mirrors: str = ""
     bonds: frozenset[str] = frozenset()
     tips: tuple[Box, ...] = ()
 
@@ -56,12 +52,11 @@ class Body:
         return float(self.shape.Volume()) / MM**3
 
     def region_of(self, points: NDArray[np.float64]) -> NDArray[np.str_]:
-        """Name of the region ("plate", "pillar", "tip", "patch") that holds each point (n, 3) of the body, m."""
+        """Name of the region ("plate", "pillar", "tip") that holds each point (n, 3) of the body, m."""
         height = points[:, 2]
         names = np.where((height > self.thickness_m) | (height < 0.0), "pillar", "plate")
-        for region, boxes in (("tip", self.tips), ("patch", self.patches)):
-            for box in boxes:
-                names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = region
+        for box in self.tips:
+            names[((points > np.array(box.low)) & (points < np.array(box.high))).all(axis=1)] = "tip"
         return names
 
     def part_volumes_m3(self) -> dict[str, float]:
@@ -88,15 +83,13 @@ def pillar_solid(pillar: Pillar) -> Body:
 
 def zone_solid(design: Design, mirrors: str = "") -> Body:
     """The active zone as a bare strip, length x width x thickness, centred."""
-    block = _block(design.length_m, design.width_m, design.thickness_m, mirrors)
-    return Body(block, design.thickness_m, (), mirrors)
+    return Body(_block(design.length_m, design.width_m, design.thickness_m, mirrors), design.thickness_m)
 
 
 def cell_solid(design: Design, mirrors: str = "") -> Body:
     """The unit cell, pitch_x x pitch_y x thickness, centred, its pillar in the middle; bare without a pillar."""
     stands = (Stand(design.pillar, np.zeros((1, 2))),) if design.pillar else ()
-    block = _block(design.pitch_x_m, design.pitch_y_m, design.thickness_m, mirrors)
-    return _assemble(design, block, stands, mirrors, None)
+    return _assemble(design, (design.pitch_x_m, design.pitch_y_m), stands, mirrors)
 
 
 def panel_solid(design: Design, panel: Panel) -> Body:
@@ -108,42 +101,37 @@ def panel_solid(design: Design, panel: Panel) -> Body:
     mirrors = "".join("xy"[axis] for axis in panel.halved)
     pillar = panel.pillar or design.pillar
     stands = (Stand(pillar, np.array([panel.foot]) - np.array(panel.middle)),) if pillar and panel.foot else ()
-    block = _block(float(size[0]), float(size[1]), design.thickness_m, mirrors)
-    return _assemble(design, block, stands, mirrors, None)
+    return _assemble(design, (float(size[0]), float(size[1])), stands, mirrors)
 
 
-def plate_solid(design: Design, mirrors: str = "", patches: Patches | None = None) -> Body:
-    """The plate with its pillar rows and bonded patches; `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
+def plate_solid(design: Design, mirrors: str = "") -> Body:
+    """The plate with its pillar rows; `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
 
-    A pillar column or a patch on a mirror is cut in half. Raises GeometryError when the parts do not make one body,
+    A pillar column on a mirror is cut in half. Raises GeometryError when the parts do not make one body,
     overlap, or a pillar is not symmetric in a mirror that cuts it.
     """
-    block = _block(design.length_m, 2.0 * design.half_span_m, design.thickness_m, mirrors)
-    return _assemble(design, block, design.standing(), mirrors, patches)
+    return _assemble(design, (design.length_m, 2.0 * design.half_span_m), design.standing(), mirrors)
 
 
-def patch_boxes(patches: Patches, thickness_m: float, mirrors: str = "") -> tuple[Box, ...]:
-    """One box for each patch, cut to the kept side of the mirrors; patches wholly beyond one are left out."""
-    z0, z1 = patches.z_range_m(thickness_m)
-    boxes = []
-    for number, (x0, x1, y0, y1) in enumerate(patches.boxes_m().tolist()):
-        low = (max(x0, 0.0) if "x" in mirrors else x0, max(y0, 0.0) if "y" in mirrors else y0, z0)
-        if x1 > low[0] and y1 > low[1]:
-            boxes.append(Box(low, (x1, y1, z1), number))
-    return tuple(boxes)
+def part_solid(design: Design, part: str) -> Body:
+    """The whole zone, lone pillar or plate."""
+    if part == "pillar":
+        assert design.pillar
+        return pillar_solid(design.pillar)
+    return (zone_solid if part == "zone" else plate_solid)(design)
 
 
-def _assemble(design: Design, block: Any, stands: tuple[Stand, ...], mirrors: str, patches: Patches | None) -> Body:
+def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[Stand, ...], mirrors: str) -> Body:
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
-    boxes = patch_boxes(patches, design.thickness_m, mirrors) if patches else ()
     foreign = bool(pillars and design.pillar and design.pillar.material != design.material)
-    there = {"pillar": foreign, "tip": bool(tips), "patch": bool(boxes)}
-    bonds = frozenset(name for name, bonded in there.items() if bonded)
-    base = [block, *pillars] if foreign else [_unite(block, pillars)]
-    shape = _share_faces([*base, *_solids(tips), *_solids(boxes)]) if bonds else base[0]
-    return Body(shape, design.thickness_m, boxes, mirrors, bonds, tips)
+    bonds = frozenset(name for name, bonded in (("pillar", foreign), ("tip", bool(tips))) if bonded)
+    block = _block(*size_m, design.thickness_m, mirrors)
+    if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number
+        block, pillars = _one_solid(block.fuse(*pillars), "plate and pillars"), []
+    shape = _share_faces([block, *pillars, *_solids(tips)]) if bonds else block
+    return Body(shape, design.thickness_m, bonds, tips)
 
 
 def _solids(boxes: tuple[Box, ...]) -> list[Any]:
@@ -200,16 +188,12 @@ def _half(shape: Any, mirrors: str) -> Any:
         low["xy".index(letter)] = 0.0
     kept = _one_solid(shape.intersect(_box(low / MM, high / MM)), "half a pillar")
     if abs(kept.Volume() * 2 ** len(mirrors) - shape.Volume()) > SAME_VOLUME * shape.Volume() or any(
-        _one_solid(shape.intersect(shape.mirror(_normal_plane(letter))), "a mirrored pillar").Volume()
+        _one_solid(shape.intersect(shape.mirror({"x": "YZ", "y": "XZ"}[letter])), "a mirrored pillar").Volume()
         < (1.0 - SAME_VOLUME) * shape.Volume()
         for letter in mirrors
     ):
         raise GeometryError(f"the pillar is not symmetric in {' = 0 and '.join(mirrors)} = 0: it cannot be mirrored")
     return kept
-
-
-def _normal_plane(letter: str) -> str:
-    return {"x": "YZ", "y": "XZ"}[letter]
 
 
 def _pillar_shape(pillar: Pillar) -> Any:
@@ -262,11 +246,6 @@ def _box(low_m: NDArray[np.float64], high_m: NDArray[np.float64]) -> Any:
     return cq.Solid.makeBox(length, width, height, cq.Vector(*(float(c) for c in low)))
 
 
-def _unite(block: Any, pillars: list[Any]) -> Any:
-    """One boolean for all pillars: pairwise fusing grows with the square of their number."""
-    return _one_solid(block.fuse(*pillars), "plate and pillars") if pillars else block
-
-
 def _share_faces(solids: list[Any]) -> Any:
     """The solids as one compound whose contact faces are shared, none of them merged."""
     import cadquery as cq
@@ -279,7 +258,7 @@ def _share_faces(solids: list[Any]) -> Any:
     shape = cq.Shape.cast(builder.Shape())
     volume = sum(solid.Volume() for solid in solids)
     if len(shape.Solids()) != len(solids) or abs(shape.Volume() - volume) > SAME_VOLUME * volume:
-        raise GeometryError("bonded parts overlap: pillars and patches may touch the plate, not enter it or each other")
+        raise GeometryError("bonded parts overlap: pillars and tips may touch the plate, not enter it or each other")
     return shape
 
 

@@ -5,6 +5,7 @@ Lengths in mm, the CAD kernel's unit.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
@@ -60,11 +61,12 @@ class CadFace:
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Distance of each point to the trimmed face (to its triangles), shape (n,)."""
-        return closest_triangles(self._locator, points)[1]
+        nearest = self._skin.find_closest_cell(points, return_closest_point=True)[1]
+        return np.asarray(np.linalg.norm(points - nearest, axis=1))
 
     @cached_property
-    def _locator(self) -> Any:
-        return build_locator(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
+    def _skin(self) -> Any:
+        return _skin(self.corners.reshape(-1, 3), np.arange(3 * len(self.corners)).reshape(-1, 3))
 
 
 @dataclass(frozen=True)
@@ -83,17 +85,16 @@ class CadSurface:
 
     def nearest_face(self, points: FloatArray) -> IntArray:
         """Number of the face nearest to each point (n, 3)."""
-        return self.face_of[closest_triangles(self._locator, points)[0]]
+        return np.asarray(self.face_of[_skin(self.points, self.triangles).find_closest_cell(points)])
 
     def encloses(self, points: FloatArray) -> FloatArray:
         """Which points lie inside the outer surface (faces between bonded solids left out), shape (n,) bool."""
         from pyvista import PolyData
 
         outer = ~np.array([face.inner for face in self.faces])[self.face_of]
-        skin = PolyData.from_regular_faces(self.points, self.triangles[outer])
-        return np.asarray(
-            PolyData(points).select_interior_points(skin, method="signed_distance")["selected_points"], dtype=bool
-        )
+        skin = _skin(self.points, self.triangles[outer])
+        inside = PolyData(points).select_interior_points(skin, method="signed_distance")
+        return np.asarray(inside["selected_points"], dtype=bool)
 
     @cached_property
     def meetings(self) -> dict[tuple[int, int], bool]:
@@ -114,10 +115,6 @@ class CadSurface:
         first, second = (self.faces[i].project(points)[1] for i in pair)
         return bool((np.abs((first * second).sum(axis=1)) > SMOOTH).all())
 
-    @cached_property
-    def _locator(self) -> Any:
-        return build_locator(self.points, self.triangles)
-
 
 def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION) -> CadSurface:
     """Triangulate a cadquery shape to a linear deflection (mm) and an angular one (rad between facets).
@@ -130,24 +127,15 @@ def cad_surface(shape: Any, deflection: float, angle: float = ANGULAR_DEFLECTION
 
     fresh = shape.copy()
     BRepMesh_IncrementalMesh(fresh.wrapped, deflection, False, angle)
-    owners = _owners(fresh)
+    owners = Counter(face.hashCode() for solid in fresh.Solids() for face in solid.Faces())
     corners, faces = [], []
     for face in fresh.Faces():
         triangles = _face_triangles(face)
         corners.append(triangles)
-        faces.append(_cad_face(face, triangles, owners.get(face.hashCode(), 1) > 1))
+        faces.append(_cad_face(face, triangles, owners[face.hashCode()] > 1))
     if not corners:
         raise MeshError("the CAD shape has no face to mesh")
     return _joined(corners, faces)
-
-
-def _owners(shape: Any) -> dict[int, int]:
-    """How many solids use each face (by hash)."""
-    count: dict[int, int] = {}
-    for solid in shape.Solids():
-        for face in solid.Faces():
-            count[face.hashCode()] = count.get(face.hashCode(), 0) + 1
-    return count
 
 
 def _joined(corners: list[FloatArray], faces: list[CadFace]) -> CadSurface:
@@ -210,28 +198,8 @@ def _project_one(surface: Any, point: FloatArray) -> tuple[FloatArray, FloatArra
     return where, gap / max(float(np.linalg.norm(gap)), 1e-300)
 
 
-def build_locator(points: FloatArray, triangles: IntArray) -> Any:
-    """A search tree over triangles."""
+def _skin(points: FloatArray, triangles: IntArray) -> Any:
+    """Triangles to search in; they keep their search tree."""
     from pyvista import PolyData
-    from vtkmodules.vtkCommonDataModel import vtkStaticCellLocator
 
-    locator = vtkStaticCellLocator()
-    locator.SetDataSet(PolyData.from_regular_faces(points, cast(Any, triangles)))
-    locator.BuildLocator()
-    return locator
-
-
-def closest_triangles(locator: Any, points: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Index of and distance to the triangle nearest to each point."""
-    from vtkmodules.vtkCommonCore import mutable
-    from vtkmodules.vtkCommonDataModel import vtkGenericCell
-
-    cell: Any = vtkGenericCell()
-    number, part, squared = (cast(Any, mutable(start)) for start in (0, 0, 0.0))
-    where = [0.0, 0.0, 0.0]
-    nearest = np.empty(len(points), dtype=np.int64)
-    distance = np.empty(len(points))
-    for i, point in enumerate(np.ascontiguousarray(points, dtype=float)):
-        locator.FindClosestPoint(point, where, cell, number, part, squared)
-        nearest[i], distance[i] = int(number), float(squared) ** 0.5
-    return nearest, distance
+    return PolyData.from_regular_faces(points, cast(Any, triangles))

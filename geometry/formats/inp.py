@@ -8,48 +8,40 @@ What would change the modes and is not read (constraints, springs, masses, trans
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from geometry.elements import FloatArray, IntArray
+from geometry.elements import FloatArray, IntArray, Rings
 from geometry.errors import MeshFileError
-from geometry.formats.neutral import PLACES, RawMesh, family, require_file
+from geometry.formats.neutral import DIMENSION, PLACES, RawMesh, family, order_of, require_file
 
 MAX_DEPTH, MAX_BYTES = 8, 2_000_000_000  # of files in files, and of all together
 FACE = re.compile(r"S\d{1,2}")
 MAX_GENERATED = 50_000_000  # members of a set
 # Endings of element names that change integration, not nodes.
 VARIANTS = ("", "R", "H", "RH", "I", "IH", "M", "MH", "T", "RT", "HT", "MT", "MHT", "E", "S", "HS")
-SOLIDS = {4: "tetra", 5: "pyramid", 6: "wedge", 8: "hexahedron", 10: "tetra10", 13: "pyramid13", 15: "wedge15"}
-SOLIDS |= {20: "hexahedron20", 27: "hexahedron27"}
-FLAT = {3: "triangle", 4: "quad", 6: "triangle6", 8: "quad8", 9: "quad9"}
+# cell types by their number of nodes
+SOLIDS = {len(p): name for name, p in PLACES.items() if DIMENSION[name] == 3 and name not in ("wedge18", "pyramid14")}
+FLAT = {len(p): name for name, p in PLACES.items() if DIMENSION[name] == 2}
 FLAT_NAMES = ("S", "CPS", "CPE", "CAX", "M3D", "SFM3D", "STRI", "DS", "R3D", "CPEG")
 LINE_NAMES = ("B2", "B3", "T2D", "T3D", "R2D", "RB", "M3D2", "LINE", "SAX", "MAX", "FRAME", "PIPE", "ELBOW")
 # Corners of the faces S1, S2, ... of each solid.
-FACES: dict[str, tuple[tuple[int, ...], ...]] = {
+FACES: dict[str, Rings] = {
     "tetra": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "hexahedron": ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
     "wedge": ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
     "pyramid": ((0, 1, 2, 3), (0, 4, 1), (1, 4, 2), (2, 4, 3), (3, 4, 0)),
 }
-REFUSED = (
-    "NGEN",
-    "NFILL",
-    "NCOPY",
-    "NMAP",
-    "ELGEN",
-    "ELCOPY",
-    "SYSTEM",
-    "SUBSTRUCTURE",
-    "IMPORT",
-)
+REFUSED = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM", "SUBSTRUCTURE", "IMPORT")
 CHANGES_MODES = (
     "BOUNDARY", "MASS", "SPRING", "DASHPOT", "TIE", "MPC", "EQUATION", "COUPLING", "KINEMATIC", "DISTRIBUTING", "RIGID BODY",
     "ROTARY INERTIA", "CONTACT PAIR", "CONTACT", "TRANSFORM", "KINEMATIC COUPLING", "DISTRIBUTING COUPLING", "EMBEDDED ELEMENT",
 )  # fmt: skip
+T = TypeVar("T")
 POINTLIKE = ("MASS", "ROTARYI", "SPRING", "DASHPOT", "GAP", "CONN", "DCOUP", "HEATCAP")
 
 
@@ -70,15 +62,15 @@ class _Keyword:
 
     def integers(self, entries: Iterable[str]) -> list[int]:
         """Whole numbers; MeshFileError for an entry that is none."""
-        try:
-            return [int(entry) for entry in entries if entry]
-        except ValueError as fault:
-            raise MeshFileError(f"{self.where}: *{self.name}: {fault}") from fault
+        return self._read(int, (entry for entry in entries if entry))
 
     def floats(self, entries: Iterable[str]) -> list[float]:
         """Numbers, D for E allowed and nothing for 0; MeshFileError for an entry that is none."""
+        return self._read(lambda entry: float(entry.upper().replace("D", "E") or 0.0), entries)
+
+    def _read(self, number: Callable[[str], T], entries: Iterable[str]) -> list[T]:
         try:
-            return [float(entry.upper().replace("D", "E") or 0.0) for entry in entries]
+            return [number(entry) for entry in entries]
         except ValueError as fault:
             raise MeshFileError(f"{self.where}: *{self.name}: {fault}") from fault
 
@@ -89,8 +81,7 @@ class _Part:
 
     nodes: dict[int, tuple[float, float, float]] = field(default_factory=dict)
     elements: dict[int, tuple[str, tuple[int, ...]]] = field(default_factory=dict)
-    node_sets: dict[str, list[int]] = field(default_factory=dict)
-    element_sets: dict[str, list[int]] = field(default_factory=dict)
+    sets: dict[str, dict[str, list[int]]] = field(default_factory=lambda: {"NSET": {}, "ELSET": {}})
     surfaces: dict[str, list[tuple[int, int]]] = field(default_factory=dict)  # element and face, from 0
 
 
@@ -102,7 +93,6 @@ class _Reading:
     parts: dict[str, _Part] = field(default_factory=dict)
     instances: dict[str, dict[str, dict[int, int]]] = field(default_factory=dict)  # name -> numbers in the model
     part: _Part | None = None  # the open part
-    instance: str = ""
     left_out: dict[str, None] = field(default_factory=dict)
 
     @property
@@ -198,6 +188,11 @@ def _named(sets: dict[str, list], name: str) -> str:
     return next((known for known in sets if known.casefold() == name.casefold()), name)
 
 
+def _add(sets: dict[str, list[int]], name: str, members: Iterable[int]) -> None:
+    """A set that is given again is added to."""
+    sets.setdefault(_named(sets, name), []).extend(members)
+
+
 def _node(reading: _Reading, keyword: _Keyword) -> None:
     if keyword.parameters.get("SYSTEM", "R").upper() != "R":
         raise MeshFileError(f"{keyword.where}: *NODE, SYSTEM={keyword.parameters['SYSTEM']} is not read: use x, y, z")
@@ -210,7 +205,7 @@ def _node(reading: _Reading, keyword: _Keyword) -> None:
         here.nodes[number] = (x, y, z)
         numbers.append(number)
     if name := keyword.parameters.get("NSET"):
-        here.node_sets.setdefault(_named(here.node_sets, name), []).extend(numbers)
+        _add(here.sets["NSET"], name, numbers)
 
 
 def _element(reading: _Reading, keyword: _Keyword) -> None:
@@ -222,7 +217,8 @@ def _element(reading: _Reading, keyword: _Keyword) -> None:
         reading.left_out[f"*ELEMENT, TYPE={kind}"] = None
         return
     here, numbers = reading.here, []
-    width = 1 + _size(cell_type, kind, keyword)
+    size = len(PLACES[cell_type]) if cell_type != "line" else max((len(line) - 1 for line in keyword.lines), default=2)
+    width = 1 + size
     entries = keyword.integers(entry for line in keyword.lines for entry in line)
     if len(entries) % width:
         raise MeshFileError(f"{keyword.where}: *ELEMENT, TYPE={kind}: {len(entries)} numbers are no rows of {width}")
@@ -233,7 +229,7 @@ def _element(reading: _Reading, keyword: _Keyword) -> None:
         here.elements[number] = (cell_type, tuple(nodes))
         numbers.append(number)
     if name := keyword.parameters.get("ELSET"):
-        here.element_sets.setdefault(_named(here.element_sets, name), []).extend(numbers)
+        _add(here.sets["ELSET"], name, numbers)
 
 
 def _cell_type(kind: str, where: str) -> str:
@@ -254,43 +250,29 @@ def _cell_type(kind: str, where: str) -> str:
     raise MeshFileError(f"{where}: element type {kind} is not read; must be a solid such as C3D10, C3D15 or C3D20")
 
 
-def _size(cell_type: str, kind: str, keyword: _Keyword) -> int:
-    if cell_type == "line":
-        return max(len(line) - 1 for line in keyword.lines) if keyword.lines else 2
-    if cell_type == "quad8":
-        return 8
-    return len(PLACES[cell_type])
-
-
-def _set(which: str) -> Callable[[_Reading, _Keyword], None]:
-    """A handler of *NSET or *ELSET."""
-
-    def handle(reading: _Reading, keyword: _Keyword) -> None:
-        here, name = reading.here, keyword.needs(which)
-        sets = here.node_sets if which == "NSET" else here.element_sets
-        numbers = reading.instances.get(keyword.parameters.get("INSTANCE", "").casefold(), {}).get(which)
-        if keyword.parameters.get("INSTANCE") and numbers is None:
-            raise MeshFileError(f"{keyword.where}: no instance {keyword.parameters['INSTANCE']}")
-        found: list[int] = []
-        for line in keyword.lines:
-            members = (
-                _generated(keyword, line)
-                if "GENERATE" in keyword.parameters
-                else _members(keyword, line, sets, reading, which)
-            )
-            found += [_of_instance(numbers, member, keyword) for member in members] if numbers is not None else members
-        if which == "NSET" and "ELSET" in keyword.parameters:
-            inside = here.element_sets.get(_named(here.element_sets, keyword.parameters["ELSET"]), [])
-            found += [node for element in inside for node in here.elements[element][1]]
-        sets.setdefault(_named(sets, name), []).extend(found)
-
-    return handle
-
-
-def _of_instance(numbers: dict[int, int], member: int, keyword: _Keyword) -> int:
-    if member not in numbers:
-        raise MeshFileError(f"{keyword.where}: *{keyword.name}: the instance has no number {member}")
-    return numbers[member]
+def _set(reading: _Reading, keyword: _Keyword) -> None:
+    """*NSET or *ELSET."""
+    which, here = keyword.name, reading.here
+    name, instance = keyword.needs(which), keyword.parameters.get("INSTANCE", "")
+    numbers = reading.instances.get(instance.casefold(), {}).get(which)
+    if instance and numbers is None:
+        raise MeshFileError(f"{keyword.where}: no instance {instance}")
+    found: list[int] = []
+    for line in keyword.lines:
+        members = (
+            _generated(keyword, line) if "GENERATE" in keyword.parameters else _members(keyword, line, reading, which)
+        )
+        if numbers is not None:
+            strange = [member for member in members if member not in numbers]
+            if strange:
+                raise MeshFileError(f"{keyword.where}: *{which}: the instance has no number {strange[0]}")
+            members = [numbers[member] for member in members]
+        found += members
+    if which == "NSET" and "ELSET" in keyword.parameters:
+        elements = here.sets["ELSET"]
+        inside = elements.get(_named(elements, keyword.parameters["ELSET"]), [])
+        found += [node for element in inside for node in here.elements[element][1]]
+    _add(here.sets[which], name, found)
 
 
 def _generated(keyword: _Keyword, line: list[str]) -> list[int]:
@@ -302,11 +284,10 @@ def _generated(keyword: _Keyword, line: list[str]) -> list[int]:
     return list(range(first, last + 1, increment))
 
 
-def _members(
-    keyword: _Keyword, line: list[str], sets: dict[str, list[int]], reading: _Reading, which: str
-) -> list[int]:
+def _members(keyword: _Keyword, line: list[str], reading: _Reading, which: str) -> list[int]:
     """Numbers, names of sets, and numbers of an instance's own such as plate-1.12."""
     found: list[int] = []
+    sets = reading.here.sets[which]
     for entry in filter(None, line):
         if entry.lstrip("+-").isdigit():
             found.append(int(entry))
@@ -328,24 +309,21 @@ def _surface(reading: _Reading, keyword: _Keyword) -> None:
     here, name, kind = reading.here, keyword.needs("NAME"), keyword.parameters.get("TYPE", "ELEMENT").upper()
     if kind == "NODE":
         entries = [entry for line in keyword.lines for entry in line[:1]]
-        found = _members(keyword, entries, here.node_sets, reading, "NSET")
-        here.node_sets.setdefault(_named(here.node_sets, name), []).extend(found)
+        _add(here.sets["NSET"], name, _members(keyword, entries, reading, "NSET"))
         return
     if kind != "ELEMENT" or not all(len(line) > 1 and FACE.fullmatch(line[1].upper()) for line in keyword.lines):
         reading.left_out[f"*SURFACE, NAME={name}"] = None
         return
-    faces = here.surfaces.setdefault(_named(here.surfaces, name), [])  # type: ignore[arg-type]
+    faces = here.surfaces.setdefault(_named(here.surfaces, name), [])
     for entry, face, *_ in keyword.lines:
-        for element in _members(keyword, [entry], here.element_sets, reading, "ELSET"):
+        for element in _members(keyword, [entry], reading, "ELSET"):
             faces.append((element, int(face[1:]) - 1))
 
 
 def _part(reading: _Reading, keyword: _Keyword) -> None:
-    reading.part = reading.parts.setdefault(keyword.needs("NAME").casefold(), _Part())
-
-
-def _end_part(reading: _Reading, keyword: _Keyword) -> None:
-    reading.part = None
+    """*PART or *END PART."""
+    is_open = keyword.name == "PART"
+    reading.part = reading.parts.setdefault(keyword.needs("NAME").casefold(), _Part()) if is_open else None
 
 
 def _instance(reading: _Reading, keyword: _Keyword) -> None:
@@ -362,17 +340,15 @@ def _instance(reading: _Reading, keyword: _Keyword) -> None:
     for number, (cell_type, cell) in own.elements.items():
         elements[number] = 1 + max(model.elements, default=0) if number in model.elements else number
         model.elements[elements[number]] = (cell_type, tuple(nodes.get(node, -1) for node in cell))
-    for sets, inner, numbers in (
-        (model.node_sets, own.node_sets, nodes),
-        (model.element_sets, own.element_sets, elements),
-    ):
-        for label, members in inner.items():
-            sets.setdefault(_named(sets, label), []).extend(numbers[member] for member in members if member in numbers)
-            sets.setdefault(f"{name}.{label}", []).extend(numbers[member] for member in members if member in numbers)
+    reading.instances[name.casefold()] = {"NSET": nodes, "ELSET": elements}
+    for which, numbers in reading.instances[name.casefold()].items():
+        for label, members in own.sets[which].items():
+            there = [numbers[member] for member in members if member in numbers]
+            _add(model.sets[which], label, there)
+            model.sets[which].setdefault(f"{name}.{label}", []).extend(there)
     for label, faces in own.surfaces.items():
         known = model.surfaces.setdefault(label, [])
         known.extend((elements[element], face) for element, face in faces if element in elements)
-    reading.instances[name.casefold()] = {"NSET": nodes, "ELSET": elements}
 
 
 def _moved(points: FloatArray, keyword: _Keyword) -> FloatArray:
@@ -392,11 +368,11 @@ def _moved(points: FloatArray, keyword: _Keyword) -> FloatArray:
 HANDLERS: dict[str, Callable[[_Reading, _Keyword], None]] = {
     "NODE": _node,
     "ELEMENT": _element,
-    "NSET": _set("NSET"),
-    "ELSET": _set("ELSET"),
+    "NSET": _set,
+    "ELSET": _set,
     "SURFACE": _surface,
     "PART": _part,
-    "END PART": _end_part,
+    "END PART": _part,
     "INSTANCE": _instance,
 }
 
@@ -417,37 +393,42 @@ def _raw_mesh(reading: _Reading, file: str) -> RawMesh:
     for cell_type, numbers in by_type.items():
         if cell_type == "line":
             continue
-        cells = np.array(
-            [[_place(place, node, number, file) for node in model.elements[number][1]] for number in numbers]
-        )
+        cells = np.array([_found(place, model.elements[n][1], f"{file}: element {n}") for n in numbers])
         rows |= {number: (len(blocks), row) for row, number in enumerate(numbers)}
-        blocks.append((cell_type, cells[:, _vtk_order(cell_type)]))
-    cell_groups = {name: _by_block(members, rows) for name, members in model.element_sets.items()}
+        blocks.append((cell_type, cells[:, order_of(cell_type, _places(cell_type))]))
+    cell_groups = {name: _by_block(members, rows) for name, members in model.sets["ELSET"].items()}
     for name, faces in model.surfaces.items():
-        _add_faces(cell_groups.setdefault(name, {}), blocks, faces, rows, model, place, file)
-    node_groups = {name: _nodes_of(members, place, name, file) for name, members in model.node_sets.items() if members}
+        group = cell_groups.setdefault(name, {})
+        for cell_type, corners in _corners_of(faces, model, file).items():
+            group[len(blocks)] = np.arange(len(corners))
+            blocks.append((cell_type, np.array([[place[node] for node in each] for each in corners])))
+    node_groups = {
+        name: np.unique(_found(place, members, f"{file}: group {name}"))
+        for name, members in model.sets["NSET"].items()
+        if members
+    }
     node_groups |= _line_groups(model, place)
     cell_groups = {name: parts for name, parts in cell_groups.items() if parts}
     return RawMesh(points, blocks, cell_groups, node_groups, tuple(reading.left_out))
 
 
-def _place(place: dict[int, int], node: int, element: int, file: str) -> int:
-    if node not in place:
-        raise MeshFileError(f"{file}: element {element}: node {node} is not in the file")
-    return place[node]
+def _places(cell_type: str) -> Rings:
+    """Corners behind each node in the file's order, which differs from VTK's in the middles of faces alone."""
+    places = PLACES[cell_type]
+    return places if cell_type != "hexahedron27" else (*places[:20], places[26], *FACES["hexahedron"])
 
 
-def _nodes_of(members: list[int], place: dict[int, int], name: str, file: str) -> IntArray:
-    missing = [number for number in members if number not in place]
+def _found(place: dict[int, int], numbers: Sequence[int], where: str) -> list[int]:
+    missing = [number for number in numbers if number not in place]
     if missing:
-        raise MeshFileError(f"{file}: group {name}: node {missing[0]} is not in the file")
-    return np.unique([place[number] for number in members])
+        raise MeshFileError(f"{where}: node {missing[0]} is not in the file")
+    return [place[number] for number in numbers]
 
 
 def _line_groups(model: _Part, place: dict[int, int]) -> dict[str, IntArray]:
     """Nodes of the sets that hold lines alone."""
     found = {}
-    for name, members in model.element_sets.items():
+    for name, members in model.sets["ELSET"].items():
         cells = [model.elements[number] for number in members if number in model.elements]
         if cells and all(cell_type == "line" for cell_type, _ in cells):
             found[name] = np.unique([place[node] for _, nodes in cells for node in nodes if node in place])
@@ -456,44 +437,23 @@ def _line_groups(model: _Part, place: dict[int, int]) -> dict[str, IntArray]:
 
 def _by_block(members: list[int], rows: dict[int, tuple[int, int]]) -> dict[int, IntArray]:
     found: dict[int, set[int]] = {}
-    for number in members:
-        if number in rows:
-            block, row = rows[number]
-            found.setdefault(block, set()).add(row)
+    for block, row in (rows[number] for number in members if number in rows):
+        found.setdefault(block, set()).add(row)
     return {block: np.array(sorted(cells)) for block, cells in found.items()}
 
 
-def _add_faces(
-    group: dict[int, IntArray],
-    blocks: list[tuple[str, IntArray]],
-    faces: list[tuple[int, int]],
-    rows: dict[int, tuple[int, int]],
-    model: _Part,
-    place: dict[int, int],
-    file: str,
-) -> None:
-    """Faces of elements as blocks of triangles and squares of their own."""
+def _corners_of(faces: list[tuple[int, int]], model: _Part, file: str) -> dict[str, list[list[int]]]:
+    """Nodes at the corners of elements' faces, triangles and squares apart."""
     found: dict[str, list[list[int]]] = {}
     for element, face in dict.fromkeys(faces):
-        if element not in rows:
+        cell_type, nodes = model.elements.get(element, ("line", ()))
+        if cell_type == "line":
             raise MeshFileError(f"{file}: a surface names element {element}, which is not in the file")
-        cell_type, nodes = model.elements[element]
         of_kind = FACES.get(family(cell_type), ())
         if not 0 <= face < len(of_kind):
             raise MeshFileError(
                 f"{file}: a surface names face S{face + 1} of element {element}, which it does not have"
             )
-        corners = [place[nodes[corner]] for corner in of_kind[face]]
+        corners = [nodes[corner] for corner in of_kind[face]]
         found.setdefault("triangle" if len(corners) == 3 else "quad", []).append(corners)
-    for cell_type, cells in found.items():
-        group[len(blocks)] = np.arange(len(cells))
-        blocks.append((cell_type, np.array(cells)))
-
-
-def _vtk_order(cell_type: str) -> list[int]:
-    """The file's local node at each of VTK's places: they differ in the middles of faces alone."""
-    if cell_type != "hexahedron27":
-        return list(range(8 if cell_type == "quad8" else len(PLACES[cell_type])))
-    middles = [frozenset(range(8)), *(frozenset(face) for face in FACES["hexahedron"])]
-    places = PLACES[cell_type][20:]
-    return [*range(20), *(20 + middles.index(frozenset(place)) for place in places)]
+    return found

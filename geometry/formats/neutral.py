@@ -5,56 +5,75 @@ Local nodes stand in VTK's order here; `PLACES` says which corners each local no
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from geometry.elements import (
-    PYRAMID_EDGES,
-    PYRAMID_SQUARES,
-    TET_EDGES,
-    WEDGE_EDGES,
-    WEDGE_SQUARES,
-    FloatArray,
-    IntArray,
-)
+from geometry.elements import TOPOLOGY, FloatArray, IntArray, Rings, element
 from geometry.errors import MeshFileError
-from geometry.formats.vtk import CORNERS
 from geometry.mesh import Mesh
 
-Places = tuple[tuple[int, ...], ...]
+# -- cell types --------------------------------------------------------------------------------------------------------
 
-HEX_EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
-_HEX_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (3, 2, 6, 7), (0, 1, 2, 3), (4, 5, 6, 7))
-
-
-def _corners(count: int) -> Places:
-    return tuple((corner,) for corner in range(count))
-
-
-PLACES: dict[str, Places] = {
-    "triangle": _corners(3),
-    "triangle6": (*_corners(3), (0, 1), (1, 2), (2, 0)),
-    "quad": _corners(4),
-    "quad9": (*_corners(4), (0, 1), (1, 2), (2, 3), (3, 0), (0, 1, 2, 3)),
-    "tetra": _corners(4),
-    "tetra10": (*_corners(4), *map(tuple, TET_EDGES.tolist())),
-    "hexahedron": _corners(8),
-    "hexahedron20": (*_corners(8), *HEX_EDGES),
-    "hexahedron27": (*_corners(8), *HEX_EDGES, *_HEX_FACES, tuple(range(8))),
-    "wedge": _corners(6),
-    "wedge15": (*_corners(6), *WEDGE_EDGES),
-    "wedge18": (*_corners(6), *WEDGE_EDGES, *WEDGE_SQUARES),
-    "pyramid": _corners(5),
-    "pyramid13": (*_corners(5), *PYRAMID_EDGES),
-    "pyramid14": (*_corners(5), *PYRAMID_EDGES, *PYRAMID_SQUARES),
-}
-CORNER_COUNT = {"triangle": 3, "quad": 4, "tetra": 4, "hexahedron": 8, "wedge": 6, "pyramid": 5}
+# Cell types: their number in Gmsh and their name in MED; digits at the end of a name count its nodes.
+PROGRAMS = {
+    "vertex": (15, "PO1"), "line": (1, "SE2"), "line3": (8, "SE3"), "triangle": (2, "TR3"), "triangle6": (9, "TR6"),
+    "quad": (3, "QU4"), "quad8": (16, "QU8"), "quad9": (10, "QU9"), "tetra": (4, "TE4"), "tetra10": (11, "T10"),
+    "hexahedron": (5, "HE8"), "hexahedron20": (17, "H20"), "hexahedron27": (12, "H27"), "wedge": (6, "PE6"),
+    "wedge15": (18, "P15"), "wedge18": (13, "P18"), "pyramid": (7, "PY5"), "pyramid13": (19, "P13"), "pyramid14": (14, ""),
+}  # fmt: skip
+KINDS = {"tetra": "tet", "hexahedron": "hex", "wedge": "wedge", "pyramid": "pyramid"}
 VOLUME = {("tet", 1): "tetra", ("tet", 2): "tetra10", ("hex", 1): "hexahedron", ("hex", 2): "hexahedron27"}
 VOLUME |= {("wedge", 1): "wedge", ("wedge", 2): "wedge18", ("pyramid", 1): "pyramid", ("pyramid", 2): "pyramid14"}
 FACET = {("tet", 1): "triangle", ("tet", 2): "triangle6", ("hex", 1): "quad", ("hex", 2): "quad9"}
+FULL = {"hexahedron20": "hexahedron27", "wedge15": "wedge18", "pyramid13": "pyramid14"}
+
+
+def family(cell_type: str) -> str:
+    """The straight cell type with the same corners: tetra for tetra10."""
+    return cell_type.rstrip("0123456789")
+
+
+def _all_places() -> dict[str, Rings]:
+    """The corners behind every local node of each family: corners, edges, squares, inside."""
+    flat: dict[str, tuple[int, Rings]] = {"vertex": (1, ()), "line": (2, ((0, 1),))}
+    flat |= {"triangle": (3, ((0, 1), (1, 2), (2, 0))), "quad": (4, ((0, 1), (1, 2), (2, 3), (3, 0), (0, 1, 2, 3)))}
+    for name, kind in KINDS.items():
+        own = TOPOLOGY[kind]
+        inside = (tuple(range(8)),) if kind == "hex" else ()
+        flat[name] = (len(own.corners), (*own.edges, *own.squares, *inside))
+    return {name: (*((corner,) for corner in range(corners)), *more) for name, (corners, more) in flat.items()}
+
+
+_ALL = _all_places()
+CORNER_COUNT = {name: sum(len(place) == 1 for place in _ALL[family(name)]) for name in PROGRAMS}
+DIMENSION = {name: {"vertex": 0, "line": 1, "triangle": 2, "quad": 2}.get(family(name), 3) for name in PROGRAMS}
+PLACES: dict[str, Rings] = {
+    name: _ALL[family(name)][: int(name.removeprefix(family(name)) or CORNER_COUNT[name])] for name in PROGRAMS
+}
+# corners of an element turned inside out
+MIRRORED = {
+    "tetra": (0, 2, 1, 3),
+    "hexahedron": (0, 3, 2, 1, 4, 7, 6, 5),
+    "wedge": (0, 2, 1, 3, 5, 4),
+    "pyramid": (0, 3, 2, 1, 4),
+}
+
+
+def order_of(cell_type: str, places: Iterable[Iterable[int]]) -> IntArray:
+    """A program's local node at each of VTK's places, from VTK's corners that each of its nodes is the middle of."""
+    known = [frozenset(place) for place in places]
+    return np.array([known.index(frozenset(place)) for place in PLACES[cell_type]])
+
+
+def mirrored(cell_type: str, places: Rings) -> list[list[int]]:
+    """Places of an element seen in a mirror."""
+    return [[MIRRORED[family(cell_type)][corner] for corner in place] for place in places]
+
+
+# -- meshes ------------------------------------------------------------------------------------------------------------
 
 
 def require_file(file: Path) -> None:
@@ -62,11 +81,6 @@ def require_file(file: Path) -> None:
     if not file.is_file():
         what = "not a regular file" if file.exists() else "no such mesh file"
         raise MeshFileError(f"{file}: {what}")
-
-
-def family(cell_type: str) -> str:
-    """The straight cell type with the same corners: tetra for tetra10."""
-    return cell_type.rstrip("0123456789")
 
 
 @dataclass(frozen=True)
@@ -85,50 +99,35 @@ class RawMesh:
 
 def local_nodes(kind: str, order: int) -> IntArray:
     """Our local node at each of VTK's places of a volume cell of order 1 or 2."""
-    places = PLACES[VOLUME[kind, order]]
-    if kind != "hex":
-        return np.arange(len(places))
-    corners = order * np.array(CORNERS)
-    grid = np.array([corners[list(place)].mean(axis=0) for place in places])
-    return np.asarray(np.rint(grid @ (order + 1) ** np.arange(3)), dtype=np.int64)
+    corners = TOPOLOGY[kind].corners
+    return element(kind, order).nodes_at(np.array([corners[list(p)].mean(axis=0) for p in PLACES[VOLUME[kind, order]]]))
 
 
-def facet_nodes(kind: str, order: int) -> IntArray:
-    """Our local node of a named face (hexahedra: u fastest) at each of VTK's places of its facet cell."""
-    places = PLACES[FACET[kind, order]]
-    if kind == "tet":
-        return np.arange(len(places))
-    corners = order * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
-    grid = np.array([corners[list(place)].mean(axis=0) for place in places])
-    return np.asarray(np.rint(grid @ [1, order + 1]), dtype=np.int64)
+@dataclass(frozen=True)
+class Facets:
+    """Outward facets in VTK's order (m, k), the elements (m,) that they belong to and those elements' faces (m,)."""
+
+    nodes: IntArray
+    cells: IntArray
+    local: IntArray
 
 
-def outer_facets(mesh: Mesh) -> tuple[IntArray, IntArray, IntArray]:
-    """Facets that belong to one element, outward, in VTK's order (m, k); their elements (m,) and local faces (m,)."""
+def outer_facets(mesh: Mesh) -> Facets:
+    """Facets that belong to one element."""
     local = outward_faces(mesh)
     facets = mesh.cells[:, local].reshape(-1, local.shape[1])
     keys = corner_keys(facets, 3 if mesh.kind == "tet" else 4)
     _, index, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
     outer = np.sort(index[counts == 1])
-    return facets[outer], outer // len(local), outer % len(local)
+    return Facets(facets[outer], outer // len(local), outer % len(local))
 
 
 def outward_faces(mesh: Mesh) -> IntArray:
     """Local nodes of each face of an element in VTK's order, seen from outside anticlockwise."""
-    local = mesh.element.facets[0][:, facet_nodes(mesh.kind, mesh.order)]
-    at = mesh.element.points
-    a, b, c = (at[local[:, i]] for i in (0, 1, 2))
-    outward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - at.mean(axis=0)) > 0.0
-    return np.where(outward[:, None], local, local[:, _reversed(FACET[mesh.kind, mesh.order])])
-
-
-def _reversed(cell_type: str) -> IntArray:
-    """A facet run the other way round from the same first corner."""
-    places = PLACES[cell_type]
-    count = CORNER_COUNT[family(cell_type)]
-    image = [frozenset((-corner) % count for corner in place) for place in places]
-    named = [frozenset(place) for place in places]
-    return np.array([named.index(place) for place in image])
+    own = TOPOLOGY[mesh.kind]
+    rings = own.corners[np.array(own.triangles or own.squares)]
+    places = PLACES[FACET[mesh.kind, mesh.order]]
+    return mesh.element.nodes_at(np.stack([rings[:, list(place)].mean(axis=1) for place in places], axis=1))
 
 
 def corner_keys(facets: IntArray, corners: int) -> IntArray:
@@ -150,24 +149,48 @@ def rows_in(rows: IntArray, table: IntArray) -> IntArray:
 # them, so that curved bodies stay as they are; its displacements are richer, its frequencies at most those of the
 # element in the file.
 
-FULL = {"hexahedron20": "hexahedron27", "wedge15": "wedge18", "pyramid13": "pyramid14"}
-Middles = Callable[[FloatArray, IntArray, IntArray, Places, str], IntArray]
+
+OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
 
 
-def completed(raw: RawMesh, middles: Middles, file: str) -> RawMesh:
-    """The mesh with its square faces' and hexahedra's middles; `middles` puts the nodes on edges into our order.
+def placed_middles(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> IntArray:
+    """The middle nodes of cells in VTK's order.
 
-    A face that a complete element beside it names a middle of keeps that one. Raises what `middles` raises.
+    The format defines their order, which curved elements need; where a straight-edged mesh contradicts it, its writer followed
+    another convention, and each node goes to the middle that it lies at. Raises MeshFileError where neither fits.
     """
-    points = raw.points
-    keys, nodes = _named_middles(raw, middles, file)
-    blocks = list(raw.blocks)
+    count = CORNER_COUNT[cell_type]
+    corners, middles, places = cells[:, :count], cells[:, count:], PLACES[cell_type][count:]
+    middle = np.stack([points[corners[:, list(place)]].mean(axis=1) for place in places], axis=1)
+    edges = [np.linalg.norm(points[corners[:, place[0]]] - points[corners[:, place[-1]]], axis=1) for place in places]
+    size = np.ptp(points[corners], axis=1).max(axis=1)
+    allowed = OFF_MIDDLE * np.minimum(np.stack(edges, axis=1), size[:, None])
+    if not (np.linalg.norm(points[middles] - middle, axis=2) > allowed).any():
+        return middles
+    distance = np.linalg.norm(points[middles][:, :, None] - middle[:, None], axis=3)  # element, node, place
+    nearest = distance.argmin(axis=1)
+    fits = (distance.min(axis=1) <= allowed).all() and (np.sort(nearest, axis=1) == np.arange(len(places))).all()
+    if fits:
+        return np.take_along_axis(middles, nearest, axis=1)
+    far = np.flatnonzero((np.linalg.norm(points[middles] - middle, axis=2) > size[:, None]).any(axis=1))
+    if len(far):
+        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: order not understood")
+    return middles  # curved: check_mesh looks at the map itself
+
+
+def completed(raw: RawMesh, file: str) -> RawMesh:
+    """The mesh with its square faces' and hexahedra's middles.
+
+    A face that a complete element beside it names a middle of keeps that one. MeshFileError as `placed_middles`.
+    """
+    if not any(kind in FULL and len(block) for kind, block in raw.blocks):
+        return raw
+    points, blocks = raw.points, list(raw.blocks)
+    keys, nodes = _named_middles(raw, file)
     for index, (kind, block) in enumerate(raw.blocks):
         if kind not in FULL or not len(block):
             continue
-        count = CORNER_COUNT[family(kind)]
-        corners = block[:, :count]
-        edges = middles(points, corners, block[:, count:], PLACES[kind][count:], file)
+        corners, edges = block[:, : CORNER_COUNT[kind]], placed_middles(points, block, kind, file)
         own = corner_keys(corners[:, np.array(_squares(kind))].reshape(-1, 4), 4)
         places = np.stack([_face_middle(points, corners, edges, kind, face) for face in _squares(kind)], axis=1)
         keys, first = np.unique(np.vstack([keys, own]), axis=0, return_index=True)
@@ -181,32 +204,27 @@ def completed(raw: RawMesh, middles: Middles, file: str) -> RawMesh:
             full.append(len(points) + np.arange(len(block))[:, None])
             points = np.vstack([points, (points[edges].sum(axis=1) - points[corners].sum(axis=1)) / 4.0])
         blocks[index] = (FULL[kind], np.hstack(full))
-    groups = {name: _with_middles(members, keys, nodes, len(raw.points)) for name, members in raw.node_groups.items()}
+    added = nodes >= len(raw.points)  # they join a group that holds the corners of their face
+    groups = {
+        name: np.union1d(members, nodes[np.isin(keys, members).all(axis=1) & added])
+        for name, members in raw.node_groups.items()
+    }
     return replace(raw, points=points, blocks=blocks, node_groups=groups)
 
 
-def _with_middles(members: IntArray, keys: IntArray, nodes: IntArray, given: int) -> IntArray:
-    """A group of nodes with the added middles of the faces whose corners it holds."""
-    inside = np.isin(keys, members).all(axis=1) & (nodes >= given) if len(keys) else np.zeros(0, dtype=bool)
-    return np.union1d(members, nodes[inside])
-
-
-def _squares(kind: str) -> Places:
+def _squares(kind: str) -> Rings:
     """Corners of the square faces that a cell without their middles has, in the order of their middles."""
     return tuple(place for place in PLACES[FULL[kind]][len(PLACES[kind]) :] if len(place) == 4)
 
 
-def _named_middles(raw: RawMesh, middles: Middles, file: str) -> tuple[IntArray, IntArray]:
+def _named_middles(raw: RawMesh, file: str) -> tuple[IntArray, IntArray]:
     """Sorted corners (m, 4) and middles (m,) of the square faces that elements name, where others do not."""
-    if not any(kind in FULL and len(block) for kind, block in raw.blocks):
-        return np.empty((0, 4), dtype=np.int64), np.empty(0, dtype=np.int64)
     keys, nodes = [np.empty((0, 4), dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for kind, block in raw.blocks:
         if kind not in FULL.values() or not len(block):
             continue
-        count = CORNER_COUNT[family(kind)]
-        placed = middles(raw.points, block[:, :count], block[:, count:], PLACES[kind][count:], file)
-        for column, place in enumerate(PLACES[kind][count:]):
+        placed = placed_middles(raw.points, block, kind, file)
+        for column, place in enumerate(PLACES[kind][CORNER_COUNT[kind] :]):
             if len(place) == 4:
                 keys.append(corner_keys(block[:, list(place)], 4))
                 nodes.append(placed[:, column])
@@ -218,5 +236,5 @@ def _face_middle(
     points: FloatArray, corners: IntArray, edges: IntArray, kind: str, face: tuple[int, ...]
 ) -> FloatArray:
     """Where the map without it puts the middle of a square face: half its edges' middles less a quarter of its corners."""
-    around = [i for i, edge in enumerate(PLACES[kind][CORNER_COUNT[family(kind)] :]) if set(edge) <= set(face)]
+    around = [i for i, edge in enumerate(PLACES[kind][CORNER_COUNT[kind] :]) if set(edge) <= set(face)]
     return np.asarray(points[edges[:, around]].sum(axis=1) / 2.0 - points[corners[:, list(face)]].sum(axis=1) / 4.0)

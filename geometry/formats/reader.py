@@ -16,14 +16,16 @@ from geometry.formats.med import read_med
 from geometry.formats.msh import read_msh
 from geometry.formats.neutral import (
     CORNER_COUNT,
+    DIMENSION,
     FULL,
     PLACES,
     VOLUME,
-    Places,
     RawMesh,
     completed,
-    family,
     local_nodes,
+    mirrored,
+    order_of,
+    placed_middles,
     require_file,
     rows_in,
 )
@@ -33,20 +35,12 @@ UNITS = {"m": 1.0, "mm": 1e-3}
 SUFFIXES = (".med", ".msh", ".inp")
 SURFACES = (".stl", ".obj", ".ply")
 OWN = ("plate", "pillar", "tip")  # groups with a material of their own; what is in none of them is plate
-IGNORED = ("vertex", "line")  # cells without a face or a volume: they only carry names
 KINDS = {cell_type: key for key, cell_type in VOLUME.items()}
 READABLE = (*KINDS, *FULL)
-# corners of an element turned inside out, and the four whose edges from the first span it
-MIRRORED = {
-    "tet": [0, 2, 1, 3],
-    "hex": [0, 3, 2, 1, 4, 7, 6, 5],
-    "wedge": [0, 2, 1, 3, 5, 4],
-    "pyramid": [0, 3, 2, 1, 4],
-}
+# the four corners whose edges from the first span an element
 SPANNING = {"tet": (0, 1, 2, 3), "hex": (0, 1, 3, 4), "wedge": (0, 1, 2, 3), "pyramid": (0, 1, 3, 4)}
 FARTHEST = 1e6  # of a coordinate in the file's unit: a kilometre in millimetres
 COINCIDENT = 1e-6  # of the mesh's length: nodes of two bodies this close were meant to be one
-OFF_MIDDLE = 0.3  # of an edge: a node farther from its place than this is not the node we think it is
 
 
 @dataclass(frozen=True)
@@ -65,11 +59,6 @@ class MeshFile:
     coincident: int
     unused: int
     left_out: tuple[str, ...]
-
-
-def load(file: str, unit: str = "m") -> AnyMesh:
-    """The mesh of a file in our order, m. MeshFileError for what cannot serve."""
-    return read_mesh(file, unit).mesh
 
 
 def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
@@ -100,13 +89,7 @@ def read_mesh(file: str, unit: str = "m", merge: float = 0.0) -> MeshFile:
 
 def _merged(raw: RawMesh, tolerance: float) -> RawMesh:
     """Nodes within a tolerance of each other become the first of them."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(raw.points).query_pairs(tolerance, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(raw.points),) * 2)
-    _, label = connected_components(graph, directed=False)
+    _, label = _components(_near(raw.points, tolerance), len(raw.points))
     first = np.unique(label, return_index=True)[1][label]
     groups = {name: np.unique(first[nodes]) for name, nodes in raw.node_groups.items()}
     return replace(raw, blocks=[(kind, first[block]) for kind, block in raw.blocks], node_groups=groups)
@@ -114,30 +97,42 @@ def _merged(raw: RawMesh, tolerance: float) -> RawMesh:
 
 def _bodies(mesh: AnyMesh) -> tuple[int, int]:
     """How many bodies share no node, and how many nodes lie where one of another body does."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
-    pairs = np.vstack(
-        [np.stack(np.broadcast_arrays(block.cells[:, :1], block.cells), -1).reshape(-1, 2) for block in mesh.blocks]
-    )
-    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(mesh.nodes),) * 2)
-    parts, label = connected_components(graph, directed=False)
+    pairs = [np.stack(np.broadcast_arrays(block.cells[:, :1], block.cells), -1).reshape(-1, 2) for block in mesh.blocks]
+    parts, label = _components(np.vstack(pairs), len(mesh.nodes))
     if parts == 1:
         return 1, 0
-    tolerance = COINCIDENT * float(np.ptp(mesh.nodes, axis=0).max())
-    near = cKDTree(mesh.nodes).query_pairs(tolerance, output_type="ndarray")
-    return int(parts), len(np.unique(near[label[near[:, 0]] != label[near[:, 1]]]))
+    near = _near(mesh.nodes, COINCIDENT * float(np.ptp(mesh.nodes, axis=0).max()))
+    return parts, len(np.unique(near[label[near[:, 0]] != label[near[:, 1]]]))
+
+
+def _near(points: FloatArray, tolerance: float) -> IntArray:
+    """Pairs (k, 2) of points within a tolerance of each other."""
+    from scipy.spatial import cKDTree
+
+    return np.asarray(cKDTree(points).query_pairs(tolerance, output_type="ndarray"))
+
+
+def _components(pairs: IntArray, count: int) -> tuple[int, IntArray]:
+    """How many groups `count` nodes fall into that pairs (k, 2) connect, and the group of each."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    parts, label = connected_components(graph, directed=False)
+    return int(parts), label
 
 
 def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
-    kinds = {cell_type: _dimension(cell_type, file) for cell_type, block in raw.blocks if len(block)}
-    raw = completed(raw, _middles, file)
-    types = _volume_types(raw, kinds, file)
+    given = _volume_types(raw, file)
+    raw = completed(raw, file)
+    types = sorted({FULL.get(cell_type, cell_type) for cell_type in given})
+    if len({KINDS[cell_type][1] for cell_type in types}) > 1:
+        named = " and ".join(given)
+        raise MeshFileError(f"{file}: holds {named}: elements with and without middle nodes do not fit together")
     chosen = {name: [i for i, (cell_type, _) in enumerate(raw.blocks) if cell_type == name] for name in types}
     cells = {name: np.vstack([raw.blocks[i][1] for i in chosen[name] if len(raw.blocks[i][1])]) for name in types}
     for name, block in cells.items():
-        _refuse_twins(block[:, : CORNER_COUNT[family(name)]], file)
+        _refuse_twins(block[:, : CORNER_COUNT[name]], file)
     used = np.unique(np.concatenate([block.ravel() for block in cells.values()]))
     points = UNITS[unit] * raw.points[used]
     number = np.full(len(raw.points), -1)
@@ -155,20 +150,16 @@ def _mesh(raw: RawMesh, file: str, unit: str) -> AnyMesh:
     return replace(mesh, faces={name: parts[0] for name, parts in faces.items()})
 
 
-def _volume_types(raw: RawMesh, kinds: dict[str, int], file: str) -> list[str]:
-    """The cell types of the volume elements. MeshFileError when there are none, or linear ones beside quadratic ones."""
-    types = sorted({cell_type for cell_type, block in raw.blocks if len(block) and cell_type in KINDS})
-    if not types:
+def _volume_types(raw: RawMesh, file: str) -> list[str]:
+    """The cell types of the volume elements. MeshFileError when there are none, or some that are not read."""
+    given = list(dict.fromkeys(kind for kind, block in raw.blocks if len(block) and DIMENSION.get(kind, 3) == 3))
+    for cell_type in given:
+        if cell_type not in READABLE:
+            allowed = ", ".join(READABLE)
+            raise MeshFileError(f"{file}: element type {cell_type} is not supported; must be one of {allowed}")
+    if not given:
         raise MeshFileError(f"{file}: holds no volume elements; must hold some of {', '.join(READABLE)}")
-    if len({KINDS[cell_type][1] for cell_type in types}) > 1:
-        named = " and ".join(cell_type for cell_type, dimension in kinds.items() if dimension == 3)
-        raise MeshFileError(f"{file}: holds {named}: elements with and without middle nodes do not fit together")
-    return types
-
-
-def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Mesh:
-    kind, order = KINDS[cell_type]
-    return Mesh(points, _ordered(points, cells, kind, order, file), kind, order)
+    return given
 
 
 def _check_raw(raw: RawMesh, file: str) -> None:
@@ -206,17 +197,6 @@ def _refuse_twins(corners: IntArray, file: str) -> None:
         raise MeshFileError(f"{file}: {int((count - 1).sum())} element(s) given twice, the first on the nodes {text}")
 
 
-def _dimension(cell_type: str, file: str) -> int:
-    name = family(cell_type)
-    if name in IGNORED:
-        return 1
-    if name in ("triangle", "quad"):
-        return 2
-    if cell_type not in READABLE:
-        raise MeshFileError(f"{file}: element type {cell_type} is not supported; must be one of {', '.join(READABLE)}")
-    return 3
-
-
 def _read(file: Path) -> RawMesh:
     require_file(file)
     suffix = file.suffix.lower()
@@ -242,50 +222,16 @@ def _surface(file: Path) -> str:
     )
 
 
-def _ordered(points: FloatArray, cells: IntArray, kind: str, order: int, file: str) -> IntArray:
-    """Local nodes in our order: inside-out elements turned, middle nodes placed."""
-    corner_count = CORNER_COUNT[family(VOLUME[kind, order])]
-    corners = cells[:, :corner_count].copy()
-    a, b, c, d = (points[corners[:, i]] for i in SPANNING[kind])
+def _block(points: FloatArray, cells: IntArray, cell_type: str, file: str) -> Mesh:
+    """Elements of one type with local nodes in our order: inside-out elements turned, middle nodes placed."""
+    (kind, order), count = KINDS[cell_type], CORNER_COUNT[cell_type]
+    a, b, c, d = (points[cells[:, i]] for i in SPANNING[kind])
     inside_out = np.einsum("ei,ei->e", np.cross(b - a, c - a), d - a) < 0.0
-    vtk = cells
-    if order == 2:
-        places = PLACES[VOLUME[kind, order]][corner_count:]
-        vtk = np.hstack([corners, _middles(points, corners, cells[:, corner_count:], places, file)])
-    vtk = vtk.copy()
-    vtk[inside_out] = vtk[inside_out][:, _mirrored(kind, order)]
+    vtk = cells if order == 1 else np.hstack([cells[:, :count], placed_middles(points, cells, cell_type, file)])
+    turned = vtk[:, order_of(cell_type, mirrored(cell_type, PLACES[cell_type]))]
     ours = np.empty_like(vtk)
-    ours[:, local_nodes(kind, order)] = vtk
-    return ours
-
-
-def _mirrored(kind: str, order: int) -> list[int]:
-    """The local node at each place of an element that is turned inside out."""
-    places = [frozenset(place) for place in PLACES[VOLUME[kind, order]]]
-    return [places.index(frozenset(MIRRORED[kind][corner] for corner in place)) for place in places]
-
-
-def _middles(points: FloatArray, corners: IntArray, middles: IntArray, places: Places, file: str) -> IntArray:
-    """Middle nodes in the order of `places`.
-
-    The format defines their order, which curved elements need; where a straight-edged mesh contradicts it, its writer followed
-    another convention, and each node goes to the middle that it lies at. Raises MeshFileError where neither fits.
-    """
-    middle = np.stack([points[corners[:, list(place)]].mean(axis=1) for place in places], axis=1)
-    edges = [np.linalg.norm(points[corners[:, place[0]]] - points[corners[:, place[-1]]], axis=1) for place in places]
-    size = np.ptp(points[corners], axis=1).max(axis=1)
-    allowed = OFF_MIDDLE * np.minimum(np.stack(edges, axis=1), size[:, None])
-    if not (np.linalg.norm(points[middles] - middle, axis=2) > allowed).any():
-        return middles
-    distance = np.linalg.norm(points[middles][:, :, None] - middle[:, None], axis=3)  # element, node, place
-    nearest = distance.argmin(axis=1)
-    fits = (distance.min(axis=1) <= allowed).all() and (np.sort(nearest, axis=1) == np.arange(len(places))).all()
-    if fits:
-        return np.take_along_axis(middles, nearest, axis=1)
-    far = np.flatnonzero((np.linalg.norm(points[middles] - middle, axis=2) > size[:, None]).any(axis=1))
-    if len(far):
-        raise MeshFileError(f"{file}: element {far[0]}: a middle node lies outside the element: order not understood")
-    return middles  # curved: check_mesh looks at the map itself
+    ours[:, local_nodes(kind, order)] = np.where(inside_out[:, None], turned, vtk)
+    return Mesh(points, ours, kind, order)
 
 
 def _regions(raw: RawMesh, volumes: list[int]) -> dict[str, IntArray]:
@@ -327,8 +273,8 @@ def _faces(raw: RawMesh, blocks: Sequence[Mesh], number: IntArray, file: str) ->
 
 def _corners_of(raw: RawMesh, block: int) -> int:
     """Corners of a block's facets, 0 where its cells are none."""
-    name = family(raw.blocks[block][0])
-    return CORNER_COUNT[name] if name in ("triangle", "quad") else 0
+    name = raw.blocks[block][0]
+    return CORNER_COUNT[name] if DIMENSION.get(name) == 2 else 0
 
 
 def _facets_by_corners(blocks: Sequence[Mesh]) -> dict[int, tuple[IntArray, IntArray]]:

@@ -15,9 +15,6 @@ from geometry.mesh import Mesh
 # Meshes and their fields as VTU, for ParaView and other readers.
 
 SPACED = 2  # up to this order Gauss-Lobatto nodes are equally spaced, as VTK's Lagrange cells assume
-CORNERS = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))
-EDGES = ((0, 1), (1, 2), (3, 2), (0, 3), (4, 5), (5, 6), (7, 6), (4, 7), (0, 4), (1, 5), (3, 7), (2, 6))
-FACES = ((0, 3, 4), (1, 2, 5), (0, 1, 4), (3, 2, 7), (0, 1, 3), (4, 5, 7))  # origin, end of u, end of v
 
 
 def write_vtu(mesh: Mesh, path: str | os.PathLike[str], point_data: Mapping[str, FloatArray] | None = None) -> None:
@@ -73,19 +70,13 @@ def vtk_hexahedron_nodes(order: int) -> IntArray:
     The last two edges stand as in VTU files of version 0.1 and 1.0, the only ones meshio writes: VTK's reader exchanges
     them, so that memory holds its present numbering.
     """
-    corners = np.array(CORNERS) * order
-    inner = np.arange(1, order)
-    places = [corners]
-    for a, b in EDGES:
-        places.append(corners[a] + inner[:, None] * (corners[b] - corners[a]) // order)
-    for origin, u, v in FACES:
-        along_u, along_v = (corners[u] - corners[origin]) // order, (corners[v] - corners[origin]) // order
-        places.append(
-            (corners[origin] + inner[None, :, None] * along_u + inner[:, None, None] * along_v).reshape(-1, 3)
-        )
-    k, j, i = np.meshgrid(inner, inner, inner, indexing="ij")
-    places.append(np.column_stack([i.ravel(), j.ravel(), k.ravel()]))
-    return np.asarray(np.concatenate(places) @ np.array([1, order + 1, (order + 1) ** 2]))
+    from vtkmodules.vtkCommonDataModel import vtkHigherOrderHexahedron
+
+    orders, inner = (order,) * 3, order - 1
+    places = [vtkHigherOrderHexahedron.PointIndexFromIJK(i, j, k, orders) for k, j, i in np.ndindex((order + 1,) * 3)]
+    nodes, last = np.argsort(places), 8 + 10 * inner
+    nodes[last : last + 2 * inner] = np.roll(nodes[last : last + 2 * inner], inner)
+    return nodes
 
 
 # -- VTKHDF ------------------------------------------------------------------------------------------------------------

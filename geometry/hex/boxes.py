@@ -5,27 +5,27 @@ A scene is a tensor grid and a mask: which boxes are solid, and to which region 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from functools import wraps
+from typing import TYPE_CHECKING, ParamSpec
 
 import numpy as np
 
-from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto
+from geometry.elements import BoolArray, FloatArray, IntArray, gauss_lobatto, lagrange
 from geometry.errors import MeshError
 from geometry.hex.scenes import (
-    HexSettings,
     Scene,
     bonded_scene,
     cell_scene,
     grid_lines,
     panel_scene,
+    part_scene,
     pillar_scene,
     plate_scene,
     zone_scene,
 )
-from geometry.layout import Design, Pillar, Stand
 from geometry.mesh import Mesh
-from geometry.tiling import Panel
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -107,43 +107,6 @@ def _outer_faces(mesh: Mesh, boxes: Boxes, solid: IntArray) -> dict[str, IntArra
 # -- boxes of scenes ---------------------------------------------------------------------------------------------------
 
 
-def zone_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
-    """The boxes of `zone_scene`."""
-    return boxes_of(zone_scene(design, settings, quarter))
-
-
-def pillar_boxes(pillar: Pillar, settings: HexSettings, quarter: bool = True) -> Boxes:
-    """The boxes of `pillar_scene`."""
-    return boxes_of(pillar_scene(pillar, settings, quarter))
-
-
-def panel_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> Boxes:
-    """The boxes of `panel_scene`."""
-    return boxes_of(panel_scene(panel, thickness_m, pillar, settings))
-
-
-def bonded_boxes(
-    span_m: FloatArray,
-    thickness_m: float,
-    stands: tuple[Stand, ...],
-    box_m: FloatArray,
-    back: bool,
-    settings: HexSettings,
-) -> Boxes:
-    """The boxes of `bonded_scene`."""
-    return boxes_of(bonded_scene(span_m, thickness_m, stands, box_m, back, settings))
-
-
-def cell_boxes(design: Design, settings: HexSettings, quarter: bool = False) -> Boxes:
-    """The boxes of `cell_scene`."""
-    return boxes_of(cell_scene(design, settings, quarter))
-
-
-def plate_boxes(design: Design, settings: HexSettings, quarter: bool = True) -> Boxes:
-    """The boxes of `plate_scene`."""
-    return boxes_of(plate_scene(design, settings, quarter))
-
-
 def boxes_of(scene: Scene) -> Boxes:
     """The tensor grid of a scene and what is solid in it."""
     lines_x, lines_y = grid_lines(scene.x, scene.across), grid_lines(scene.y, scene.across)
@@ -162,6 +125,24 @@ def boxes_of(scene: Scene) -> Boxes:
         z = np.concatenate([max(scene.z) - z[:layers:-1], z])
         region = np.concatenate([region[:, :, : layers - 1 : -1], region], axis=2)
     return Boxes(lines_x, lines_y, z, region, (scene.name, *REGIONS[1:]))
+
+
+P = ParamSpec("P")
+
+
+def _boxes(scene: Callable[P, Scene]) -> Callable[P, Boxes]:
+    """What makes the boxes of a scene from what makes the scene."""
+
+    @wraps(scene)
+    def boxes(*args: P.args, **kwargs: P.kwargs) -> Boxes:
+        return boxes_of(scene(*args, **kwargs))
+
+    return boxes
+
+
+zone_boxes, pillar_boxes, plate_boxes = _boxes(zone_scene), _boxes(pillar_scene), _boxes(plate_scene)
+part_boxes, cell_boxes = _boxes(part_scene), _boxes(cell_scene)
+panel_boxes, bonded_boxes = _boxes(panel_scene), _boxes(bonded_scene)
 
 
 def _inside(
@@ -224,12 +205,5 @@ def _along_a_line(
     local = (points - coarse[element]) / np.diff(coarse)[element]
     if local.min() < -SAME or local.max() > 1.0 + SAME:
         raise MeshError("a mesh is not nested in the coarser one: it reaches beyond it")
-    others = [np.delete(inner, i) for i in range(order + 1)]
-    weights = np.stack(
-        [
-            np.prod((local[:, None] - other_nodes) / (inner[i] - other_nodes), axis=1)
-            for i, other_nodes in enumerate(others)
-        ],
-        axis=1,
-    )
+    weights, _ = lagrange(inner, local)
     return order * element[:, None] + np.arange(order + 1), weights, order * (len(coarse) - 1) + 1

@@ -32,6 +32,7 @@ NOTCH = 0.42  # of the radius: where the middle's corner lies along x and y
 SAME = 1.2345e-9  # of the largest coordinate: one place
 
 Map = Callable[[FloatArray, FloatArray], FloatArray]
+Rim = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -90,18 +91,10 @@ def disc(radius: float, block: tuple[float, float], lines: PlanLines) -> Iterato
     def around(u: FloatArray, v: FloatArray) -> FloatArray:
         return _between(middle(np.ones_like(v), v), arc(v), u)
 
-    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(arc(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
-
-    def above(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(arc(u)[:, ::-1], np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
-
     yield Patch(turn, turn, middle, _filled(turn, turn, 1.0))
     yield Patch(lines.inner, turn, around, _filled(lines.inner, turn, 1.0))
     yield Patch(turn, lines.inner, _exchanged(around), _filled(turn, lines.inner, 1.0))
-    yield Patch(lines.fill, turn, beyond, _filled(lines.fill, turn))
-    yield Patch(turn, lines.fill, above, _filled(turn, lines.fill))
-    yield from beside(block[0] * turn, block[1] * turn, lines.beside)
+    yield from _filling(arc, lambda u: arc(u)[:, ::-1], block, turn, lines)
 
 
 def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterator[Patch]:
@@ -111,18 +104,25 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
     def quarter(u: FloatArray, v: FloatArray) -> FloatArray:
         return np.column_stack([corner * u * (1.0 - v / 2.0), flat * v])
 
+    yield Patch(inner, inner, quarter, _filled(inner, inner, 1.0))
+    right, upper = (lambda v: quarter(np.ones_like(v), v)), (lambda u: quarter(u, np.ones_like(u)))
+    yield from _filling(right, upper, block, inner, lines)
+
+
+def _filling(
+    right: Rim, upper: Rim, block: tuple[float, float], under: FloatArray, lines: PlanLines
+) -> Iterator[Patch]:
+    """What fills the block beyond the right and the upper part of a foot's rim, and the plate beside it."""
+
     def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
-        rim = quarter(np.ones_like(v), v)
-        return _between(rim, np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
+        return _between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
 
     def above(u: FloatArray, v: FloatArray) -> FloatArray:
-        rim = quarter(u, np.ones_like(u))
-        return _between(rim, np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
+        return _between(upper(u), np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
 
-    yield Patch(inner, inner, quarter, _filled(inner, inner, 1.0))
-    yield Patch(lines.fill, inner, beyond, _filled(lines.fill, inner))
-    yield Patch(inner, lines.fill, above, _filled(inner, lines.fill))
-    yield from beside(block[0] * inner, block[1] * inner, lines.beside)
+    yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
+    yield Patch(under, lines.fill, above, _filled(under, lines.fill))
+    yield from beside(block[0] * under, block[1] * under, lines.beside)
 
 
 def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
@@ -207,10 +207,7 @@ def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
 
 def _check_joints(mesh: Mesh, thickness: float) -> None:
     """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
-    (local,) = mesh.element.facets
-    facets = np.sort(np.concatenate([mesh.cells[:, face] for face in local]), axis=1)
-    _, index, counts = np.unique(facets, axis=0, return_index=True, return_counts=True)
-    alone = facets[index[counts == 1]]
+    alone = np.sort(_alone(mesh), axis=1)
     z = mesh.nodes[alone, 2] / thickness
     above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
     named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
@@ -221,10 +218,7 @@ def _check_joints(mesh: Mesh, thickness: float) -> None:
 
 def _outer(mesh: Mesh) -> dict[str, IntArray]:
     """The facets in the planes that bound the mesh, by name."""
-    (local,) = mesh.element.facets
-    facets = np.concatenate([mesh.cells[:, face] for face in local])
-    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    facets = facets[np.sort(index[counts == 1])]  # of one element alone: what a pillar below hangs from is no face
+    facets = _alone(mesh)  # what a pillar below hangs from is no face
     low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     low[2] = 0.0
     near = 1e-9 * (high - low)
@@ -233,6 +227,14 @@ def _outer(mesh: Mesh) -> dict[str, IntArray]:
         name: (np.abs(mesh.nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names
     }
     return {name: facets[on] for name, on in flat.items()}
+
+
+def _alone(mesh: Mesh) -> IntArray:
+    """The facets of one element alone."""
+    (local,) = mesh.element.facets
+    facets = np.concatenate([mesh.cells[:, face] for face in local])
+    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    return facets[np.sort(index[counts == 1])]
 
 
 def _filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
@@ -273,8 +275,11 @@ def panel_mesh(panel: Panel, thickness_m: float, pillar: Pillar | None, settings
     if not (own.takes_hexahedra and has_room(panel, own)):
         raise MeshError(f"hexahedra cannot follow a {own.shape} pillar in a panel of this size")
     if own.form.plan == "rectangle":
-        return _frustum(panel, thickness_m, own, settings)
-    return _about_a_foot(panel, thickness_m, own, settings)
+        prism = _of_boxes(replace(panel, pillar=square_of(own)), thickness_m, None, settings)
+        frustum = leaning(prism.mesh, foot_from_middle(panel), thickness_m, own.height_m, own.form.taper)
+        return replace(prism, mesh=frustum)
+    z = lines_along_z(thickness_m, own, settings)
+    return joined(foot_patches(panel, own, settings), z, thickness_m, settings.order)
 
 
 def transfer(coarse: PatchedMesh, fine: PatchedMesh) -> csr_array:
@@ -313,19 +318,6 @@ def _of_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings:
     boxes = panel_boxes(panel, thickness_m, pillar, settings)
     mesh = hex_mesh(boxes, settings.order)
     return PatchedMesh(mesh, (boxes,), (np.arange(len(mesh.nodes)),))
-
-
-def _frustum(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
-    """The panel of the square prism, whose nodes above the plate move towards the axis or away from it."""
-    alike = replace(panel, pillar=square_of(pillar))
-    prism = _of_boxes(alike, thickness_m, None, settings)
-    mesh = leaning(prism.mesh, foot_from_middle(panel), thickness_m, pillar.height_m, pillar.form.taper)
-    return replace(prism, mesh=mesh)
-
-
-def _about_a_foot(panel: Panel, thickness_m: float, pillar: Pillar, settings: HexSettings) -> PatchedMesh:
-    z = lines_along_z(thickness_m, pillar, settings)
-    return joined(foot_patches(panel, pillar, settings), z, thickness_m, settings.order)
 
 
 def foot_patches(

@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar, Stand
-from geometry.tiling import Panel
+from geometry.tiling import Panel, lattice_panel
 
 # -- lines -------------------------------------------------------------------------------------------------------------
 # Lines of a tensor-product grid: breakpoints, element sizes, and geometric grading towards singular edges.
@@ -225,9 +225,7 @@ def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> 
     """
     if design.stagger:
         return _staggered_scene(design, settings)
-    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
-    foot = (0.0, 0.0) if design.pillar else None
-    panel = Panel((-half_x, -half_y), (half_x, half_y), foot, (0, 1) if quarter else ())
+    panel = replace(lattice_panel(design), halved=(0, 1) if quarter else ())
     return panel_scene(panel, design.thickness_m, design.pillar, settings)
 
 
@@ -251,6 +249,14 @@ def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> 
     if quarter:
         stands = tuple(Stand(each.pillar, each.centres[(each.centres > -reach).all(axis=1)]) for each in stands)
     return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
+
+
+def part_scene(design: Design, part: str, settings: HexSettings, quarter: bool = True) -> Scene:
+    """The zone, the lone pillar or the plate."""
+    if part == "pillar":
+        assert design.pillar
+        return pillar_scene(design.pillar, settings, quarter)
+    return (zone_scene if part == "zone" else plate_scene)(design, settings, quarter)
 
 
 def _span(half: float, singular: bool, quarter: bool) -> dict[float, bool]:
@@ -316,7 +322,6 @@ def _foot(pillar: Pillar) -> FloatArray:
 
 
 # -- counts ------------------------------------------------------------------------------------------------------------
-# Sizes of a mesh of boxes, told from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
 # Exact sizes of a mesh from its breakpoints: nothing is meshed, and a mesh too large to make is counted too.
 
 

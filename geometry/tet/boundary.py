@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
-from geometry.cad.solids import Body, Box
+from geometry.cad.solids import Body
 from geometry.cad.surface import CadFace, CadSurface
 from geometry.elements import TET_EDGES, TET_FACES, BoolArray, FloatArray, IntArray
 from geometry.errors import MeshError
@@ -244,9 +243,8 @@ def _projected(vertices: FloatArray, edges: IntArray, boundary: Boundary, surfac
     """Edge middles, those of edges on curved faces moved onto them."""
     middles = vertices[edges].mean(axis=1)
     outer, faces_at = boundary.edge_faces()
-    order = np.lexsort(edges.T[::-1])
-    code = edges[order] @ np.array([len(vertices), 1])
-    place = order[np.searchsorted(code, outer @ np.array([len(vertices), 1]))]
+    both = np.array([len(vertices), 1])
+    place = np.searchsorted(edges @ both, outer @ both)  # edges stand in ascending order
     for index, faces in zip(place, faces_at, strict=True):
         if not all(surface.faces[i].flat for i in faces):
             middles[index] = onto_faces(middles[index : index + 1], faces, surface)[0]
@@ -268,39 +266,22 @@ def _bent_too_far(nodes: FloatArray, full: IntArray, candidates: FloatArray) -> 
 
 MM = 1e3
 SAME_PLANE_MM = 1e-6
-Plane = tuple[int, float]
 
 
-def named_faces(
-    mesh: Mesh, body: Body, boundary: Boundary, surface: CadSurface, extra: Mapping[str, Plane]
-) -> dict[str, IntArray]:
-    """Face nodes (m, 3 or 6) by name: sides of the box, touch, back, foot, top, both faces of each patch, and `extra`.
-
-    `back` ends where pillars and patches stand; `touch` goes on under patches, not where pillars hang. A face between bonded
-    parts is listed once, outward of the plate.
-    """
+def named_faces(mesh: Mesh, body: Body, boundary: Boundary, surface: CadSurface) -> dict[str, IntArray]:
+    """Face nodes (m, 6) by name: sides of the box, touch, back, foot, top. `back` and `touch` end where pillars stand."""
     nodes = mesh.cells[boundary.cell[:, None], mesh.element.facets[0][boundary.local]]
-    planes = _planes(body, surface) | {name: (axis, MM * at) for name, (axis, at) in extra.items()}
-    centres = mesh.nodes[nodes[:, :3]].mean(axis=1)
-    faces, over = {}, [_over(box, centres) for box in body.patches]
-    seen = {"back": ~boundary.inner, "touch": ~boundary.inner | np.any(over, axis=0)}
-    for name, plane in planes.items():
-        on = _on(plane, boundary, surface) & seen.get(name, True)
+    faces = {}
+    for name, (axis, position) in _planes(body, surface).items():
+        flat = [face.axis == axis and abs(face.position - position) < SAME_PLANE_MM for face in surface.faces]
+        on = np.array(flat)[boundary.face_of] & ~(boundary.inner & (name in ("back", "touch")))
         if on.any():
             faces[name] = nodes[on]
-    for box, there in zip(body.patches, over, strict=True):
-        for sign, z in (("-", box.low[2]), ("+", box.high[2])):
-            faces[f"patch{box.number}{sign}"] = nodes[_on((2, MM * z), boundary, surface) & there]
     return faces
 
 
-def _over(box: Box, centres: FloatArray) -> BoolArray:
-    """Which places (n, 3), m, lie in a box's outline."""
-    inside = (centres[:, :2] > np.array(box.low[:2])) & (centres[:, :2] < np.array(box.high[:2]))
-    return np.asarray(inside.all(axis=1))
-
-
-def _planes(body: Body, surface: CadSurface) -> dict[str, Plane]:
+def _planes(body: Body, surface: CadSurface) -> dict[str, tuple[int, float]]:
+    """Axis and position (mm) of the planes that have a name."""
     low, high = surface.points.min(axis=0), surface.points.max(axis=0)
     sides = {
         f"{'xy'[axis]}{sign}": (axis, float(end[axis])) for axis in (0, 1) for sign, end in (("-", low), ("+", high))
@@ -308,9 +289,3 @@ def _planes(body: Body, surface: CadSurface) -> dict[str, Plane]:
     if body.thickness_m == 0.0:
         return sides | {"foot": (2, 0.0), "touch": (2, 0.0), "top": (2, float(high[2]))}
     return sides | {"touch": (2, 0.0), "back": (2, MM * body.thickness_m), "top": (2, float(high[2]))}
-
-
-def _on(plane: Plane, boundary: Boundary, surface: CadSurface) -> np.ndarray:
-    axis, position = plane
-    flat = [face.axis == axis and abs(face.position - position) < SAME_PLANE_MM for face in surface.faces]
-    return np.array(flat)[boundary.face_of]

@@ -6,8 +6,7 @@ pytetwild is not deterministic: a mesh is known by its sha256, not by what it wa
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,68 +26,55 @@ from geometry.tet.boundary import (
     snap_vertices,
     without_flat_cells,
 )
-from geometry.tet.tetwild import Size, background, tet_quality, tetrahedralize
+from geometry.tet.tetwild import NearSegments, background, tet_quality, tetrahedralize
 
 MM = 1e3
 SAGITTA_PER_EDGE = 1 / 16  # of a chord as long as an edge on a curve of twice its radius
+EPSILON_PER_EDGE, ATTEMPTS = 1 / 60, 3  # how far the mesher's surface may leave the CAD's before snapping
 EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a ceiling when the edge is long beside the body
 FLAT_QUALITY = 1e-3  # mean-ratio quality of a tetrahedron that is as good as flat (regular: 1)
 PART_TOLERANCE = 1e-3  # relative volume error allowed to each bonded part
-REGIONS = ("plate", "pillar", "tip", "patch")
+REGIONS = ("plate", "pillar", "tip")
+VOLUME_TOLERANCE = 1e-3  # relative, of the whole body
 ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
 
 log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
-class TetOptions:
-    """What the mesher is asked beside the edge length.
+def tet_mesh(
+    body: Body,
+    edge_m: float,
+    size: NearSegments | None = None,
+    epsilon: float = EPSILON_PER_EDGE,
+    attempts: int = ATTEMPTS,
+) -> Mesh:
+    """Quadratic tetrahedra of a CAD body with edges of about edge_m, or as `size` wants them, at most edge_m.
 
-    size: edge length (m) at points (n, 3) in m, finer than edge_m where wanted; epsilon: how far the mesher's
-    surface may leave the CAD's before snapping, over edge_m, halved at each of the `attempts`; min_edge_m: spacing of the
-    background grid that carries `size`; faces: further named planes as (axis 0..2, position in m).
-    """
-
-    size: Size | None = None
-    min_edge_m: float | None = None
-    epsilon: float = 1 / 60
-    attempts: int = 3
-    threads: int = 0
-    time_limit_s: float | None = None
-    volume_tolerance: float = 1e-3
-    faces: Mapping[str, tuple[int, float]] = field(default_factory=dict)
-
-
-DEFAULTS = TetOptions()
-
-
-def tet_mesh(body: Body, edge_m: float, order: int = 2, options: TetOptions = DEFAULTS) -> Mesh:
-    """Tetrahedra (order 1 or 2) of a CAD body with edges of about edge_m.
-
-    Regions "plate", "pillar", "tip", "patch"; faces "touch", "back", "foot", "top", "x-" ... "y+", "patch0-", "patch0+" where
-    the body has them, and those of the options. Raises MeshError naming the worst element when every attempt fails
-    its checks (Jacobians, orphan nodes, flat elements, volume of the body and of each bonded part against CAD).
+    epsilon: how far the mesher's surface may leave the CAD's before snapping, over edge_m, halved at each attempt.
+    Regions "plate", "pillar", "tip"; faces "touch", "back", "foot", "top", "x-" ... "y+" where the body has them. Raises
+    MeshError naming the worst element when every attempt fails its checks (Jacobians, orphan nodes, flat elements, volume of
+    the body and of each bonded part against CAD).
     """
     if not edge_m > 0.0:
         raise MeshError(f"edge length {edge_m:g} m must be > 0")
-    epsilon = options.epsilon
-    for attempt in range(1, options.attempts + 1):
+    for attempt in range(1, attempts + 1):
         try:
-            return _attempt(body, edge_m, order, options, epsilon)
+            return _attempt(body, edge_m, size, epsilon)
         except MeshError as fault:
-            if attempt == options.attempts:
+            if attempt == attempts:
                 raise MeshError(f"{fault} (after {attempt} attempt(s), the last with epsilon {epsilon:.1e})") from fault
             log.warning("mesh refused (%s): trying again with epsilon %.1e", fault, epsilon / 2.0)
             epsilon /= 2.0
-    raise MeshError(f"attempts must be at least 1, got {options.attempts}")
+    raise MeshError(f"attempts must be at least 1, got {attempts}")
 
 
-def _attempt(body: Body, edge_m: float, order: int, options: TetOptions, epsilon: float) -> Mesh:
+def _attempt(body: Body, edge_m: float, size: NearSegments | None, epsilon: float) -> Mesh:
     diagonal = float(body.shape.BoundingBox().DiagonalLength)
     envelope = min(epsilon * MM * edge_m, EPSILON_PER_DIAGONAL * diagonal)
     surface = cad_surface(body.shape, SAGITTA_PER_EDGE * MM * edge_m)
-    vertices, cells = tetrahedralize(_request(body, surface, edge_m, options, envelope), options.time_limit_s)
-    cells = _inside(body, surface, vertices, cells)
+    vertices, cells = tetrahedralize(_request(body, surface, edge_m, size, envelope))
+    if body.bonded:  # then the mesher keeps the whole box, since faces between parts would confuse its filter
+        cells = cells[surface.encloses(vertices[cells].mean(axis=1))]
     region = body.region_of(vertices[cells].mean(axis=1) / MM)
     part = np.select([(region == name) & (name in body.bonds) for name in REGIONS], range(len(REGIONS)), 0)
     boundary = find_boundary(vertices, cells, part, surface)
@@ -96,42 +82,31 @@ def _attempt(body: Body, edge_m: float, order: int, options: TetOptions, epsilon
     check_moves(vertices, snapped, 0.5 * MM * edge_m)
     snapped = without_flat_cells(vertices, snapped, cells, boundary, surface)
     _check_corners(snapped, cells, boundary, surface)
-    nodes, full = (snapped, cells) if order == 1 else quadratic(snapped, cells, boundary, surface)
+    nodes, full = quadratic(snapped, cells, boundary, surface)
     used, compact = np.unique(full, return_inverse=True)  # orphans dropped
-    mesh = Mesh(nodes[used] / MM, compact.reshape(full.shape).astype(np.int64), "tet", order)
+    mesh = Mesh(nodes[used] / MM, compact.reshape(full.shape).astype(np.int64), "tet", 2)
     regions = {name: np.flatnonzero(region == name) for name in REGIONS if (region == name).any()}
-    mesh = replace(mesh, regions=regions, faces=named_faces(mesh, body, boundary, surface, options.faces))
-    check_mesh(mesh, body.volume_m3, options.volume_tolerance)
+    mesh = replace(mesh, regions=regions, faces=named_faces(mesh, body, boundary, surface))
+    check_mesh(mesh, body.volume_m3, VOLUME_TOLERANCE)
     check_parts(mesh, body)
     return mesh
 
 
-def _request(body: Body, surface: CadSurface, edge_m: float, options: TetOptions, envelope: float) -> dict[str, Any]:
+def _request(
+    body: Body, surface: CadSurface, edge_m: float, size: NearSegments | None, envelope: float
+) -> dict[str, Any]:
     request = {
         "vertices": surface.points,
         "triangles": surface.triangles,
         "edge": MM * edge_m,
         "epsilon": envelope / surface.diagonal,
-        "threads": options.threads,
         "keep_outside": body.bonded,
     }
-    if options.size is not None:
-        size = options.size
-        points, cells, values = background(
-            lambda at: np.minimum(size(at / MM), edge_m) * MM,
-            surface.points.min(axis=0),
-            surface.points.max(axis=0),
-            MM * (options.min_edge_m or edge_m / 2.0),
-        )
+    if size is not None:
+        low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+        points, cells, values = background(lambda at: MM * size(at / MM), low, high, MM * size.fine_m)
         request |= {"bg_vertices": points, "bg_tets": cells, "bg_values": values}
     return request
-
-
-def _inside(body: Body, surface: CadSurface, vertices: FloatArray, cells: IntArray) -> IntArray:
-    """Of a bonded body the mesher keeps the whole box, since faces between parts would confuse its filter."""
-    if not body.bonded:
-        return cells
-    return cells[surface.encloses(vertices[cells].mean(axis=1))]
 
 
 def _check_corners(vertices: FloatArray, cells: IntArray, boundary: Boundary, surface: CadSurface) -> None:

@@ -9,9 +9,9 @@ import numpy as np
 from geometry.cad import solids
 from geometry.elements import TET_EDGES, FloatArray, IntArray
 from geometry.errors import MeshError
-from geometry.layout import Design, Patches, Pillar
+from geometry.layout import Design, Pillar
 from geometry.mesh import Mesh, check_mesh
-from geometry.tet.mesher import DEFAULTS, TetOptions, tet_mesh
+from geometry.tet.mesher import VOLUME_TOLERANCE, tet_mesh
 from geometry.tet.tetwild import NearSegments
 from geometry.tiling import Panel
 
@@ -97,13 +97,13 @@ class Columns:
         return np.where(x > self.foot_m, beyond, x)
 
 
-def tet_quarter(design: Design, edge_m: float, columns: Columns, options: TetOptions) -> Mesh:
+def tet_quarter(design: Design, edge_m: float, columns: Columns, size: NearSegments) -> Mesh:
     """The quarter x, y >= 0 of a plate of such columns. MeshError where a mesh is refused."""
     body = solids.plate_solid(columns.alone(design), "xy")
-    column = tet_mesh(body, edge_m, options=options)
+    column = tet_mesh(body, edge_m, size)
     quarter = _assembled(column, columns)
     added = 2.0 * (columns.end_m - columns.half_m) * design.half_span_m * design.thickness_m / 2.0
-    check_mesh(quarter, columns.count * body.volume_m3 + added, options.volume_tolerance)
+    check_mesh(quarter, columns.count * body.volume_m3 + added, VOLUME_TOLERANCE)
     allowed = FILLETED if any(pillar.fillet_m for pillar in design.kinds) else ROUNDING
     check_mesh(quarter, columns.count * check_mesh(column).volume_m3 + added, allowed)
     return quarter
@@ -163,125 +163,111 @@ def _straight(column: Mesh, x: FloatArray, columns: Columns) -> FloatArray:
 # -- scenes ------------------------------------------------------------------------------------------------------------
 # The scenes of a design through CAD and pytetwild: plate, zone, pillar, unit cell.
 
-FINE = 1.0 / 6.0  # edge length at a singular edge over that away from it, when the caller gives no sizing field
+FINE = 1.0 / 6.0  # edge length at a singular edge over that away from it
 GROWTH = 0.7  # of the edge length per distance from there
 FOOT = 0.6  # of a plate's edge length at its feet: away from them elements as long as the plate is thick follow its bending
 AWAY = 0.4  # growth of a plate's edge length per distance from its feet
 SAME_VOLUME = 1e-12  # relative volume difference between a mesh and four times its quarter
+NO_LINES = np.empty((0, 2, 3))
 
-Lines = list[list[tuple[float, float, float]]]
 
-
-def tet_zone(design: Design, edge_m: float, mirrors: str = "", options: TetOptions = DEFAULTS) -> Mesh:
+def tet_zone(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
     """The bare strip, finer near the edges of its long side faces, which a clamp makes singular.
 
-    `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0. options.size replaces the built-in grading.
+    `mirrors` ("x", "y", "xy") keeps x >= 0 and/or y >= 0.
     """
     half_x, half_y = design.length_m / 2.0, design.width_m / 2.0
     lines = [[(-half_x, y, z), (half_x, y, z)] for y in (-half_y, half_y) for z in (0.0, design.thickness_m)]
-    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, options=graded(options, lines, edge_m))
+    return tet_mesh(solids.zone_solid(design, mirrors), edge_m, _graded(np.array(lines), edge_m))
 
 
-def tet_pillar(pillar: Pillar, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+def tet_pillar(pillar: Pillar, edge_m: float) -> Mesh:
     """The lone pillar (its foot is face "foot"), finer near the rim of its foot, which a clamp makes singular."""
-    return tet_mesh(solids.pillar_solid(pillar), edge_m, options=graded(options, rims(pillar, 0.0), edge_m))
+    return tet_mesh(solids.pillar_solid(pillar), edge_m, _graded(_rims(pillar, 0.0), edge_m))
 
 
-def tet_plate(
-    design: Design,
-    edge_m: float,
-    quarter: bool = False,
-    patches: Patches | None = None,
-    options: TetOptions = DEFAULTS,
-) -> Mesh:
-    """The plate with pillars and patches, the quarter x, y >= 0 or all.
+def tet_plate(design: Design, edge_m: float, quarter: bool = False) -> Mesh:
+    """The plate with pillars, the quarter x, y >= 0 or all.
 
-    A whole plate without patches is its quarter mirrored twice when its pillar is its own mirror image. Where its columns are
+    A whole plate is its quarter mirrored twice when its pillar is its own mirror image. Where its columns are
     alike, that quarter is half a column mirrored along the zone, finer near feet and as long as the plate is thick away from
-    them; else it is evenly fine unless options.size says otherwise.
+    them; else it is evenly fine.
     Raises GeometryError when a quarter cuts a pillar that is not.
     """
-    if quarter or (patches is None and design.is_mirrored):
-        columns = Columns.of(design) if patches is None and options.size is None else None
-        if columns:
-            longest = max(edge_m, design.thickness_m)
-            part = tet_quarter(
-                design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest, options)
-            )
-        else:
-            part = tet_mesh(solids.plate_solid(design, "xy", patches), edge_m, options=options)
-        return part if quarter else _whole(part)
-    return tet_mesh(solids.plate_solid(design, "", patches), edge_m, options=options)
+    if not (quarter or design.is_mirrored):
+        return tet_mesh(solids.plate_solid(design), edge_m)
+    if columns := Columns.of(design):
+        longest = max(edge_m, design.thickness_m)
+        part = tet_quarter(design, longest, columns, _finer_at_feet(columns.alone(design), edge_m, longest))
+    else:
+        part = tet_mesh(solids.plate_solid(design, "xy"), edge_m)
+    return part if quarter else whole(part)
 
 
-def tet_cell(design: Design, edge_m: float, quarter_then_mirror: bool = True, options: TetOptions = DEFAULTS) -> Mesh:
-    """The unit cell, finer near its pillar's foot.
+def tet_part(design: Design, part: str, edge_m: float, quarter: bool = False) -> Mesh:
+    """The zone or the plate, whole or the quarter x, y >= 0, or the whole lone pillar."""
+    if part == "pillar":
+        assert design.pillar
+        return tet_pillar(design.pillar, edge_m)
+    return tet_zone(design, edge_m, "xy" * quarter) if part == "zone" else tet_plate(design, edge_m, quarter)
+
+
+def tet_cell(design: Design, edge_m: float, mirrors: str = "") -> Mesh:
+    """The unit cell, finer near its pillar's foot; `mirrors` as of the zone.
 
     Mirrored from its quarter, opposite faces pair node for node: equal to the last bit but for the sign of x or y.
-    Raises GeometryError when the pillar is not symmetric in x = 0 and y = 0.
+    Raises GeometryError when the pillar is not symmetric in a mirror.
     """
-    rim = foot_rims(design.pillar, design.thickness_m) if design.pillar else []
-    body = solids.cell_solid(design, "xy" if quarter_then_mirror else "")
-    mesh = tet_mesh(body, edge_m, options=graded(options, rim, edge_m))
-    return _whole(mesh) if quarter_then_mirror else mesh
+    rims = _foot_rims(design.pillar, design.thickness_m) if design.pillar else NO_LINES
+    return tet_mesh(solids.cell_solid(design, mirrors), edge_m, _graded(rims, edge_m))
 
 
-def tet_panel(design: Design, panel: Panel, edge_m: float, options: TetOptions = DEFAULTS) -> Mesh:
+def tet_panel(design: Design, panel: Panel, edge_m: float) -> Mesh:
     """A rectangular panel of the plate, its middle at the origin, finer near its pillar's foot."""
-    rim: Lines = []
-    pillar = panel.pillar or design.pillar
+    pillar, rims = panel.pillar or design.pillar, NO_LINES
     if pillar and panel.foot:
-        x, y = np.array(panel.foot) - np.array(panel.middle)
-        rim = [[(a + x, b + y, c) for a, b, c in line] for line in foot_rims(pillar, design.thickness_m)]
-    return tet_mesh(solids.panel_solid(design, panel), edge_m, options=graded(options, rim, edge_m))
+        rims = _foot_rims(pillar, design.thickness_m, *(np.array(panel.foot) - np.array(panel.middle)))
+    return tet_mesh(solids.panel_solid(design, panel), edge_m, _graded(rims, edge_m))
 
 
-def _whole(quarter: Mesh) -> Mesh:
+def whole(quarter: Mesh) -> Mesh:
     """The quarter x, y >= 0 mirrored in both planes, checked again as one mesh."""
     whole = mirror_mesh(mirror_mesh(quarter, 0), 1)
     check_mesh(whole, 4.0 * check_mesh(quarter).volume_m3, SAME_VOLUME)
     return whole
 
 
-def graded(options: TetOptions, lines: Lines, edge_m: float) -> TetOptions:
-    """The options with an edge length that grows away from the lines, unless they already have one."""
-    if options.size is not None or not lines:
-        return options
-    fine = FINE * edge_m
-    return replace(options, size=NearSegments(np.array(lines), fine, edge_m, GROWTH), min_edge_m=fine)
+def _graded(lines: FloatArray, edge_m: float) -> NearSegments | None:
+    """An edge length that grows away from segments (k, 2, 3); none without any."""
+    return NearSegments(lines, FINE * edge_m, edge_m, GROWTH) if len(lines) else None
 
 
-def _finer_at_feet(design: Design, edge_m: float, longest_m: float, options: TetOptions) -> TetOptions:
+def _finer_at_feet(design: Design, edge_m: float, longest_m: float) -> NearSegments:
     """Edges of FOOT edge_m at the rims of a design's feet at y >= 0, growing to longest_m away from them."""
-    rim = [
-        [(a + x, b + y, c) for a, b, c in line]
+    rims = [
+        _foot_rims(stand.pillar, design.thickness_m, x, y)
         for stand in design.standing()
-        for x, y in stand.centres
-        if y >= 0.0
-        for line in foot_rims(stand.pillar, design.thickness_m)
+        for x, y in stand.centres[stand.centres[:, 1] >= 0.0]
     ]
-    if not rim:
-        return replace(options, size=lambda at: np.full(len(at), edge_m), min_edge_m=edge_m)
-    fine = FOOT * edge_m
-    return replace(options, size=NearSegments(np.array(rim), fine, longest_m, AWAY), min_edge_m=fine)
+    lines = np.concatenate([NO_LINES, *rims])
+    return NearSegments(lines, *((FOOT * edge_m, longest_m) if len(lines) else (edge_m, edge_m)), AWAY)
 
 
-def foot_rims(pillar: Pillar, thickness_m: float) -> Lines:
-    """The rims of a pillar at the origin of a plate, on every face that it stands on, as segments, m."""
-    lines = rims(pillar, thickness_m)
-    images = [[(x, y, thickness_m - z) for x, y, z in line] for line in lines]
-    return lines + images * (pillar.faces - 1)
+def _foot_rims(pillar: Pillar, thickness_m: float, x: float = 0.0, y: float = 0.0) -> FloatArray:
+    """The rims of a pillar at (x, y) on every face of the plate that it stands on, as segments (k, 2, 3), m."""
+    lines = _rims(pillar, thickness_m) + np.array([x, y, 0.0])
+    images = lines * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_m]
+    return np.concatenate([lines, images]) if pillar.faces == 2 else lines
 
 
-def rims(pillar: Pillar, z: float) -> Lines:
+def _rims(pillar: Pillar, z: float) -> FloatArray:
     """The re-entrant edges round a foot at the origin, unless a fillet rounds it off, and below a heavy tip, as segments, m."""
-    form, loops = pillar.form, []
-    if pillar.fillet_m == 0.0:
-        loops.append((form.rim(), z))
-    if pillar.tip is not None:
-        loops.append((form.rim() * form.taper, z + pillar.height_m))
-    return [line for rim, height in loops for line in _closed([(float(x), float(y), height) for x, y in rim])]
-
-
-def _closed(corners: list[tuple[float, float, float]]) -> Lines:
-    return [[start, end] for start, end in zip(corners, corners[1:] + corners[:1], strict=True)]
+    form, loops = pillar.form, [NO_LINES]
+    for rim, height, is_there in (
+        (form.rim(), z, pillar.fillet_m == 0.0),
+        (form.rim() * form.taper, z + pillar.height_m, pillar.tip is not None),
+    ):
+        if is_there:
+            corners = np.column_stack([rim, np.full(len(rim), height)])
+            loops.append(np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
+    return np.concatenate(loops)

@@ -25,20 +25,21 @@ from geometry.errors import MeshError
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def tetrahedralize(request: dict[str, Any], time_limit_s: float | None = None) -> tuple[FloatArray, IntArray]:
+def tetrahedralize(request: dict[str, Any]) -> tuple[FloatArray, IntArray]:
     """Vertices (n, 3) and positively oriented cells (m, 4) of the volume inside a triangulation.
 
     Request: vertices (n, 3), triangles (m, 3), edge (target edge length, same unit), epsilon (envelope relative to the
-    bounding box diagonal), threads (0: all cores), keep_outside (the whole box instead of the inside), and for a
-    sizing field bg_vertices, bg_tets, bg_values. Raises MeshError when the mesher fails or takes
-    longer than time_limit_s. Source: hu2020.
+    bounding box diagonal), keep_outside (the whole box instead of the inside), and for a sizing field bg_vertices,
+    bg_tets, bg_values. Raises MeshError when the mesher fails. Source: hu2020.
     """
     buffer = io.BytesIO()
     np.savez(buffer, **request)
-    try:
-        tetrahedra = _run(buffer.getvalue(), time_limit_s)
-    except subprocess.TimeoutExpired as fault:
-        raise MeshError(f"pytetwild did not finish within {time_limit_s:g} s") from fault
+    tetrahedra = subprocess.run(
+        [sys.executable, "-m", "geometry.tet.tetwild"],
+        input=buffer.getvalue(),
+        capture_output=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+    )
     if tetrahedra.returncode != 0:
         last = (tetrahedra.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
         raise MeshError(f"pytetwild failed with exit code {tetrahedra.returncode}: {last}")
@@ -46,25 +47,9 @@ def tetrahedralize(request: dict[str, Any], time_limit_s: float | None = None) -
         vertices, cells = answer["vertices"], answer["cells"]
     if not len(cells):
         raise MeshError("pytetwild returned no tetrahedron")
-    return vertices, oriented(vertices, cells)
-
-
-def _run(request: bytes, time_limit_s: float | None) -> subprocess.CompletedProcess[bytes]:
-    return subprocess.run(
-        [sys.executable, "-m", "geometry.tet.tetwild"],
-        input=request,
-        capture_output=True,
-        timeout=time_limit_s,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
-    )
-
-
-def oriented(vertices: FloatArray, cells: IntArray) -> IntArray:
-    """The same tetrahedra with positive volume."""
-    flipped = tet_volumes(vertices, cells) < 0.0
-    cells = cells.copy()
+    flipped = tet_volumes(vertices, cells) < 0.0  # cells of positive volume are returned
     cells[flipped, :2] = cells[flipped, 1::-1]
-    return cells
+    return vertices, cells
 
 
 def tet_volumes(vertices: FloatArray, cells: IntArray) -> FloatArray:
@@ -88,7 +73,6 @@ def tet_quality(vertices: FloatArray, cells: IntArray) -> FloatArray:
 # -- edge lengths ------------------------------------------------------------------------------------------------------
 # Edge length as a function of place: finer near singular edges, growing linearly away from them.
 
-Size = Callable[[FloatArray], FloatArray]
 GRID_NODES = 400_000  # a finer background grid costs the mesher more than it brings
 BOX_TETS = np.array([[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]])
 
@@ -113,7 +97,7 @@ class NearSegments:
 
 
 def background(
-    size: Size, low: FloatArray, high: FloatArray, spacing: float
+    size: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray, spacing: float
 ) -> tuple[FloatArray, IntArray, FloatArray]:
     """A grid of tetrahedra around the box low-high that carries `size` at its nodes: points, cells, values.
 
@@ -131,7 +115,7 @@ def background(
     if values.shape != (len(points),) or not (values > 0.0).all():
         raise MeshError("the sizing field must give one positive edge length for each point")
     nx, ny, nz = counts
-    i, j, k = np.meshgrid(np.arange(nx), np.arange(ny), np.arange(nz), indexing="ij")
+    i, j, k = np.indices((nx, ny, nz))
     corner = (i + (nx + 1) * (j + (ny + 1) * k)).ravel()
     step = np.array([a + (nx + 1) * (b + (ny + 1) * c) for c in (0, 1) for b in (0, 1) for a in (0, 1)])
     cells = (corner[:, None] + step)[:, BOX_TETS].reshape(-1, 4)
@@ -160,7 +144,7 @@ def main() -> None:
         given["triangles"].astype(np.int32),
         edge_length_abs=float(given["edge"]),
         epsilon=float(given["epsilon"]),
-        num_threads=int(given["threads"]),
+        num_threads=0,
         disable_filtering=bool(given["keep_outside"]),
         vtk_ordering=True,
         **sizes,

@@ -78,7 +78,11 @@ def _bounds(case: Case, part_mesh: Exchange, log: Log) -> tuple[float, ...]:
 
 def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
     """The command file: mesh, model, materials, clamps, matrices, count of modes, modes, results."""
-    about = {"element": _element(part_mesh), "mesh_name": mesh_name(part_mesh), "clamp": CLAMP}
+    about = {
+        "element": VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order],
+        "mesh_name": mesh_name(part_mesh),
+        "clamp": CLAMP,
+    }
     return rendered("aster.comm.j2", part=part_mesh, bounds=bounds, **about)
 
 
@@ -87,13 +91,9 @@ def export_file(name: str) -> str:
     return rendered("aster.export.j2", name=name)
 
 
-def _element(part_mesh: Exchange) -> str:
-    return VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order]
-
-
 def _note(part_mesh: Exchange, name: str) -> str:
     search = part_mesh.search
     window = f"--band {search.band_hz[0]:g}Hz:{search.band_hz[1]:g}Hz" if search.band_hz else f"--count {search.count}"
     window = f"--near {search.near_hz:g}Hz {window}" if search.near_hz and not search.band_hz else window
-    about = {"element": _element(part_mesh), "clamp": CLAMP, "nodes": NODES}
+    about = {"element": VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order], "clamp": CLAMP, "nodes": NODES}
     return rendered("aster_README.txt.j2", part=part_mesh, name=name, window=window, **about)

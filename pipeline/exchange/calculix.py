@@ -86,6 +86,6 @@ def _set(out: io.StringIO, head: str, members: IntArray) -> None:
 def _surface(out: io.StringIO, part_mesh: Exchange, name: str, places: IntArray) -> None:
     """Faces of elements: our four stand in CalculiX's order S1 to S4."""
     out.write(f"*SURFACE, NAME=S_{name}, TYPE=ELEMENT\n")
-    facets = part_mesh.facets.only(places)
-    for cell, local in zip(facets.cells, facets.local, strict=True):
+    facets = part_mesh.facets
+    for cell, local in zip(facets.cells[places], facets.local[places], strict=True):
         out.write(f"{cell + 1}, S{local + 1}\n")

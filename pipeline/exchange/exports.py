@@ -13,7 +13,7 @@ from pipeline.records import outputs
 
 CAD = ("stl", "step", "3mf")
 SOLVER_FILES = ("aster", "calculix")
-ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # a module here each
+ONE_FILE = ("phonopy", "paraview", "xdmf", "uff", "impedance")  # functions of `results`
 ENDINGS = {  # that a file's name may have, the first one where no name is given; "": what several files' names begin with
     "stl": (".stl",),
     "step": (".step", ".stp"),
@@ -43,9 +43,9 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     if output is not None:
         _check_ending(form, path)
     if form in SOLVER_FILES:
-        return _solver_files(case, form, part, path, log)
+        return import_module(f"pipeline.exchange.{form}").write(case, part, path, log)
     if form in ONE_FILE:
-        return [import_module(f"pipeline.exchange.{form}").write(case, path, log)]
+        return [getattr(import_module("pipeline.exchange.results"), form)(case, path, log)]
     if form in CAD:
         return [_cad(case, form, path, log)]
     return _vtu(case, path, log) if form == "vtu" else _table(case, path, log, force)
@@ -77,13 +77,6 @@ def places(form: str, output: str | Path) -> list[str | Path]:
         names = ", ".join(each.name for each in several)
         raise InputError(f"-o {output}: export {form} writes several files ({names}); must be a file's name")
     return [*several]
-
-
-def _solver_files(case: Case, form: str, part: str, path: Path, log: Log) -> list[Path]:
-    """The study of another finite-element program."""
-    from pipeline.exchange import aster, calculix
-
-    return (aster if form == "aster" else calculix).write(case, part, path, log)
 
 
 def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
@@ -119,9 +112,8 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
     warn_of_wanted(part_modes.wanted, case, log)
     data, row = {}, part_modes.wanted.row
     if row is not None:
-        data["displacement"] = part_modes.model.field(row.symmetry, part_modes.vectors[row.symmetry][:, [row.column]])[
-            :, :, 0
-        ]
+        vectors = part_modes.vectors[row.symmetry][:, [row.column]]
+        data["displacement"] = part_modes.model.field(row.symmetry, vectors)[:, :, 0]
     assert isinstance(part_modes.model.mesh, Mesh)
     with outputs.delivered(path) as temporary:
         write_vtu(part_modes.model.mesh, temporary, data)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from geometry.cad.solids import Body, pillar_solid, plate_solid, zone_solid
+from geometry.cad.solids import part_solid
 from geometry.elements import IntArray
-from geometry.formats.neutral import outer_facets
-from geometry.hex.boxes import Boxes, hex_mesh, pillar_boxes, plate_boxes, zone_boxes
-from geometry.hex.scenes import HexSettings
+from geometry.formats.neutral import Facets, outer_facets
+from geometry.hex.boxes import Boxes, boxes_of, hex_mesh
+from geometry.hex.scenes import HexSettings, box_counts, part_scene
 from geometry.layout import Design, region_materials
 from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
@@ -37,36 +37,14 @@ HALVED = 1.0 / 7.0  # of the degrees of freedom that elements half as long have
 MAX_DOFS = 300_000  # what a desktop solves in another program without thinking about memory
 FINENESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # element sizes tried, over the part's smallest dimension
 FINEST = {0.03: 2.0, 0.01: 1.0, 0.003: 0.5}  # accuracy: where in FINENESS to begin
-DOFS_PER_HEX = 24  # at least: 8 nodes of its own, 3 degrees of freedom each
 DOFS_PER_TET = 4.5  # a quadratic tetrahedron brings about 1.5 nodes
 TETS_PER_CUBE = 8.5  # tetrahedra of edge h in a cube of side h
 COARSER = 1.25
 COUNT_ACCURACY = 0.03
-GROUPS = {
-    "touch": "TOUCH",
-    "back": "BACK",
-    "foot": "FOOT",
-    "top": "TOP",
-    "x-": "XMIN",
-    "x+": "XMAX",
-    "y-": "YMIN",
-    "y+": "YMAX",
-}
+GROUPS = {"touch": "TOUCH", "back": "BACK", "foot": "FOOT", "top": "TOP"}
+GROUPS |= {"x-": "XMIN", "x+": "XMAX", "y-": "YMIN", "y+": "YMAX"}
 CLAMP = "CLAMP"
 VOLUMES = {"plate": "PLATE", "pillar": "PILLAR", "tip": "TIP", "body": "BODY"}
-
-
-@dataclass(frozen=True)
-class Facets:
-    """Outward facets in VTK's order (m, k), the elements (m,) that they belong to and those elements' faces (m,)."""
-
-    nodes: IntArray
-    cells: IntArray
-    local: IntArray
-
-    def only(self, chosen: IntArray) -> Facets:
-        """The facets at these places."""
-        return Facets(self.nodes[chosen], self.cells[chosen], self.local[chosen])
 
 
 @dataclass(frozen=True)
@@ -133,21 +111,12 @@ def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 
         if tetrahedra and mesh.kind == "hex":
             mesh = split_hexahedra(mesh)
         check_mesh(mesh)
-    design = case.design
-    facets = Facets(*outer_facets(mesh))
+    design, facets, regions = case.design, outer_facets(mesh), mesh.region_of_cells()
     own = region_materials(design.material, design.pillar)
-    materials = {VOLUMES[name]: own[name] for name in mesh.region_of_cells()}
-    part_mesh = Exchange(
-        case.name,
-        part,
-        mesh,
-        facets,
-        _faces(mesh, facets, design, part),
-        {VOLUMES[name]: cells for name, cells in mesh.region_of_cells().items()},
-        materials,
-        with_defaults(case, Request(part)),
-    )
-    return _estimated(part_mesh, own, log)
+    volumes = {VOLUMES[name]: cells for name, cells in regions.items()}
+    materials = {VOLUMES[name]: own[name] for name in regions}
+    faces, search = _faces(mesh, facets, design, part), with_defaults(case, Request(part))
+    return _estimated(Exchange(case.name, part, mesh, facets, faces, volumes, materials, search), own, log)
 
 
 def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) -> Exchange:
@@ -228,39 +197,20 @@ def _settings(case: Case, part: str, share: float) -> Iterator[HexSettings]:
 
 def _boxes(case: Case, part: str, log: Log, share: float) -> Boxes:
     """The finest boxes below the limit of degrees of freedom; the coarsest there are when none is."""
-    body, build, _, _ = _builders(case.design, part)
     for settings in _settings(case, part, share):
-        boxes: Boxes = build(body, settings, quarter=False)
-        if _dofs(boxes) <= MAX_DOFS:
-            return boxes
-    size = f"{_dofs(boxes)} degrees of freedom, more than {MAX_DOFS}"
-    log.warning("LARGE", f"the coarsest mesh of this {part} has {size}")
-    return boxes
-
-
-def _builders(design: Design, part: str) -> tuple[Any, Callable[..., Boxes], Callable[..., Body], Callable[..., Mesh]]:
-    """What a part is made from, and what makes its boxes, its solid and its tetrahedra."""
-    if part == "pillar":
-        return design.pillar, pillar_boxes, pillar_solid, scenes.tet_pillar
-    if part == "zone":
-        return design, zone_boxes, zone_solid, scenes.tet_zone
-    return design, plate_boxes, plate_solid, scenes.tet_plate
-
-
-def _dofs(boxes: Boxes) -> int:
-    """Degrees of freedom of the boxes at order 2."""
-    cells = int((boxes.region >= 0).sum())
-    if DOFS_PER_HEX * cells > MAX_DOFS:
-        return DOFS_PER_HEX * cells
-    return hex_mesh(boxes, 2).dof
+        scene = part_scene(case.design, part, settings, quarter=False)
+        dofs = 3 * box_counts(scene, 2).nodes
+        if dofs <= MAX_DOFS:
+            return boxes_of(scene)
+    log.warning("LARGE", f"the coarsest mesh of this {part} has {dofs} degrees of freedom, more than {MAX_DOFS}")
+    return boxes_of(scene)
 
 
 def _tetrahedra(case: Case, part: str, log: Log, share: float) -> Mesh:
     """Mesh the part through CAD and pytetwild, coarsened until it is below the limit."""
-    made_from, _, solid, tetrahedra = _builders(case.design, part)
-    fewest = (DOFS_PER_TET * TETS_PER_CUBE * solid(made_from).volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
+    fewest = (DOFS_PER_TET * TETS_PER_CUBE * part_solid(case.design, part).volume_m3 / MAX_DOFS) ** (1.0 / 3.0)
     edge = max(share * mesh_rules.tet_edge_m(_smallest_m(case.design, part), max(case.solve.accuracy, 0.01)), fewest)
-    while (mesh := tetrahedra(made_from, edge)).dof > MAX_DOFS:
+    while (mesh := scenes.tet_part(case.design, part, edge)).dof > MAX_DOFS:
         log.info(f"{mesh.dof} degrees of freedom are more than {MAX_DOFS}: meshing again, coarser")
         edge *= COARSER
     return mesh

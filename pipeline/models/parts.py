@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.hex.boxes import Boxes, hex_mesh, interpolation, pillar_boxes, plate_boxes, zone_boxes
+from geometry.hex.boxes import Boxes, hex_mesh, interpolation, part_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, region_materials
 from geometry.mesh import AnyMesh, Mesh, check_mesh
@@ -69,12 +69,10 @@ class PartModel(Protocol):
         ...
 
 
-def mesh_record(what: str, mesh: AnyMesh, volume_m3: float | None = None) -> MeshRecord:
+def mesh_record(what: str, mesh: AnyMesh) -> MeshRecord:
     """Check a mesh and describe it for the record. Raises MeshError when it is not sound."""
-    report = check_mesh(mesh, volume_m3)
-    error = report.volume_m3 / volume_m3 - 1.0 if volume_m3 else None
     own = {"kind": mesh.kind, "order": mesh.order, "dof": mesh.dof, "sha256": mesh.sha256}
-    return MeshRecord.of(report, what=what, volume_error=error, **own)
+    return MeshRecord.of(check_mesh(mesh), what=what, volume_error=None, **own)
 
 
 def build(case: Case, part: str, high_hz: float, log: Log, meshes: list[MeshRecord]) -> PartModel:
@@ -92,10 +90,13 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
     if choice.reduction:
         return _assembled(design, choice, log)
     if choice.edge_m:
-        mesh = _tetrahedra(design, part, choice.edge_m, choice.quarter, log)
+        from geometry.tet import scenes
+
+        with log.step(f"mesh the {part} by tetrahedra"):
+            mesh = scenes.tet_part(design, part, choice.edge_m, choice.quarter)
     else:
         assert choice.hexahedra
-        mesh = hex_mesh(_boxes(design, part, choice.hexahedra), choice.hexahedra.order)
+        mesh = hex_mesh(part_boxes(design, part, choice.hexahedra), choice.hexahedra.order)
     meshes.append(mesh_record(part, mesh))
     warn_of_locking(design, mesh, log)
     clamped = ("foot",) if choice.edge_m and part == "pillar" else CLAMPED[part]
@@ -117,14 +118,6 @@ def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
 CLAMPED = {"zone": ("y+",), "pillar": ("touch",), "plate": ()}  # faces of boxes
 
 
-def _boxes(design: Design, part: str, settings: HexSettings) -> Boxes:
-    """The boxes of a part's mesh of hexahedra."""
-    if part == "pillar":
-        assert design.pillar
-        return pillar_boxes(design.pillar, settings)
-    return (zone_boxes if part == "zone" else plate_boxes)(design, settings)
-
-
 def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> MeshErrorSource | None:
     """What tells the error of a part meshed whole: two coarser meshes, two lower orders where nothing is singular, or the
     stresses of its tetrahedra; None for what was reduced, whose cells tell it.
@@ -135,10 +128,10 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
         return None
     if choice.edge_m or fine is None:
         return StressRecovery(model.mesh, materials, model.scale, bool(CLAMPED[choice.part]))
-    boxes, layers = _boxes(design, choice.part, fine), fine.layers
+    boxes, layers = part_boxes(design, choice.part, fine), fine.layers
 
     def nested(settings: HexSettings) -> Nested[SolidModel]:
-        own = _boxes(design, choice.part, settings)
+        own = part_boxes(design, choice.part, settings)
         model = SolidModel(hex_mesh(own, settings.order), materials, CLAMPED[choice.part], choice.quarter)
         return Nested(model, interpolation(own, boxes, fine.order, settings.order))
 
@@ -208,33 +201,13 @@ def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callabl
     return mesh, f"tet {edge!r} {fingerprint.file_hash(Path(file)) if file else ''}"
 
 
-def _tetrahedra(design: Design, part: str, edge_m: float, quarter: bool, log: Log) -> Mesh:
-    """The quarter x, y >= 0 of the bare strip, finer towards its clamped side faces; the whole lone pillar, finer towards its
-    clamped foot; the plate, or its quarter x, y >= 0.
-    """
-    from geometry.tet import scenes
-
-    with log.step(f"mesh the {part} by tetrahedra"):
-        if part == "zone":
-            return scenes.tet_zone(design, edge_m, "xy")
-        if part == "plate":
-            return scenes.tet_plate(design, edge_m, quarter)
-        assert design.pillar
-        return scenes.tet_pillar(design.pillar, edge_m)
-
-
 def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:
     """The unit cell, finer towards the pillar's foot, and the axes along which it is halved."""
-    from geometry.cad import solids
     from geometry.tet import scenes
-    from geometry.tet.mesher import TetOptions, tet_mesh
 
+    is_mirrored = {"x", "y"} <= {*design.cell_mirrors}
     with log.step("mesh the cell by tetrahedra"):
-        if not {"x", "y"} <= {*design.cell_mirrors}:
-            return scenes.tet_cell(design, edge_m, quarter_then_mirror=False), ()
-        rim = scenes.foot_rims(design.pillar, design.thickness_m) if design.pillar else []
-        options = scenes.graded(TetOptions(), rim, edge_m)
-        return tet_mesh(solids.cell_solid(design, "xy"), edge_m, options=options), (0, 1)
+        return scenes.tet_cell(design, edge_m, "xy" if is_mirrored else ""), (0, 1) if is_mirrored else ()
 
 
 ORDER, OFF = 2, 0.125  # without layers at the singular edges: frequencies up to so much too high

@@ -10,17 +10,7 @@ from functools import cached_property
 from math import ceil, floor
 
 from geometry.hex.panels import panel_mesh, square_of
-from geometry.hex.scenes import (
-    BoxCounts,
-    HexSettings,
-    Scene,
-    box_counts,
-    cell_scene,
-    panel_scene,
-    pillar_scene,
-    plate_scene,
-    zone_scene,
-)
+from geometry.hex.scenes import BoxCounts, HexSettings, Scene, box_counts, cell_scene, panel_scene, part_scene
 from geometry.layout import Design
 from geometry.tiling import Panel, Tiling, grid, tile
 from pipeline.case.model import Case
@@ -220,13 +210,9 @@ def whole_mesh(case: Case, choice: ModelChoice) -> MeshCounts:
             choice.edge_m,
         )
     assert choice.hexahedra
-    if choice.part == "pillar":
-        assert design.pillar
-        return of_boxes(pillar_scene(design.pillar, choice.hexahedra), choice.hexahedra.order)
     if choice.part == "plate" and pillar_count(design) > MAX_LINES:
         return _many_pillars(design, choice.hexahedra)
-    scene = (zone_scene if choice.part == "zone" else plate_scene)(design, choice.hexahedra)
-    return of_boxes(scene, choice.hexahedra.order)
+    return of_boxes(part_scene(design, choice.part, choice.hexahedra), choice.hexahedra.order)
 
 
 def _many_pillars(design: Design, settings: HexSettings) -> MeshCounts:

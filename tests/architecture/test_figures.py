@@ -36,8 +36,7 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/records/tables.py": "ten digits of a file, far below any bar",
     "pipeline/board/table_file.py": "what a mode table holds, to be read beside the board's own reply",
     "pipeline/exchange/calculix.py": "a file of another program",
-    "pipeline/exchange/impedance.py": "a file of another program",
-    "pipeline/exchange/phonopy.py": "a file of another program",
+    "pipeline/exchange/results.py": "files of other programs",
     "pipeline/measured/synthetic.py": "a file of made-up measurements",
 }
 

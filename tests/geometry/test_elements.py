@@ -110,7 +110,7 @@ def test_quadrature_weights_are_positive_and_points_inside(kind: str, order: int
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_faces_of_a_hexahedron_lie_on_their_planes(order: int) -> None:
     shape = element("hex", order)
-    for face, (axis, side) in zip(shape.faces, [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1)], strict=True):
+    for face, (axis, side) in zip(shape.facets[0], [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1)], strict=True):
         assert len(np.unique(face)) == (order + 1) ** 2
         assert (shape.points[face][:, axis] == side).all()
 
@@ -118,7 +118,7 @@ def test_faces_of_a_hexahedron_lie_on_their_planes(order: int) -> None:
 @pytest.mark.parametrize("order", [1, 2])
 def test_faces_of_a_tetrahedron_point_outwards_and_their_middles_lie_between_corners(order: int) -> None:
     shape = element("tet", order)
-    for face in shape.faces:
+    for face in shape.facets[0]:
         a, b, c = shape.points[face[:3]]
         outward = np.cross(b - a, c - a)
         assert outward @ (a - 0.25) > 0.0

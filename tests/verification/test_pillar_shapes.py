@@ -194,7 +194,7 @@ def quarter_cell(corner: tuple[float, float], flat: tuple[float, float], pitch_m
 def on_plane(mesh: Mesh, nodes: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
     """Faces of the elements all of whose nodes are in a mask."""
     chosen = mesh.cells if cells is None else mesh.cells[cells]
-    return np.concatenate([chosen[nodes[chosen[:, face]].all(axis=1)][:, face] for face in mesh.element.faces])
+    return np.concatenate([chosen[nodes[chosen[:, face]].all(axis=1)][:, face] for face in mesh.element.facets[0]])
 
 
 def test_the_bands_of_a_hexagon_do_not() -> None:

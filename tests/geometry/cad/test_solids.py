@@ -4,13 +4,13 @@ from dataclasses import replace
 from math import pi
 
 import cadquery as cq
-import numpy as np
 import pytest
 
+from geometry.cad import solids
 from geometry.cad.solids import cell_solid, pillar_solid, plate_solid, zone_solid
 from geometry.errors import GeometryError
-from geometry.layout import Design, Patches, Pillar
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.layout import Design, Pillar
+from geometry.materials import MATERIALS
 from geometry.pillar_shapes.step import Step
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
@@ -24,12 +24,6 @@ def pillar(shape: str = "square", tip: float = 2e-3, fillet: float = 0.0, file: 
 
 def design(standing: Pillar | None, rows: int = 3, pitch: float = 4e-3, length: float = 115.5e-3) -> Design:
     return Design(length, 20e-3, 2e-3, 8, ALUMINIUM, standing, pitch, pitch, rows, 25e-3)
-
-
-def patches(*centres: tuple[float, float], face: str = "back") -> Patches:
-    sizes = (12e-3, 3e-3, 0.3e-3)
-    kind = PIEZO_MATERIALS["pz26"]
-    return Patches(kind, sizes, face, "centres", centres, (12e-3,) * len(centres), (), 1.0)
 
 
 def flare_mm3(radius: float, fillet: float) -> float:
@@ -112,37 +106,19 @@ def test_cell_and_zone():
 
 def test_another_material_keeps_its_solids_apart_and_its_faces_shared():
     scene = design(replace(pillar(), material=BRASS), rows=1, length=20e-3)
-    body = plate_solid(scene, patches=patches((0.0, 0.0)))
-    assert body.bonds == {"pillar", "patch"}
-    assert len(body.shape.Solids()) == 1 + len(scene.pillar_centres()) + 1
+    body = plate_solid(scene)
+    assert body.bonds == {"pillar"}
+    assert len(body.shape.Solids()) == 1 + len(scene.pillar_centres())
     each_side = [face.hashCode() for solid in body.shape.Solids() for face in solid.Faces()]
-    assert len(each_side) - len(set(each_side)) == len(scene.pillar_centres()) + 1
+    assert len(each_side) - len(set(each_side)) == len(scene.pillar_centres())
     volumes = body.part_volumes_m3()
     assert volumes["pillar"] == pytest.approx(10 * 25.2 * MM3)
-    assert volumes["patch"] == pytest.approx(12 * 3 * 0.3 * MM3)
 
 
-def test_same_material_pillars_are_united_even_beside_patches():
-    scene = design(pillar(), rows=1, length=20e-3)
-    assert len(plate_solid(scene, patches=patches((0.0, 0.0))).shape.Solids()) == 2
-
-
-def test_mirror_cuts_patches_and_drops_those_beyond():
-    body = plate_solid(design(None, 0), "xy", patches((0.0, 0.0), (-30e-3, 0.0), (30e-3, 0.0)))
-    assert [box.number for box in body.patches] == [0, 2]
-    assert body.part_volumes_m3()["patch"] == pytest.approx((6 * 1.5 + 12 * 1.5) * 0.3 * MM3)
-
-
-def test_patches_on_the_touch_face_hang_below():
-    body = plate_solid(design(None, 0), "", patches((0.0, 0.0), face="touch"))
-    assert body.shape.BoundingBox().zmin == pytest.approx(-0.3, abs=1e-6)
-    assert body.region_of(np.array([[0.0, 0.0, -0.1e-3], [0.0, 0.0, 1e-3]])).tolist() == ["patch", "plate"]
-
-
-def test_patch_inside_a_pillar_is_refused():
-    scene = design(pillar(), rows=1, length=20e-3)
+def test_bonded_parts_that_overlap_are_refused():
+    one = cq.Solid.makeBox(2.0, 2.0, 2.0)
     with pytest.raises(GeometryError, match="overlap"):
-        plate_solid(scene, patches=patches((0.0, float(scene.row_centres()[0]))))
+        solids._share_faces([one, one.moved(cq.Location(cq.Vector(1.0, 0.0, 0.0)))])
 
 
 def test_fillet_that_does_not_fit_is_refused_by_name():

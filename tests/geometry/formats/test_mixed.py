@@ -12,13 +12,13 @@ from meshio._mesh import topological_dimension
 from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
 from geometry.formats.neutral import CORNER_COUNT, PLACES, RawMesh
-from geometry.formats.reader import load
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, MixedMesh, check_mesh
 from solvers.fem.assembly import Scale, System, assemble, elasticity
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import face_quadrature, skin_faces
+from tests.helpers.mesh_files import load
 from tests.helpers.small_meshes import SOFT
 
 EDGE_M = 1e-3

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from geometry.errors import MeshFileError
-from geometry.formats.msh import MIDDLES, TYPES, read_msh
-from geometry.formats.neutral import PLACES, RawMesh, family
-from geometry.formats.reader import load, read_mesh
+from geometry.formats.msh import TYPES, gmsh_places, read_msh
+from geometry.formats.neutral import DIMENSION, PLACES, RawMesh, family
+from geometry.formats.reader import read_mesh
 from geometry.mesh import Mesh, check_mesh
+from tests.helpers.mesh_files import load
 
 CUBE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
 NAMES = '$PhysicalNames\n3\n1 1 "RIM"\n2 1 "TOUCH"\n3 1 "BODY"\n$EndPhysicalNames\n'
@@ -131,10 +132,11 @@ def test_a_group_is_a_dimension_and_a_number(data: bytes, tmp_path: Path) -> Non
     assert isinstance(mesh, Mesh) and mesh.faces["TOUCH"].shape == (1, 4) and mesh.faces["RIM"].shape == (2, 1)
 
 
-@pytest.mark.parametrize("kind", [kind for kind, (_, dimension, _) in TYPES.items() if dimension == 3])
+@pytest.mark.parametrize("kind", [kind for kind, name in TYPES.items() if DIMENSION[name] == 3])
 def test_middle_nodes_stand_where_the_format_puts_them(kind: int, tmp_path: Path) -> None:
     """By the tables of Gmsh's reference manual, written here as the pairs of corners they list."""
-    name, _, size = TYPES[kind]
+    name = TYPES[kind]
+    size = len(PLACES[name])
     manual = {
         "tetra10": [(0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)],
         "hexahedron20": [
@@ -181,7 +183,7 @@ def test_a_strongly_curved_hexahedron_keeps_the_order_of_its_file(tmp_path: Path
         radius, angle = 1.0 + 4.0 * u, np.pi * 0.9 * v
         points.append((radius * np.cos(angle), radius * np.sin(angle), 0.2 * w))
         places[frozenset(place)] = len(points)
-    order = [*(places[frozenset((i,))] for i in range(8)), *(places[frozenset(p)] for p in MIDDLES["hexahedron27"])]
+    order = [places[frozenset(place)] for place in gmsh_places("hexahedron27")]
     lines = "".join(f"{i} {x!r} {y!r} {z!r}\n" for i, (x, y, z) in enumerate(np.array(points).tolist(), 1))
     element = f"1 12 2 1 1 {' '.join(map(str, order))}\n"
     data = f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n27\n{lines}$EndNodes\n$Elements\n1\n{element}$EndElements\n"

@@ -10,10 +10,10 @@ import pytest
 
 from geometry.formats.med import write_med
 from geometry.formats.neutral import PLACES, RawMesh, local_nodes
-from geometry.formats.reader import load
 from geometry.mesh import Mesh
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
+from tests.helpers.mesh_files import load
 from tests.helpers.small_meshes import SOFT, hexes, plain
 
 CORNERS = 2.0 * np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]) - 1.0

@@ -24,7 +24,7 @@ def design(length_m: float, shape: str = "square", material: object = ALUMINIUM,
 
 def skin(mesh: Mesh) -> trimesh.Trimesh:
     """The sides that only one tetrahedron has."""
-    sides = mesh.cells[:, mesh.element.faces[:, :3]].reshape(-1, 3)
+    sides = mesh.cells[:, mesh.element.facets[0][:, :3]].reshape(-1, 3)
     _, first, count = np.unique(np.sort(sides, axis=1), axis=0, return_index=True, return_counts=True)
     assert count.max() == 2
     surface = trimesh.Trimesh(1e3 * mesh.nodes, sides[first[count == 1]], process=False)

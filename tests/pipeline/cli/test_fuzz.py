@@ -19,7 +19,6 @@ import pytest
 from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
 from geometry.formats.neutral import RawMesh
-from geometry.formats.reader import load
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.pillar_shapes.shapes import SHAPES
@@ -31,6 +30,7 @@ from pipeline.measured.files import read_field, read_sweep
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.questions.predesign import sized
 from pipeline.records import store
+from tests.helpers.mesh_files import load
 
 CASE = (Path(__file__).parents[3] / "studies" / "three-rows.toml").read_text()
 MAX_DURATION_S = (

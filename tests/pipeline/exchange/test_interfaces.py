@@ -17,7 +17,7 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.exchange import impedance
+from pipeline.exchange import results
 from pipeline.measured import universal
 from pipeline.measured.synthetic import grid
 from pipeline.models.forced import forced_plate
@@ -230,7 +230,7 @@ def test_touchstone_and_csv_are_the_same_impedance(tmp_path: Path, driven: tuple
     tones = np.array([float(row["frequency_Hz"]) for row in rows])
     ohm = np.array([float(row["resistance_ohm"]) + 1j * float(row["reactance_ohm"]) for row in rows])
     assert ohm[::100] == pytest.approx(1.0 / admittance(forced, tones[::100]), rel=1e-6)
-    lines = impedance.touchstone(tones, ohm).splitlines()
+    lines = results.touchstone(tones, ohm).splitlines()
     assert lines[1] == "# Hz S RI R 50"
     f, re, im = (float(word) for word in lines[102].split())
     s = re + 1j * im

@@ -14,8 +14,7 @@ import trimesh
 
 from geometry.errors import MeshFileError
 from geometry.formats.med import write_med
-from geometry.formats.neutral import FACET, VOLUME, RawMesh, facet_nodes, local_nodes
-from geometry.formats.reader import load
+from geometry.formats.neutral import FACET, VOLUME, RawMesh, local_nodes
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.mesh import Mesh, split_hexahedra
@@ -27,6 +26,7 @@ from pipeline.logs import TerminalLog
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel, constrain
 from solvers.measures.confinement import measure
+from tests.helpers.mesh_files import facet_nodes, load
 
 SCENE: dict[str, Any] = {
     "name": "small",

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from geometry.formats.neutral import FACET, VOLUME, facet_nodes, local_nodes
+from geometry.formats.neutral import FACET, VOLUME, local_nodes
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh
 from pipeline.cli import main
+from tests.helpers.mesh_files import facet_nodes
 
 CASE = """name = "own"
 material = "aluminium"

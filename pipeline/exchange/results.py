@@ -1,0 +1,197 @@
+"""Results of a case as files for other programs: bands, shapes of modes, frequency responses, impedance."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geometry.elements import FloatArray, IntArray
+from geometry.files import written_whole
+from pipeline.case.model import Case
+from pipeline.errors import InputError
+from pipeline.exchange.part_mesh import rendered
+from pipeline.logs import Log
+from pipeline.records import outputs
+
+# -- bands -------------------------------------------------------------------------------------------------------------
+# phonopy's band.yaml: frequencies in THz, lengths in Angstrom, wavevectors in units of the reciprocal lattice.
+
+ANGSTROM_M = 1e-10
+
+
+def phonopy(case: Case, path: Path, log: Log) -> Path:
+    """Compute the bands of a case's unit cell and write them."""
+    from pipeline.questions.bands import Bands
+    from pipeline.questions.question import ask
+
+    outputs.write_file(path, band_yaml(ask(case, Bands(), log).to_dict()).encode())
+    return path
+
+
+def band_yaml(document: dict[str, Any]) -> str:
+    """The file's text from a document of bands; every segment has both its ends, as phonopy writes them."""
+    design, points = document["with_defaults"]["design"], document["points"]
+    rows = 1 + design.get("stagger", False)
+    sides = np.array([design["pitch_x_m"], rows * design["pitch_y_m"], design["thickness_m"]])
+    wave = np.array([(point["kx_per_m"], point["ky_per_m"], 0.0) for point in points]) / (2.0 * np.pi)
+    arc = np.cumsum([0.0, *np.linalg.norm(np.diff(wave, axis=0), axis=1) * ANGSTROM_M])
+    own = [
+        point | {"reduced": k * sides, "distance": distance}
+        for point, k, distance in zip(points, wave, arc, strict=True)
+    ]
+    corners = [index for index, point in enumerate(points) if point["label"]]
+    segments = [own[start : end + 1] for start, end in pairwise(corners)]
+    lengths, atoms = sides / ANGSTROM_M, max(1, len(points[0]["frequencies_hz"]) // 3)
+    cell = {"lattice": np.diag(lengths), "reciprocal": np.diag(1.0 / lengths), "atoms": atoms}
+    return rendered("phonopy.yaml.j2", segments=segments, **cell)
+
+
+# -- shapes ------------------------------------------------------------------------------------------------------------
+# Every mode of a plate on the surface of the whole body, one step each: VTKHDF for ParaView, or XDMF as one file of text.
+
+
+def paraview(case: Case, path: Path, log: Log) -> Path:
+    """Compute the modes that `antinode modes` lists and write their shapes of unit modal mass; time is frequency, Hz."""
+    from geometry.formats.vtk import write_steps
+
+    points, facets, tones, shapes = shapes_of(case, log)
+    with log.step(f"write {len(tones)} shapes"):
+        write_steps(path, points, facets, tones, "displacement", shapes)
+    return path
+
+
+def xdmf(case: Case, path: Path, log: Log) -> Path:
+    """The same as XDMF."""
+    from meshio.xdmf import TimeSeriesWriter
+
+    points, facets, tones, shapes = shapes_of(case, log)
+    with (
+        log.step(f"write {len(tones)} shapes"),
+        written_whole(path) as temporary,
+        TimeSeriesWriter(temporary, data_format="XML") as writer,  # of HDF5 meshio leaves a part in the working folder
+    ):
+        writer.write_points_cells(points, [("triangle", facets)])
+        for tone, shape in zip(tones.tolist(), shapes.astype(np.float32), strict=True):
+            writer.write_data(tone, point_data={"displacement": shape})
+    return path
+
+
+def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
+    """Points (p, 3) in m and triangles (m, 3) of the whole plate's closed surface, frequencies (k,) in Hz and displacements
+    (k, p, 3) of its modes. Raises InputError where the band holds none.
+    """
+    from geometry.decimation import closed_surface
+    from pipeline.models.modes import solve_modes
+    from pipeline.planning.model_choice import Request
+
+    solved = solve_modes(case, Request("plate"), log)
+    if not solved.rows:
+        raise InputError(f"{case.name}: no mode in the band that was asked for: there is nothing to show")
+    symmetries = {row.symmetry for row in solved.rows}
+    skins = {each: solved.model.skin(each, solved.vectors[each]).unfolded(each) for each in symmetries}
+    first = next(iter(skins.values()))
+    shapes = np.stack([skins[row.symmetry].displacement[row.column] for row in solved.rows])
+    kept, triangles = closed_surface(first.points, first.facets, case.design.thickness_m)
+    return first.points[kept], triangles, np.array([row.frequency_hz for row in solved.rows]), shapes[:, kept]
+
+
+# -- frequency responses -----------------------------------------------------------------------------------------------
+# The forced response as a universal file: nodes of the touch face (dataset 15) and a frequency response each (dataset 58).
+
+FREQUENCY_RESPONSE, DISPLACEMENT, UNKNOWN, FREQUENCY, UP = 4, 8, 0, 18, 3  # codes of dataset 58
+REAL_LENGTH = 80
+
+
+def uff(case: Case, path: Path, log: Log) -> Path:
+    """Compute the response about the wanted peak on a grid of the touch face and write it, u_z in m per volt."""
+    import pyuff
+
+    from pipeline.measured.synthetic import grid, tones
+    from pipeline.questions.question import Run, ask
+    from pipeline.questions.response import Response
+    from solvers.piezo.responses import point_responses
+
+    run = Run(log)
+    peak = ask(case, Response(), run).peak
+    points, frequency = grid(case.design), tones(case, peak.frequency_hz)
+    with log.step(f"response at {len(points)} points"):
+        values = point_responses(run.solved["forced"], points, frequency)
+    sets = [_units(), _nodes(points), *(_response(case, node, frequency, row) for node, row in enumerate(values, 1))]
+    with outputs.delivered(path) as temporary:
+        pyuff.UFF(str(temporary)).write_sets(sets, "overwrite")
+    return path
+
+
+def _units() -> dict[str, Any]:
+    """Dataset 164: SI units."""
+    factors = {"length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}
+    return {"type": 164, "units_code": 1, "units_description": "SI units", "temp_mode": 1} | factors
+
+
+def _nodes(points: Any) -> dict[str, Any]:
+    zero = [0] * len(points)
+    numbers = list(range(1, len(points) + 1))
+    place = {"x": points[:, 0].tolist(), "y": points[:, 1].tolist(), "z": [0.0] * len(points)}
+    return {"type": 15, "node_nums": numbers, "def_cs": zero, "disp_cs": zero, "color": zero} | place
+
+
+def _response(case: Case, node: int, frequency: Any, values: Any) -> dict[str, Any]:
+    return {
+        "type": 58,
+        "binary": 0,
+        "func_type": FREQUENCY_RESPONSE,
+        "id1": f"{case.name}: u_z per volt on the patches"[:REAL_LENGTH],
+        "rsp_node": node,
+        "rsp_dir": UP,
+        "ref_node": 0,
+        "ref_dir": 0,
+        "rsp_ent_name": "touch face",
+        "ref_ent_name": "patches",
+        "data": values,
+        "x": np.asarray(frequency, dtype=float),
+        "abscissa_spec_data_type": FREQUENCY,
+        "ordinate_spec_data_type": DISPLACEMENT,
+        "ordinate_axis_units_lab": "m",
+        "orddenom_spec_data_type": UNKNOWN,
+        "orddenom_axis_units_lab": "V",
+    }
+
+
+# -- impedance ---------------------------------------------------------------------------------------------------------
+# What an amplifier sees of the patches: a Touchstone file (.s1p) or CSV of their impedance over frequency.
+
+REFERENCE_OHM = 50.0
+POINTS = 801
+
+
+def impedance(case: Case, path: Path, log: Log) -> Path:
+    """Compute the impedance of the driven patches in parallel, sensors open, and write it as the ending says."""
+    from pipeline.models.forced import forced_plate
+    from solvers.piezo.responses import admittance
+
+    case.require("patches", command="export impedance")
+    forced = forced_plate(case, log, None, [])
+    frequency = np.linspace(*forced.band_hz, POINTS)
+    ohm = 1.0 / admittance(forced, frequency)
+    outputs.write_file(
+        path, (touchstone if path.suffix.lower() == ".s1p" else impedance_table)(frequency, ohm).encode()
+    )
+    return path
+
+
+def touchstone(frequency_hz: Any, impedance_ohm: Any) -> str:
+    """One port's reflection S11 against 50 ohm, real and imaginary."""
+    reflection = (impedance_ohm - REFERENCE_OHM) / (impedance_ohm + REFERENCE_OHM)
+    lines = ["! driven patches of a plate in parallel, dielectric losses left out", f"# Hz S RI R {REFERENCE_OHM:g}"]
+    lines += [f"{f:.6f} {s.real:.12e} {s.imag:.12e}" for f, s in zip(frequency_hz, reflection, strict=True)]
+    return "\n".join(lines) + "\n"
+
+
+def impedance_table(frequency_hz: Any, impedance_ohm: Any) -> str:
+    """Impedance as resistance and reactance."""
+    head = ("frequency_Hz", "resistance_ohm", "reactance_ohm")
+    rows = ((f"{f:.6f}", f"{z.real:.9e}", f"{z.imag:.9e}") for f, z in zip(frequency_hz, impedance_ohm, strict=True))
+    return outputs.csv_bytes(head, rows).decode()
