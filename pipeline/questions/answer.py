@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
+from pipeline.questions.late import style
 from pipeline.records.outputs import check_places, csv_bytes, folder, is_standard_output, write_file
 from pipeline.records.reading import reading_markdown
 
@@ -88,8 +89,6 @@ def _print(arguments: Namespace, answer: Answer, written: Mapping[Path, bytes]) 
 
 def _figure(answer: Answer) -> Any:
     """The figure of an answer, else its first picture."""
-    from pipeline.plots import style
-
     if answer.figure:
         return answer.figure()
     with style.style():
@@ -99,7 +98,6 @@ def _figure(answer: Answer) -> Any:
 def _save(figure: Any, place: Path) -> None:
     """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     from geometry.files import written_whole
-    from pipeline.plots import style
 
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
@@ -120,8 +118,6 @@ def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> d
 
 def _draw(answer: Answer, place: Path) -> None:
     """Every picture of an answer into a folder."""
-    from pipeline.plots import style
-
     with style.style():
         for picture in answer.pictures():
             style.save(picture, place)

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
-from typing import TYPE_CHECKING
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.wave_parts import BroadbandPoint
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.questions.attenuation import over
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import BAR, column
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
-    from pipeline.plots.style import ReportFigure
 
 POINTS, SHOWN = 201, 20
 ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"
@@ -70,8 +64,6 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
     def taken_db(self, frequency_hz: float) -> float:
         """Return what the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
-        import numpy as np
-
         levels = [point.taken_db for point in self.points]
         return float(np.interp(frequency_hz, self.frequency_hz, levels, left=nan, right=nan))
 
@@ -103,15 +95,11 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import frequency_with_bar, interval, with_bar
-        from solvers.measures.confinement import CONFINED_DB
-
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
         yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
             f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
-            f"driven motion confined by {CONFINED_DB:g} dB or more": self.confined,
+            f"driven motion confined by {confinement.CONFINED_DB:g} dB or more": self.confined,
         }
         for what, windows in stretches.items():
             found = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in windows)
@@ -124,15 +112,10 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw what the rows take from a wave and how far the driven zone is confined, over frequency."""
-        from pipeline.plots import style
-
         self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
 
     def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
         """Draw both levels, the wanted mode of the column marked."""
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
         ax.plot(khz, taken, color=colours[0], label=f"{label}taken from a wave by {self.rows} rows")
@@ -141,21 +124,16 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         )
         if self.wanted_hz is not None and self.wanted_db is not None:
             ax.plot(self.wanted_hz / KHZ, self.wanted_db, "*", color=colours[1], ms=10)
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
         ax.grid(True)
         ax.legend(fontsize=7)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the rows over frequency."""
-        from pipeline.plots import style
-        from pipeline.quantity import interval
-        from solvers.measures.confinement import CONFINED_DB
-
         bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
-        alt = (
-            f"Over frequency: dB that {self.rows} rows take from a flexural wave, at least {CONFINED_DB:g} at {bands}; "
-        )
+        least = f"at least {confinement.CONFINED_DB:g} at {bands}"
+        alt = f"Over frequency: dB that {self.rows} rows take from a flexural wave, {least}; "
         title, more = "What the rows hold over frequency", "and confinement of the driven zone"
         return [style.ReportFigure("broadband", title, alt + more, self.as_figure(), vector=True)]
 
@@ -187,20 +165,16 @@ class Broadband(
         checked(case)
 
     @classmethod
-    def spared(cls, case: Case) -> Simplification | None:
+    def spared(cls, case: Case) -> simplifications.Simplification | None:
         """Return why a study's case has no such column."""
-        from pipeline.planning.simplifications import Simplification, hexahedra
-
-        if case.design.rows and hexahedra(case, "plate"):
+        if case.design.rows and simplifications.hexahedra(case, "plate"):
             return None
-        return Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
+        return simplifications.Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
 
     def plan(self, case: Case) -> Plan:
         """Plan one column of the case's cells."""
-        from pipeline.planning.plan import plain_step, plan_of
-
         model = "column of reduced cells at the wanted wavenumber"
-        return plan_of(case, plain_step(self.name, "rows over frequency", model))
+        return plans.plan_of(case, plans.plain_step(self.name, "rows over frequency", model))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
         """Compute what passes the rows of one column, and its forced motion, over frequency."""

@@ -10,6 +10,7 @@ from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
+from pipeline.questions.late import simplifications
 from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
@@ -115,10 +116,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.explain:
         case = case and question.asked_of(case)
         question.check(case)  # type: ignore[arg-type]
-        from pipeline.planning.simplifications import no_figures
-
         plan = question.plan(case)  # type: ignore[arg-type]
-        undrawn = no_figures(bool(arguments.out or arguments.plot))
+        undrawn = simplifications.no_figures(bool(arguments.out or arguments.plot))
         plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
         return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
     return answer(arguments, case, question, log)

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.zone_parts import DrivenZone, worst_of
+from pipeline.quantity import frequency_with_bar, level, level_figure, level_with_bar
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import column
 from pipeline.units import KHZ, MM, NM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 POINTS = 401
 DARK = -25.0  # dB: below it letters are white
@@ -72,11 +67,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     def draw(self, ax: Axes) -> None:
         """Draw the level of every zone while each of them is driven, dB."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import level_figure
-
         levels, names = self.level_db, [str(number) for number in range(1, len(self.zones) + 1)]
         ax.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
         for row, at in np.ndindex(levels.shape):
@@ -89,11 +79,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the table of levels, and every zone over frequency while the first is driven."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import level
-
         drawn, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
         self.draw(table)
         curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(self.first.over_rms_m_per_V, start=1)}
@@ -110,8 +95,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
 
 def _in_words(zone: DrivenZone) -> str:
-    from pipeline.quantity import frequency_with_bar, level_with_bar
-
     errors = zone.level_error_db or [None] * len(zone.level_db)
     levels = ", ".join(level_with_bar(*each) for each in zip(zone.level_db, errors, strict=True))
     passive = ""
@@ -151,12 +134,10 @@ class Crosstalk(
         """Plan each zone driven and all measured."""
         from dataclasses import replace
 
-        from pipeline.planning.plan import plan_of, response_step
-
-        step = response_step(case, hz(self.band_kHz), self.points, several=True)
+        step = plans.response_step(case, hz(self.band_kHz), self.points, several=True)
         looks = f"{self.points} frequencies, each of {case.design.zones} zones driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
-        return plan_of(case, own)
+        return plans.plan_of(case, own)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""

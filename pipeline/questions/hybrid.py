@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, percentage, with_bar
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure
 from pipeline.records.part import BAR, Part, column
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 POINTS = 61
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
@@ -145,8 +140,6 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the patches, and each method at the wanted mode's peak."""
-        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
         yield f"{self.inside} patches drive inside the zone, {self.behind} beyond it"
         place = self.wanted_place
         if place is None:
@@ -168,20 +161,14 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw confinement by rows, by patches, by both and by neither over frequency."""
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         levels = {method.method: method.confinement_db for method in self.methods}
         self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set_xlabel("frequency (kHz)")
         ax.legend(fontsize=8, ncols=4)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the levels of the four methods over frequency, the same detuned, and the voltages."""
-        from pipeline.plots import style
-        from pipeline.quantity import percentage
-
         drawn, (levels, detuned, drive) = style.panels(7.6, 3, 1, sharex=True)
         self.draw(levels)
         off = {each.method: each.off_db if each.rows_off_db is None else each.rows_off_db for each in self.methods}
@@ -194,8 +181,6 @@ class HybridResult(Result, axes=("frequency_hz",)):
         return [style.ReportFigure("hybrid", "Rows and patches together", self._alt(), drawn, vector=True)]
 
     def _draw_methods(self, ax: Axes, curves: dict[str, list[float]], label: str, title: str) -> None:
-        from pipeline.plots import style
-
         style.draw_lines(ax.plot, self.frequencies_hz / KHZ, curves)
         if self.wanted_hz:
             style.mark(ax, self.wanted_hz / KHZ)
@@ -203,8 +188,6 @@ class HybridResult(Result, axes=("frequency_hz",)):
         ax.grid(True)
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency, level
-
         place, where = self.wanted_place, "least over the band"
         if place is not None:
             where = f"at {frequency(self.wanted_hz, self.wanted_error)}"
@@ -267,9 +250,7 @@ class Hybrid(
         """Plan four plates: as it is, without rows, and with the pillars off by 2 % both ways."""
         from dataclasses import replace
 
-        from pipeline.planning.plan import plan_of, response_step
-
-        step = response_step(case, hz(self.band_kHz), self.points)
+        step = plans.response_step(case, hz(self.band_kHz), self.points)
         assert case.patches is not None and step.demand
         demand = step.demand
         for _ in range(3):
@@ -277,7 +258,7 @@ class Hybrid(
         plates = "four plates: as it is, without rows, pillars detuned twice"
         looks = f"{self.points} frequencies, {case.patches.count} patches; {plates}"
         about = {"measure": self.name, "name": "rows and patches together", "looks_for": looks, "demand": demand}
-        return plan_of(case, replace(step, **about))  # type: ignore[arg-type]
+        return plans.plan_of(case, replace(step, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> HybridResult:
         """Drive the four plates and compare."""
@@ -298,8 +279,6 @@ class Hybrid(
 
 def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
     """Return a method from its figures and their bars, (4, frequencies) each."""
-    import numpy as np
-
     level, volts, off, rows_off = figures
     errors = dict(
         zip(("confinement_error_db", "volts_error_per_um", "off_error_db", "rows_off_error_db"), bars, strict=True)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import nan
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, level_with_bar
+from pipeline.questions.hints import Case, Plan
+from pipeline.questions.late import np, plans, simplifications
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import BAR, column
-
-if TYPE_CHECKING:
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
 
 RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
 
@@ -75,8 +73,6 @@ class LiveResult(Result, axes=()):
 
     def lines(self) -> Iterator[str]:
         """Yield the column's wanted mode, or why there is none."""
-        from pipeline.quantity import frequency, level_with_bar
-
         if self.frequency_hz is None:
             yield f"no wanted mode in a column of cells: {self.why_not}"
             return
@@ -86,8 +82,6 @@ class LiveResult(Result, axes=()):
 
 def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) -> tuple[float | None, float | None]:
     """Return the decay per row at a frequency, and how far it goes within the frequency's bar, dB."""
-    import numpy as np
-
     known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
     if not at_hz or not known:
         return None, None
@@ -105,10 +99,9 @@ class Live(Question[LiveResult], in_studies_only=True):
     """Answer from the explorer's bases, which stand for a plate by one column of its cells."""
 
     @classmethod
-    def spared(cls, case: Case) -> Simplification | None:
+    def spared(cls, case: Case) -> simplifications.Simplification | None:
         """Return why the bases do not hold the design."""
         from pipeline.models import parametric
-        from pipeline.planning.simplifications import Simplification
         from solvers.parametric.affine import DesignBox
 
         try:
@@ -118,14 +111,12 @@ class Live(Question[LiveResult], in_studies_only=True):
             lacking = "; ".join(fault.lines)
         else:
             lacking = "; ".join(DesignBox(foot=foot).faults(parametric.sizes_of(case.design)))
-        return Simplification("no_live", "live", lacking) if lacking else None
+        return simplifications.Simplification("no_live", "live", lacking) if lacking else None
 
     def plan(self, case: Case) -> Plan:
         """Plan one answer."""
-        from pipeline.planning.plan import plain_step, plan_of
-
-        return plan_of(
-            case, plain_step(self.name, "the explorer's answer", "parametric cell, and a column of such cells")
+        return plans.plan_of(
+            case, plans.plain_step(self.name, "the explorer's answer", "parametric cell, and a column of such cells")
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:

@@ -10,20 +10,17 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
+from pipeline.quantity import HZ, frequency_figure, interval
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
+from pipeline.questions.late import confinement, np, plans, reading, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
 from pipeline.questions.result import Result, figure, figure_at
 from pipeline.records.part import column, live
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
     from pipeline.models.modes import PartModes
     from pipeline.planning.model_choice import Request
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
 
 Part = Literal["plate", "zone", "pillar"]
 Class = Literal["SS", "SA", "AS", "AA"]
@@ -87,8 +84,6 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     @figure("other modes that carry it", None, name="rivals")
     def rivals(self) -> str | None:
         """Frequencies of other modes that carry as much of the wanted shape."""
-        from pipeline.quantity import HZ, frequency_figure
-
         known = self.found.rivals if self.found else []
         return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
 
@@ -169,22 +164,19 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def _read(self) -> tuple[list[str], list[list[Any]]]:
         """Return the head and the rows that people read."""
-        from pipeline.records.reading import filled
-
         unread = ("mode", "parity", "computed_hz")
         rows = [{key: value for key, value in row.items() if key not in unread} for row in self.to_rows()]
         head = tuple(rows[0]) if rows else ("frequency_hz", "error", "symmetry")
-        return filled(head, [[*row.values()] for row in rows])
+        return reading.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
         from pipeline.models.modes import wanted_lines
         from pipeline.planning.error_bar import WidestBar
-        from pipeline.records.reading import reading_table
 
         plural = "s" * (self.rigid_count != 1)
         yield f"{self.model}, {self.dof} degrees of freedom, {self.rigid_count} rigid-body mode{plural}"
-        yield reading_table(*self._read(), self._marked)
+        yield reading.reading_table(*self._read(), self._marked)
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
@@ -192,18 +184,14 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the confinement of each mode over its frequency, the wanted mode marked; without one, frequencies alone."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
             ax.set(xlabel="mode", ylabel="frequency (kHz)")
             return
         ax.plot(khz, level, "o", color=style.BLUE, ms=4)
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {CONFINED_DB:g} dB")
+        least = confinement.CONFINED_DB
+        ax.axhline(least, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {least:g} dB")
         wanted = self.wanted
         if wanted and wanted.frequency_hz is not None and wanted.confinement_db is not None:
             at = wanted.frequency_hz / KHZ, wanted.confinement_db
@@ -223,8 +211,6 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return super()._repr_html_() + html_table(*self._read(), self._marked)
 
     def __repr__(self) -> str:
-        from pipeline.quantity import interval
-
         ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []
         span = f", {interval(*(at for at, _ in ends), *(error for _, error in ends))}" if ends else ""
         return f"<antinode.Modes of the {self.part}: {len(self)}{span}>"
@@ -271,13 +257,12 @@ class Modes(
 
     def plan(self, case: Case) -> Plan:
         """Plan the modes of the part."""
-        from pipeline.planning import simplifications
-        from pipeline.planning.plan import modes_step, plan_of
-
         whole = (simplifications.no_patches(case.patches), simplifications.no_response())
-        step = modes_step(case, self.request(case))
+        step = plans.modes_step(case, self.request(case))
         unpatched = simplifications.no_patches(case.patches) if case.patches and self.part == "plate" else None
-        return plan_of(case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole)
+        return plans.plan_of(
+            case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes, their count, and the wanted one among them."""
@@ -300,9 +285,7 @@ class _InStudies(Modes):
 
     def plan(self, case: Case) -> Plan:
         """Plan the modes."""
-        from pipeline.planning.plan import modes_step, plan_of
-
-        return plan_of(case, modes_step(case, self.request(case)))
+        return plans.plan_of(case, plans.modes_step(case, self.request(case)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes and keep what other questions go on from."""
@@ -363,9 +346,7 @@ class _OfPart:
 
     def plan(self, case: Case) -> Plan:
         """Plan the part."""
-        from pipeline.planning.plan import modes_step, plan_of
-
-        return plan_of(case, replace(modes_step(case, self.request()), measure=self.name))
+        return plans.plan_of(case, replace(plans.modes_step(case, self.request()), measure=self.name))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute its modes."""
@@ -390,9 +371,7 @@ class PillarModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
         """Return why there is no lone pillar."""
-        from pipeline.planning.simplifications import no_lone_pillar
-
-        return no_lone_pillar(case.design)
+        return simplifications.no_lone_pillar(case.design)
 
     def request(self) -> Request:
         """Return the lowest modes."""
@@ -446,10 +425,8 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def plan(self, case: Case) -> Plan:
         """Plan the mesh as it is."""
-        from pipeline.planning.plan import Step, plan_of
-
         why = ("a mesh of one's own is solved whole as it is",)
-        return plan_of(case, Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
+        return plans.plan_of(case, plans.Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Solve the mesh."""

@@ -2,7 +2,8 @@
 
 A question declares its options (`option`) and what it computes (`pipeline.questions.result`). Its command, its method of a
 plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `study`).
-Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick.
+Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick; `late`
+holds the modules that most of them compute and draw with.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from typing import (
 )
 
 from pipeline.errors import InputError
+from pipeline.questions.late import foresight, plans
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
 from pipeline.units import KHZ
@@ -333,11 +335,9 @@ class Question(_Declared, Generic[R]):
         """Return why a study does not ask this of a case, None where it does."""
         return None
 
-    def plan(self, case: Case) -> Plan:
+    def plan(self, case: Case) -> plans.Plan:
         """Return what `compute` will do, what it leaves out and what that takes. Nothing is meshed or solved."""
-        from pipeline.planning.plan import Plan, plain_step
-
-        return Plan(case.name if case else self.name, (plain_step(self.name, self.summary(), ""),), ())
+        return plans.Plan(case.name if case else self.name, (plans.plain_step(self.name, self.summary(), ""),), ())
 
     def compute(self, case: Case, plan: Plan, run: Run) -> R:
         """Return the answer, by the decisions of the plan."""
@@ -383,8 +383,6 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
 
 def announce(plan: Plan, run: Run) -> None:
     """Log what each step leaves out and takes. Raises InputError where this machine cannot hold a step."""
-    from pipeline.planning import foresight
-
     for step in plan.steps:
         for each in step.left_out:
             run.left_out(each.what, each.why)

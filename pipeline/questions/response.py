@@ -9,7 +9,11 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.questions.attenuation import over
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import BAR, Part, column, live
@@ -18,14 +22,8 @@ from pipeline.units import KHZ, MM, NM
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
     from pipeline.measured.comparison import Measurements
     from pipeline.models.forced import SolvedResponse
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
     from solvers.piezo.forced import ForcedPlate
     from solvers.piezo.responses import Peak
 
@@ -69,14 +67,10 @@ class PeakRecord(Part):
     @property
     def tone(self) -> str:
         """The frequency in words."""
-        from pipeline.quantity import frequency
-
         return frequency(self.frequency_hz, self.frequency_error)
 
     def line(self, name: str) -> str:
         """Return the peak in words."""
-        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
         level_text = ""
         if self.confinement_db is not None:
             level_text = f", {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
@@ -151,8 +145,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     @classmethod
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
         """Return the result of a solved response, with the error bars of its curves and peaks."""
-        import numpy as np
-
         from pipeline.models.forced import curve_errors
         from solvers.piezo.peak_errors import frequency_error
         from solvers.piezo.responses import circuit_shift
@@ -230,13 +222,11 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the curves around the peak, the peaks, what was measured and which files were written."""
-        from pipeline.records.reading import filled, reading_table
-
         rows = [[*row.values()] for row in self.to_rows()]
         near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
         whose = "wanted mode" if self.wanted_peak else "zone"
         yield f"{self.model}, {self.dof} degrees of freedom; around the peak of the {whose}, per volt of drive:"
-        yield reading_table(*filled(tuple(self.to_rows()[0]), near))
+        yield reading.reading_table(*reading.filled(tuple(self.to_rows()[0]), near))
         yield from self.peaks()
         yield from self.measured.lines(self.expected_error) if self.measured else ()
         yield from (f"wrote {path}" for path in self.written)
@@ -250,8 +240,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the rms of zone and passive face per volt over frequency, the peaks marked."""
-        from pipeline.plots import style
-
         self._draw_curve(ax, "zone_rms", color=style.BLUE, label="zone")
         self._draw_curve(ax, "passive_rms", color=style.VERMILION, ls="--", label="passive face")
         wanted, highest = self.wanted_peak, self.highest_peak
@@ -266,8 +254,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def _draw_curve(self, ax: Axes, name: str, **look: Any) -> None:
         """Draw a curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
-        import numpy as np
-
         if getattr(self, f"{name}_m_per_V") is None:
             return
         tone, values = self.array("frequency_hz") / KHZ, self.array(f"{name}_m_per_V") / NM
@@ -280,7 +266,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     def pictures(self) -> list[ReportFigure]:
         """Return the curves with the operating deflection shape at the peak where its field is there, and the comparison."""
         from pipeline.measured.pictures import report_figure
-        from pipeline.plots import style
 
         shape = self.arrays.get("response_uz")
         count = 1 + (self.sensor_V_per_V is not None) + (shape is not None)
@@ -298,10 +283,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         )
 
     def _draw_sensor(self, ax: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         tone, volts = self.array("frequency_hz") / KHZ, self.array("sensor_V_per_V") @ np.array([1.0, 1j])
         ax.semilogy(tone, np.abs(volts), color=style.GREEN)
         title = f"Sensor patch {self.sensors[0]}, open circuit"
@@ -313,10 +294,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         phase.spines["right"].set_visible(True)
 
     def _draw_shape(self, ax: Axes, points: FloatArray, shape: Any) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         turned = shape * np.exp(-1j * np.angle(shape[np.argmax(np.abs(shape))]))
         limit = np.abs(shape).max() / NM
         x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
@@ -329,9 +306,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         ax.figure.colorbar(image, cax=ax.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 
     def _alt(self) -> str:
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import level, with_bar
-
         peak = self.peak
         whose = "the wanted mode peaks" if self.wanted_peak else "the zone peaks highest"
         level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
@@ -395,9 +369,7 @@ class Response(
 
     def plan(self, case: Case) -> Plan:
         """Plan the forced response."""
-        from pipeline.planning.plan import plan_of, response_step
-
-        return plan_of(case, response_step(case, hz(self.band_kHz), self.points))
+        return plans.plan_of(case, plans.response_step(case, hz(self.band_kHz), self.points))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
         """Compute the curves and peaks, and compare them with what was measured."""
@@ -514,9 +486,6 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
 
 def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run) -> None:
     """Log the widest error bar, the peak and what opening the patches does; warn where a figure is not what it seems."""
-    from pipeline.quantity import figure as in_digits
-    from pipeline.quantity import frequency
-
     run.info(solved.widest_bar.text())
     solved.widest_bar.warn(case, run)
     run.info(next(result.peaks()))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
+from pipeline.questions.late import np, reading, style
 from pipeline.records.part import Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
@@ -144,19 +145,15 @@ class Result(Part):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the pictures of a report and of --out: what `draw` draws, unless a subclass has more."""
-        from pipeline.plots import style
-
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
 
     def reading(self, without: Axis = (), most: int = 0) -> str:
         """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
-        from pipeline.records.reading import reading_table
-
         rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
         step = max(1, len(rows) // most) if most else 1
-        return reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
+        return reading.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""
@@ -178,8 +175,6 @@ class Result(Part):
 
     def array(self, name: str) -> np.ndarray:
         """Return a column as an array over the main table's axes; NaN for what is missing."""
-        import numpy as np
-
         items: list[Part] = getattr(self, self.table) if self.table else [self]
         values = [getattr(item, name) for item in items]
         along = items[0].declared[name].along if items else ()
@@ -231,8 +226,6 @@ class Result(Part):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw into matplotlib axes, new ones where none are given, and return them."""
-        from pipeline.plots import style
-
         with style.style():
             drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             self.draw(drawn)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, level, level_figure, level_with_bar, signed, with_bar
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result
 from pipeline.records.part import BAR, Part, column, live
@@ -15,11 +18,6 @@ from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Rang
 from pipeline.units import GRAM, KHZ, MM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
     from pipeline.search.designs import Evaluation, Outcome, Settings
     from pipeline.search.space import Space
 
@@ -191,9 +189,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the best designs as a table, the gain, and the words to repeat it."""
-        from pipeline.quantity import frequency, level, level_with_bar, signed, with_bar
-        from pipeline.records.reading import filled, reading_table
-
         keeping = [each for each in self._of(PLATE) if getattr(each, self._value) is not None and not each.violations]
         keeping.sort(key=lambda each: getattr(each, self._value), reverse=self._unit not in LESS)
         names = [name for name, each in FoundDesign.declared.items() if each.unit or name in ("frequency_error", "mac")]
@@ -207,7 +202,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
             for each in keeping[:SHOWN]
         ]
         yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
-        yield reading_table(*filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
+        yield reading.reading_table(*reading.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
         yield f"as given: {self._said(self.base)}"
         gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
         text = ""
@@ -222,8 +217,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         yield f"repeat it: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
 
     def __repr__(self) -> str:
-        from pipeline.quantity import level, signed
-
         gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
         return f"<antinode.Search: {len(self.evaluations)} evaluations, best {self.best_values}{gain}>"
 
@@ -239,8 +232,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the goal over what was varied, and against frequency and mass."""
-        from pipeline.plots import style
-
         drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
         self.draw(left)
         self._tradeoff(right)
@@ -257,15 +248,11 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _points(self, listed: list[FoundDesign], keys: list[Varied]) -> Any:
         """Rows of the keys' values and of the goal's, of the evaluated designs."""
-        import numpy as np
-
         known = [each for each in listed if getattr(each, self._value) is not None]
         return np.array([[*(self._number(each, key) for key in keys), getattr(each, self._value)] for each in known]).T
 
     def _shown_keys(self) -> list[Varied]:
         """One or two keys; of several those that the cheapest model's goal follows most (rank correlation)."""
-        import numpy as np
-
         if len(self.vary) <= 2:
             return self.vary
         from scipy.stats import spearmanr
@@ -278,10 +265,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _line(self, axes: Any, key: Varied) -> None:
         """Draw the goal over one key, by every model."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
         for fidelity, (colour, marker, line) in looks.items():
             points = self._points(self._of(fidelity), [key])
@@ -296,10 +279,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _map(self, axes: Any, keys: list[Varied]) -> None:
         """Draw the goal over two keys: the strips as a ground, computed designs as points of the same colours."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         strips, columns, plates = (self._points(self._of(name), keys) for name in (STRIP, COLUMN, PLATE))
         low = min(0.0, float(np.percentile(strips[2], 5))) if strips.size else 0.0
         high = max(float(np.percentile(strips[2], 99)) if strips.size else 1.0, *plates[2], low + 1.0)
@@ -319,10 +298,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _tradeoff(self, axes: Any) -> None:
         """Draw the goal against frequency, coloured by mass; designs that no other beats are connected."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         value = self._value
         for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
             listed = [each for each in self._of(fidelity) if getattr(each, value) is not None and not each.violations]
@@ -346,8 +321,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         axes.legend(fontsize=7)
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency, level_figure
-
         base, best = (getattr(design, self._value) for design in (self.base, self.best))
         where = ", ".join(f"{key.key} = {self._number(self.best, key):g}" for key in self.vary)
         was = "" if base is None else f"; as given, {level_figure(base)}"
@@ -441,7 +414,6 @@ class Search(
 
     def plan(self, case: Case) -> Plan:
         """Plan how many designs each model evaluates."""
-        from pipeline.planning.plan import Step, plan_of
         from pipeline.search.fidelity import MODELS
         from pipeline.search.optimiser import budget_of
 
@@ -449,8 +421,8 @@ class Search(
         numbers = {"strips": budget.strips, "columns": budget.columns, "plates": budget.plates}
         counts = ", ".join(f"{most} {name}" for name, most in numbers.items() if most)
         looks = f"at most {counts} over {', '.join(each.key for each in self.vary)}; then the design as given and the best one"
-        step = Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
-        return plan_of(case, step)
+        step = plans.Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
+        return plans.plan_of(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> SearchResult:
         """Evaluate designs by cheap models first, and the best ones by assembled plates."""

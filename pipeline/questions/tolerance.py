@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
 from pipeline.models.tolerance_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
+from pipeline.quantity import figure, frequency, interval, level, percent, signed
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
 from pipeline.units import KHZ, NM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
     from pipeline.models.tolerance import VariedPlates
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
 ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
@@ -109,7 +107,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         yield from self.summary()
 
     def _varied(self) -> str:
-        from pipeline.quantity import figure, percent
         from pipeline.search.fidelity import column_level_error_db
 
         if self.frequency_error is None:
@@ -123,7 +120,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def summary(self) -> Iterator[str]:
         """Yield the statistics: frequencies and levels with the digits that their spread allows."""
-        from pipeline.quantity import figure, frequency, interval, level, signed
         from solvers.variation.cells import CHECKED
         from solvers.variation.samples import CUT
 
@@ -153,16 +149,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw each plate's peak and its driven confinement there, the nominal plate marked."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         both = [(one.peak_hz, one.confinement_db) for one in (self.nominal, *self.samples) if one.peak_hz is not None]
         tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
         ax.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
         ax.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
-        ax.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:g} dB")
+        least = confinement.CONFINED_DB
+        ax.axhline(least, color=style.GREY, ls="--", lw=0.9, label=f"confined from {least:g} dB")
         ax.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
         if spread := self.confinement_db:
             own = spread.deviation or 0.0
@@ -173,8 +165,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return curves over frequency, where there are any, and each plate's peak with its confinement."""
-        from pipeline.plots import style
-
         curves = self.arrays.get("tolerance_curves")
         drawn = [self._draw_curves] * (curves is not None) + [self.draw] * bool(self.confinement_db)
         figure, panels = style.panels(0.4 + 2.6 * len(drawn), len(drawn), 1, squeeze=False)
@@ -186,11 +176,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         return [style.ReportFigure("tolerance", title, self._alt(), figure, vector=True)]
 
     def _draw_curves(self, ax: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import frequency
-
         tone, curves = self.arrays["tolerance_hz"] / KHZ, np.asarray(self.arrays["tolerance_curves"]) / NM
         for number, curve in enumerate(curves[1:]):
             ax.semilogy(tone, curve, color=style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
@@ -205,16 +190,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def _levels(self, to_worst: str) -> str:
         """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
-        from pipeline.quantity import level
-
         found = self.confinement_db
         assert found is not None
         mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
         return f"{mean}, spread {found.spread(self.counted, 'dB')}{to_worst}worst {worst}"
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency
-
         alike = self.frequency_error is not None
         plates = "plates whose pillars are all off by the same" if alike else "plates whose pillars differ"
         peak, tone = self.peak_hz, self.nominal.peak_hz
@@ -261,9 +242,7 @@ class Tolerance(
 
     def plan(self, case: Case) -> Plan:
         """Plan plates whose pillars differ."""
-        from pipeline.planning.plan import plan_of, tolerance_step
-
-        return plan_of(case, tolerance_step(case, hz(self.band_kHz)))
+        return plans.plan_of(case, plans.tolerance_step(case, hz(self.band_kHz)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
         """Compute the nominal plate and the samples."""
@@ -319,13 +298,12 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
     def plan(self, case: Case) -> Plan:
         """Plan a column of cells for each plate."""
         from pipeline.explore.alike import FIXED
-        from pipeline.planning.plan import plain_step, plan_of
 
         assert case.tolerance
-        step = plain_step(
+        step = plans.plain_step(
             "tolerance", f"{case.tolerance.samples} plates of a batch", "a column of parametric cells each"
         )
-        return plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
+        return plans.plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
         """Answer the nominal plate and the samples from the bases."""
@@ -358,8 +336,6 @@ def _drawn(case: Case, samples: int | None, seed: int | None) -> Case:
 
 def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:
     """Log the statistics; warn of plates whose mode lies outside the band or is lost, and of a space that is too small."""
-    from pipeline.quantity import figure
-
     said = list(result.summary())
     for line in said:
         run.info(line)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, signed, with_bar
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import fields, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure_at, scaled
 from pipeline.records.part import column
 from pipeline.units import MM, UM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 
 def _driven(state: str, field: str, name: str, heading: str, unit: str, scale: float = 1.0) -> Figure[Any]:
@@ -87,8 +84,6 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the finger, the mode under it, each state, the loop's drive, and why figures are missing."""
-        from pipeline.quantity import figure as in_digits
-
         real, imaginary = self.impedance_N_s_m
         place = ", ".join(in_digits(each / MM, 0.0) for each in self.at_m)
         yield (
@@ -103,8 +98,6 @@ class TouchResult(Result, table="states", axes=("state",)):
         yield from self.unknown
 
     def __repr__(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         amplitudes = [f"{s.state} {in_digits(s.finger_m / UM, scaled(s.finger_error_m, UM))} um" for s in self.states]
         return f"<antinode.Touch: {', '.join(amplitudes)}>"
 
@@ -112,10 +105,6 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the amplitude under the finger at each place, the free plate's nodes as lines; without a map the states'."""
-        import numpy as np
-
-        from pipeline.plots import fields, style
-
         if self.map is None:
             sizes = [state.finger_m / UM for state in self.states]
             ax.barh([state.state for state in self.states], sizes, color=style.BLUE)
@@ -131,8 +120,6 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return amplitude and friction under the finger over its place, the drive of the loop; without a map the states."""
-        from pipeline.plots import fields, style
-
         if self.map is None:
             return super().pictures()
         count = 1 + (self.map.friction is not None) + (self.map.needed_V is not None)
@@ -148,11 +135,6 @@ class TouchResult(Result, table="states", axes=("state",)):
         return [style.ReportFigure("tactile", "Tactile map", self._alt(self.map), drawn)]
 
     def _alt(self, places: TouchMapRecord) -> str:
-        import numpy as np
-
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import with_bar
-
         touched = np.array(places.touched_m) / UM
         i, j = np.unravel_index(int(np.argmax(touched)), touched.shape)
         there = f"({in_digits(places.x_m[i] / MM)}, {in_digits(places.y_m[j] / MM)}) mm"
@@ -167,14 +149,10 @@ class TouchResult(Result, table="states", axes=("state",)):
 
 
 def _tone(places: TouchMapRecord) -> str:
-    from pipeline.quantity import frequency
-
     return frequency(places.frequency_hz, places.frequency_error)
 
 
 def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
-    from pipeline.quantity import frequency_with_bar, signed, with_bar
-
     before = frequency_with_bar(mode.free_hz, mode.free_error)
     under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
     shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
@@ -188,8 +166,6 @@ def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
 
 
 def _state_in_words(state: TouchStateRecord) -> str:
-    from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
     level = ""
     if state.confinement_db is not None:
         level = f", {level_with_bar(state.confinement_db, state.confinement_error_db)} above the passive face"
@@ -207,8 +183,6 @@ def _state_in_words(state: TouchStateRecord) -> str:
 
 
 def _loop_in_words(loop: LoopRecord) -> str:
-    from pipeline.quantity import with_bar
-
     limit = "no limit is given" if loop.limit_V is None else f"the limit is {loop.limit_V:g} V"
     verdict = ": the amplifier saturates" if loop.saturates else ""
     needed = with_bar(loop.needed_V, loop.needed_error_V, "V")
@@ -243,17 +217,14 @@ class Touch(
 
     def plan(self, case: Case) -> Plan:
         """Plan a finger on the driven plate: it moves every symmetry class."""
-        from pipeline.planning import simplifications
-        from pipeline.planning.plan import plan_of, response_step
-
-        step, touch = response_step(case, hz(self.band_kHz), 1), case.touch
+        step, touch = plans.response_step(case, hz(self.band_kHz), 1), case.touch
         assert touch is not None and case.patches is not None
         left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
         places = ", and at every place of a map" * self.mapped
         looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
         classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
         about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}
-        return plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
+        return plans.plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TouchResult:
         """Put the case's finger on its plate."""

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, percent, with_bar
+from pipeline.questions.hints import Axes, Case, ComplexArray, Plan, ReportFigure
+from pipeline.questions.late import fields, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, scaled
 from pipeline.records.part import BAR, column
 from pipeline.units import MM, UM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import ComplexArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 
 class TravelResult(Result, axes=("x_m",)):
@@ -92,8 +88,6 @@ class TravelResult(Result, axes=("x_m",)):
     @property
     def field(self) -> ComplexArray:
         """u_z along the zone's centre line, complex (points,) in m."""
-        import numpy as np
-
         return np.asarray(np.array(self.field_m) @ np.array([1.0, 1j]))
 
     @property
@@ -130,9 +124,6 @@ class TravelResult(Result, axes=("x_m",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the modes, the ratios, drive and power, the finger, and what the board played."""
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import frequency_with_bar, level_with_bar, percent, with_bar
-
         modes = [f"(0, {m.nodal_lines}) at {frequency_with_bar(m.frequency_hz, m.frequency_error)}" for m in self.modes]
         tone = frequency_with_bar(self.frequency_hz, self.frequency_error)
         yield f"modes {' and '.join(modes)}, held a quarter period apart at {tone}"
@@ -163,25 +154,16 @@ class TravelResult(Result, axes=("x_m",)):
             )
 
     def __repr__(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         return f"<antinode.Travel: {self._tone}, travelling-wave ratio {in_digits(self.twr, self.twr_error)}>"
 
     @property
     def _tone(self) -> str:
-        from pipeline.quantity import frequency
-
         return frequency(self.frequency_hz, self.frequency_error)
 
     # -- pictures
 
     def draw(self, ax: Axes) -> None:
         """Draw u_z along the zone's centre line at six moments of a period, the envelope, and the window shaded."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import figure as in_digits
-
         x, field = np.array(self.x_m) / MM, self.field / UM
         for step in range(6):
             ax.plot(x, (field * np.exp(1j * np.pi * step / 3.0)).real, color=style.SKY, lw=0.7)
@@ -194,10 +176,6 @@ class TravelResult(Result, axes=("x_m",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the wave with the power that flows with it beside that of patches in phase, and the finger on it."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         drawn, (wave, flow) = style.panels(5.4, 2, 1, sharex=True)
         self.draw(wave)
         powers = {"held a quarter period apart": self.flow_W, "all patches in phase": self.standing_flow_W}
@@ -214,8 +192,6 @@ class TravelResult(Result, axes=("x_m",)):
         ]
 
     def _alt(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in self.modes)
         flow = f"at most {in_digits(1e3 * self.largest_flow_W[0])} mW flow along the zone for 1 um rms"
         if self.inner_sections == 0:
@@ -226,8 +202,6 @@ class TravelResult(Result, axes=("x_m",)):
 
 def _of_shear(shear: ShearRecord) -> str:
     """Return the finger on the wave in words."""
-    from pipeline.quantity import with_bar
-
     ends = [
         (max((abs(each) for row in values for each in row if each is not None), default=None), error)
         for values, error in ((shear.shear_low, shear.shear_low_error), (shear.shear_high, shear.shear_high_error))
@@ -241,19 +215,13 @@ def _of_shear(shear: ShearRecord) -> str:
 
 def _drawn_shear(shear: ShearRecord, width_m: float | None) -> ReportFigure:
     """Draw the speed of the crests under a finger over its place, and the net shear at least and at most."""
-    import numpy as np
-
-    from pipeline.plots import fields as places
-    from pipeline.plots import style
-    from pipeline.quantity import with_bar
-
-    fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}
+    shown: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}
     for name, values in (("at least", shear.shear_low), ("at most", shear.shear_high)):
         if values is not None:
-            fields[f"net shear over friction at rest, {name}"] = values
-    drawn, panels = places.panels(len(fields), width_m)
-    for axes, (label, values) in zip(panels, fields.items(), strict=True):
-        places.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
+            shown[f"net shear over friction at rest, {name}"] = values
+    drawn, panels = fields.panels(len(shown), width_m)
+    for axes, (label, values) in zip(panels, shown.items(), strict=True):
+        fields.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
     fastest = with_bar(1e3 * shear.fastest_m_s, scaled(shear.fastest_error_m_s, 1e-3), "mm/s")
     alt = f"Crests under {shear.fingertip} on the travelling wave: at most {fastest} along x"
     return style.ReportFigure("shear", "A finger on the travelling wave", alt, drawn)
@@ -303,12 +271,12 @@ class Travel(
 
     def plan(self, case: Case) -> Plan:
         """Plan two modes held a quarter period apart."""
-        from pipeline.planning.plan import plan_of, response_step
-
-        step, lines = response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
+        step, lines = plans.response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
         looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
         looks += ", and a finger at places along the wave" if case.touch else ""
-        return plan_of(case, replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks))
+        return plans.plan_of(
+            case, replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
         """Hold the pair that travels best."""
@@ -341,10 +309,8 @@ class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel",
 
     def plan(self, case: Case) -> Plan:
         """Plan the wave, and one run of the image."""
-        from pipeline.planning.plan import plain_step
-
         whole = super().plan(case)
-        board = plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
+        board = plans.plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
         return replace(whole, steps=(*whole.steps, board))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
