@@ -6,7 +6,6 @@ import copy
 import sys
 import warnings
 from collections.abc import Iterable
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -49,9 +48,6 @@ from pipeline.questions.touch import Touch
 from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.records.part import Frozen
 from pipeline.search.terms import End, Range
-from pipeline.units import KHZ
-
-Pair = tuple[float, float]
 
 
 class Plate(Frozen):
@@ -222,12 +218,6 @@ class Plate(Frozen):
         def __dir__(self) -> list[str]:
             return sorted({*super().__dir__(), *registered()})
 
-    @cached_property
-    def _about(self) -> dict[str, Any]:
-        from importlib.metadata import version
-
-        return {"case": self.name, "with_defaults": self._case.to_dict(), "version": version("antinode")}
-
     def _repr_html_(self) -> str:
         """The plate in words and as a labelled sketch, for a notebook; words alone where it has no zone."""
         from html import escape
@@ -297,15 +287,6 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
         raise InputError(f"{name}: stands in several tables; write one of {listed}")
     known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
     raise InputError(f"{name}: no such key{nearest(name, known)}")
-
-
-def _hz(band_kHz: Pair | None) -> Pair | None:
-    if band_kHz is None:
-        return None
-    low, high = (KHZ * float(end) for end in band_kHz)
-    if not 0.0 <= low < high:
-        raise InputError(f"band_kHz = {tuple(band_kHz)}: must be two rising numbers")
-    return low, high
 
 
 class Caution(UserWarning):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from argparse import ArgumentTypeError, Namespace
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,32 +11,6 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.explore.answer import Explorer
     from pipeline.logs import Log
-
-
-def add(commands: Any, command: Any) -> None:
-    """The options of the command; `command` makes a sub-parser with the options that all have."""
-    text = "a page on which a design is dragged: bands, gap, decay and confinement follow at once"
-    explore = command(commands, "explore", text, "explore studies/three-rows.toml", "pipeline.cli.explore:run")
-    explore.add_argument(
-        "case", metavar="CASE", help="case file (TOML) with square, round, tapered or cross-shaped pillars"
-    )
-    explore.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key for every design"
-    )
-    explore.add_argument(
-        "--port", type=_port, default=0, metavar="N", help="port on the loopback address (default: a free one)"
-    )
-    explore.add_argument(
-        "--export", metavar="FILE.html", help="write the page as one file that answers without the program, and end"
-    )
-    explore.add_argument("--no-browser", action="store_true", help="say the address and open nothing")
-
-
-def _port(text: str) -> int:
-    value = int(text)
-    if not 0 <= value <= 65535:
-        raise ArgumentTypeError(f"{text}: must be a number from 0 to 65535")
-    return value
 
 
 def run(arguments: Namespace) -> int:

@@ -14,7 +14,7 @@ from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result
 from pipeline.records.part import BAR, Part, column, live
 from pipeline.search.limits import Limits
-from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range, error_of
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, FidelityResult, Range, error_of
 from pipeline.units import GRAM, KHZ, MM
 
 if TYPE_CHECKING:
@@ -50,33 +50,12 @@ class Fidelity(Part):
     not_evaluated: int = column("designs that it could not evaluate")
 
 
-class FoundDesign(Part):
+class FoundDesign(FidelityResult):
     """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
 
-    fidelity: str = column("model that evaluated it: strip, column or plate")
     set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
-    frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error")
-    frequency_error: float | None = column(BAR.format("frequency_hz, relative"))
-    confinement_db: float | None = column("confinement", "dB", error="confinement_error_db")
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB")
-    extension_db: float | None = column(
-        "level of the zone over the plate beyond the rows", "dB", error="extension_error_db"
-    )
-    extension_error_db: float | None = column(BAR.format("extension_db"), "dB")
-    mac: float | None = column("modal assurance criterion with the target shape")
-    worst_db: float | None = column(
-        "least confinement with all heights as designed, too low and too high", "dB", error="worst_error_db"
-    )
-    worst_error_db: float | None = column(BAR.format("worst_db"), "dB")
-    band_khz: float | None = column("width of the band about the mode in which the rows take 10 dB", "kHz")
-    isolation_db: float | None = column(
-        "least level of a driven zone over another one", "dB", error="isolation_error_db"
-    )
-    isolation_error_db: float | None = column(BAR.format("isolation_db"), "dB")
-    gap_mm: float | None = column("distance of two zones' borders", "mm")
     mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
     violations: list[str] = column("limits that it breaks")
-    why_not: str | None = column("why it could not be evaluated; None where it was")
 
 
 class SearchResult(Result, table="evaluations", axes=("evaluation",)):
@@ -437,8 +416,7 @@ def _design(space: Space, each: Evaluation) -> FoundDesign:
     own = {
         variable.name: variable.written(value) for variable, value in zip(space.variables, each.values, strict=False)
     }
-    about = {"mass_kg": each.mass_kg, "violations": list(each.violations), "why_not": each.result.why_not or None}
-    return FoundDesign.of(each.result, set=own, **about)
+    return FoundDesign.of(each.result, set=own, mass_kg=each.mass_kg, violations=each.violations)
 
 
 def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:

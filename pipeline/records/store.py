@@ -128,10 +128,10 @@ def load_arrays(folder: Path) -> dict[str, np.ndarray]:
 
 
 def begin(folder: Path, payload: dict[str, Any]) -> None:
-    """Open a case: what proved an earlier run goes first, then the leftovers of killed ones, then the input is kept."""
+    """Open a case: what proved an earlier run goes first, then leftovers of killed ones; input and old times are kept."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name in (RECORD, MANIFEST, TIMING, ARRAYS, FIELDS):
+        for name in (RECORD, MANIFEST, ARRAYS, FIELDS):
             (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise _named(error, folder, 0) from error

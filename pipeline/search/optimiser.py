@@ -285,7 +285,7 @@ class _Search:
         try:
             case = self.space.case(values, more)
         except InputError as error:
-            nothing = FidelityResult(fidelity, None, None, None, None, error.lines[0])
+            nothing = FidelityResult(fidelity=fidelity, why_not=error.lines[0])
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
 
         def evaluated(each: Case) -> FidelityResult:
