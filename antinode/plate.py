@@ -6,27 +6,16 @@ import copy
 import sys
 import warnings
 from collections.abc import Iterable
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from pipeline.case import tables
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.reading import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
-from pipeline.case.tables import (
-    Array,
-    BandPath,
-    Damping,
-    Finger,
-    Material,
-    Patches,
-    Pillar,
-    Scatter,
-    Solve,
-    Tip,
-    Zone,
-)
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions import registered
@@ -67,18 +56,18 @@ class Plate(Frozen):
         self,
         *,
         name: str = "plate",
-        material: Material = "aluminium",
+        material: tables.Material = "aluminium",
         thickness_mm: float | None = None,
-        zone: Zone | dict[str, Any] | None = None,
-        pillar: Pillar | dict[str, Any] | None = None,
-        tip: Tip | dict[str, Any] | None = None,
-        array: Array | dict[str, Any] | None = None,
-        solve: Solve | dict[str, Any] | None = None,
-        bands: BandPath | dict[str, Any] | None = None,
-        damping: Damping | dict[str, Any] | None = None,
-        patches: Patches | dict[str, Any] | None = None,
-        tolerance: Scatter | dict[str, Any] | None = None,
-        touch: Finger | dict[str, Any] | None = None,
+        zone: tables.Zone | dict[str, Any] | None = None,
+        pillar: tables.Pillar | dict[str, Any] | None = None,
+        tip: tables.Tip | dict[str, Any] | None = None,
+        array: tables.Array | dict[str, Any] | None = None,
+        solve: tables.Solve | dict[str, Any] | None = None,
+        bands: tables.BandPath | dict[str, Any] | None = None,
+        damping: tables.Damping | dict[str, Any] | None = None,
+        patches: tables.Patches | dict[str, Any] | None = None,
+        tolerance: tables.Scatter | dict[str, Any] | None = None,
+        touch: tables.Finger | dict[str, Any] | None = None,
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
@@ -220,16 +209,13 @@ class Plate(Frozen):
 
     def _repr_html_(self) -> str:
         """The plate in words and as a labelled sketch, for a notebook; words alone where it has no zone."""
-        from html import escape
-
         from pipeline.records.record import DesignRecord
         from pipeline.report.gallery import sketch
 
         words = f"<p>{escape(repr(self))}</p>"
-        whole = {"plate", "zone"} <= self._case.given
-        return words + (
-            f'<div style="max-width: 30rem">{sketch(DesignRecord.of_design(self._case.design))}</div>' if whole else ""
-        )
+        if not {"plate", "zone"} <= self._case.given:
+            return words
+        return f'{words}<div style="max-width: 30rem">{sketch(DesignRecord.of_design(self._case.design))}</div>'
 
     def __repr__(self) -> str:
         tables = ", ".join(key for key in self._raw if key in TABLES)

@@ -210,23 +210,21 @@ def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str,
 
 def _family(commands: Any, name: str) -> Any:
     """A command whose models are commands of their own."""
-    about, example = FAMILIES[name]
-    sub: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=about,
-        description=about,
-        epilog=f"example: antinode {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    return sub.add_subparsers(dest="model", required=True, metavar="MODEL")
+    return _sub(commands, name, *FAMILIES[name]).add_subparsers(dest="model", required=True, metavar="MODEL")
+
+
+def _sub(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+    look: dict[str, Any] = {
+        "epilog": f"example: antinode {example}",
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
+    sub: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, **look)
+    return sub
 
 
 def _command(commands: Any, name: str, text: str, example: str, handler: str) -> argparse.ArgumentParser:
     """A command by its name, help and example; `handler` is the module and the function that run it."""
-    look: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
-    sub: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text, epilog=f"example: antinode {example}", **look
-    )
+    sub = _sub(commands, name, text, example)
     sub.set_defaults(handler=handler, prog=sub.prog)
     sub.add_argument("-q", "--quiet", action="store_true", help="no progress and no log on standard error")
     sub.add_argument("-v", "--verbose", action="store_true", help="also log what is left out, and why")

@@ -6,7 +6,7 @@ import json
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,16 +25,13 @@ FORMATS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True)
 class Answer:
-    """A document, lines of text, rows under a head for CSV; pictures (drawn only when asked for) and files for --out; figure:
-    draws what --plot writes.
-    """
+    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
 
     document: dict[str, Any]
     lines: Sequence[str]
     head: Sequence[str] = ()
     rows: Sequence[Sequence[Any]] = ()
     pictures: Callable[[], Sequence[ReportFigure]] = tuple
-    files: Mapping[str, bytes] = field(default_factory=dict)
     figure: Callable[[], Any] | None = None
 
 
@@ -111,7 +108,7 @@ def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> d
     chosen = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
     written = {Path(place): data for place, data in chosen.items()}
     if out := getattr(arguments, "out", None):
-        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {}), **answer.files}
+        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {})}
         written |= {folder(out) / file: data for file, data in named.items()}
     return written
 

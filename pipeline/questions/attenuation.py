@@ -10,11 +10,12 @@ from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.wave_parts import AttenuationPoint
 from pipeline.quantity import figure, frequency, level, level_with_bar, with_bar
+from pipeline.questions.bands import plan_of_cell
 from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure, Simplification
 from pipeline.questions.late import confinement, foresight, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
-from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import column, live
+from pipeline.questions.result import Result, figure_at, stacked
+from pipeline.records.part import bar, column, live
 from pipeline.units import KHZ
 
 POINTS, SHOWN = 201, 20
@@ -43,15 +44,10 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     points: list[AttenuationPoint] = column("the waves at each frequency")
     zone_hz: float | None = live()  # frequency of the wanted mode by thin-plate theory
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def db_per_row(self) -> FloatArray:
-        """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
-        return self.array("db_per_row")
+    frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
+    db_per_row = stacked(
+        "db_per_row", "Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."
+    )
 
     @property
     def decay(self) -> FloatArray:
@@ -234,11 +230,9 @@ class Attenuation(
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study's case has no decay per row."""
         return simplifications.no_lattice(case.design, "attenuation")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the complex bands of a row."""
         from pipeline.planning.model_choice import cell_model_choice, driven_band_hz
 
         low, high = driven_band_hz(case, hz(self.band_kHz))
@@ -249,15 +243,9 @@ class Attenuation(
         left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
         demand = foresight.of_attenuation(case, choice, self.points) if choice.reduction else None
         step = plans.step_of(self.name, "attenuation across the rows", choice, (), looks, left_out, numbers, demand)
-        whole = (
-            simplifications.no_plate_modes(),
-            simplifications.no_patches(case.patches),
-            simplifications.no_figures(),
-        )
-        return plans.plan_of(case, step, *whole)
+        return plan_of_cell(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
-        """Compute the complex bands of the row over the band."""
         from pipeline.models.attenuation import solve
         from pipeline.planning.model_choice import driven_band_hz
         from solvers.analytic.predesign import predesign
@@ -275,19 +263,17 @@ class PredictionResult(Result, axes=()):
 
     frequency_hz: float = column("frequency of the wanted mode", "Hz")
     db_per_row: float | None = column("decay per row", "dB", error="db_error")
-    db_error: float | None = column("half-width of the decay's error bar", "dB", default=None)
+    db_error: float | None = bar("db_per_row", "dB")
     rows_db: float | None = column("rows times the decay per row", "dB", error="rows_error_db")
-    rows_error_db: float | None = column("half-width of the error bar of rows_db", "dB", default=None)
+    rows_error_db: float | None = bar("rows_db", "dB")
     transmission_db: float | None = column(
         "the flexural wave's power that passes the rows, below what arrives", "dB", error="transmission_error_db"
     )
-    transmission_error_db: float | None = column("half-width of the error bar of transmission_db", "dB", default=None)
+    transmission_error_db: float | None = bar("transmission_db", "dB")
     zone_to_extension_db: float | None = column(
         "the finite plate's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db"
     )
-    zone_to_extension_error_db: float | None = column(
-        "half-width of the error bar of zone_to_extension_db", "dB", default=None
-    )
+    zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
     rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
 
     decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row")
@@ -300,7 +286,6 @@ class Prediction(Question[PredictionResult], follows="attenuation"):
     """Predict the plate by the decay per row at its wanted mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:
-        """Read the decay at the wanted mode."""
         if not run.wanted:
             raise Unanswered
         level = run.wanted.extension_db, run.wanted.extension_error_db

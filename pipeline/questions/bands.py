@@ -10,12 +10,13 @@ from pipeline.errors import InputError
 from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
 from pipeline.questions.late import foresight, np, plans, reading, simplifications, style
 from pipeline.questions.question import Question, Run
-from pipeline.questions.result import Figure, Result, figure, figure_at
-from pipeline.records.part import BAR, Part, column
+from pipeline.questions.result import Figure, Result, figure, figure_at, stacked
+from pipeline.records.part import Part, bar, column
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.models.bands import SolvedBands
+    from pipeline.planning.plan import Step
 
 NAMES = {"G": "Γ"}
 LABEL = {"ha": "center", "va": "center", "fontsize": 8, "clip_on": True}
@@ -30,8 +31,8 @@ class Interval(Part):
 
     lower_hz: float = column("frequency where the gap begins", "Hz", error="lower_error")
     upper_hz: float = column("frequency where the gap ends", "Hz", error="upper_error")
-    lower_error: float | None = column(BAR.format("lower_hz, relative"), default=None)
-    upper_error: float | None = column(BAR.format("upper_hz, relative"), default=None)
+    lower_error: float | None = bar("lower_hz, relative")
+    upper_error: float | None = bar("upper_hz, relative")
 
     @property
     def relative_width(self) -> float:
@@ -179,20 +180,9 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     # -- arrays
 
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Frequencies (points, bands) in Hz."""
-        return self.array("frequencies_hz")
-
-    @property
-    def computed_hz(self) -> FloatArray:
-        """Frequencies (points, bands) of the finest mesh itself, Hz."""
-        return self.array("computed_hz")
-
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of the error bars (points, bands), relative; NaN without an estimate."""
-        return self.array("error")
+    frequencies_hz = stacked("frequencies_hz", "Frequencies (points, bands) in Hz.")
+    computed_hz = stacked("computed_hz", "Frequencies (points, bands) of the finest mesh itself, Hz.")
+    error = stacked("error", "Half-width of the error bars (points, bands), relative; NaN without an estimate.")
 
     @property
     def wavevectors_per_m(self) -> FloatArray:
@@ -253,10 +243,10 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     # -- figures of a sweep
 
-    gap_lower_hz = figure_at("widest_gap.lower_hz", "gap from", "Hz", name="gap_lower_hz")
-    gap_upper_hz = figure_at("widest_gap.upper_hz", "gap to", "Hz", name="gap_upper_hz")
-    gap_lower_error = figure_at("widest_gap.lower_error", "expected error of gap from", "%", name="gap_lower_error")
-    gap_upper_error = figure_at("widest_gap.upper_error", "expected error of gap to", "%", name="gap_upper_error")
+    gap_lower_hz = figure_at("widest_gap.lower_hz", "gap from", "Hz")
+    gap_upper_hz = figure_at("widest_gap.upper_hz", "gap to", "Hz")
+    gap_lower_error = figure_at("widest_gap.lower_error", "expected error of gap from", "%")
+    gap_upper_error = figure_at("widest_gap.upper_error", "expected error of gap to", "%")
     bending_m_1_hz = _bending(0, "first")
     bending_m_2_hz = _bending(1, "second")
 
@@ -342,6 +332,12 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
 
 
+def plan_of_cell(case: Case, step: Step) -> Plan:
+    """Return the plan of a step that looks at the unit cell alone."""
+    given = simplifications.no_patches(case.patches)
+    return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
+
+
 class Bands(
     Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=("report.dispersion_picture.dispersion",)
 ):
@@ -362,11 +358,9 @@ class Bands(
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study's case has no bands."""
         return simplifications.no_lattice(case.design, "bands")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the bands of the unit cell."""
         from pipeline.planning.mesh_rules import refinement_of
         from pipeline.planning.model_choice import SOLID, cell_model_choice
 
@@ -374,12 +368,8 @@ class Bands(
         segments = len(query.path) - 1
         wavevectors = segments * query.points + 1
         looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
-        numbers: dict[str, Any] = {
-            "wavevectors": wavevectors,
-            "count": query.count,
-            "path": query.path,
-            "grid": query.grid,
-        }
+        asked = {"count": query.count, "path": query.path, "grid": query.grid}
+        numbers: dict[str, Any] = {"wavevectors": wavevectors, **asked}
         if choice.model != SOLID:
             factor = refinement_of(query.points)
             numbers["solved_wavevectors"] = segments * query.points * factor + 1
@@ -388,15 +378,9 @@ class Bands(
         left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
         demand = foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))
         step = plans.step_of(self.name, "bands of the unit cell", choice, (), looks, left_out, numbers, demand)
-        whole = (
-            simplifications.no_plate_modes(),
-            simplifications.no_patches(case.patches),
-            simplifications.no_figures(),
-        )
-        return plans.plan_of(case, step, *whole)
+        return plan_of_cell(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
-        """Compute all bands at every wavevector of the path."""
         from pipeline.models.bands import solve_bands
 
         choice = plan.steps[0].choice

@@ -7,20 +7,14 @@ from typing import Any
 
 from pipeline.quantity import figure, frequency
 from pipeline.questions.hints import Case, Plan
-from pipeline.questions.late import plans
 from pipeline.questions.question import Question, Run, Unanswered
 from pipeline.questions.result import Result
 from pipeline.records.part import column
 
 NAME = "closed loop on the emulated board"
 TABLE = "mode_table.bin"
-COLUMNS = (
-    "time_s",
-    "reference",
-    "u_d",
-    "u_q",
-    "drive",
-)  # of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+# of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
 SOURCES = (".c", ".h", ".inc", ".ld", ".py")
 
 
@@ -59,14 +53,12 @@ class BoardResult(Result, axes=()):
 class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("plots.board.board",)):
     """Play the mode table of the case by the firmware's image on the emulated board, a step of the reference."""
 
+    step = (NAME, "the firmware's image and the mode table")
+
     @classmethod
     def inputs(cls) -> dict[str, Any]:
         """Return the state of the firmware's sources."""
         return {"firmware": sources_hash()}
-
-    def plan(self, case: Case) -> Plan:
-        """Plan one run of the image."""
-        return plans.plan_of(case, plans.plain_step(self.name, NAME, "the firmware's image and the mode table"))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BoardResult:
         """Run the image with the table in the case's folder."""

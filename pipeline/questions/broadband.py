@@ -10,11 +10,11 @@ from pipeline.models.wave_parts import BroadbandPoint
 from pipeline.quantity import figure as in_digits
 from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.questions.attenuation import over
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
-from pipeline.questions.late import confinement, np, plans, simplifications, style
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure, figure_at
-from pipeline.records.part import BAR, column
+from pipeline.questions.result import Result, figure, figure_at, stacked
+from pipeline.records.part import bar, column
 from pipeline.units import KHZ
 
 POINTS, SHOWN = 201, 20
@@ -46,21 +46,16 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
     )
     points: list[BroadbandPoint] = column("the column at each frequency")
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
-    wanted_error_db: float | None = column(BAR.format("wanted_db"), "dB", default=None)
-    frequency_error: float | None = column(BAR.format("any frequency of the column, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
+    wanted_error_db: float | None = bar("wanted_db", "dB")
+    frequency_error: float | None = bar("any frequency of the column, relative")
     confined_error: list[list[float | None]] = column(ENDS.format("confined"), default_factory=list)
     stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def confinement_db(self) -> FloatArray:
-        """Confinement (points,) in dB of the motion that the wanted shape's pressure forces."""
-        return self.array("confinement_db")
+    frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
+    confinement_db = stacked(
+        "confinement_db", "Confinement (points,) in dB of the motion that the wanted shape's pressure forces."
+    )
 
     def taken_db(self, frequency_hz: float) -> float:
         """Return what the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
@@ -73,10 +68,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
         return end_errors(self.points, self.frequency_error, ends_hz)
 
-    @figure(
-        "stopped about the wanted mode", "Hz", name="stopped_width_hz", error="stopped_width_error_hz",
-        is_difference=True,
-    )  # fmt: skip
+    @figure("stopped about the wanted mode", "Hz", error="stopped_width_error_hz", is_difference=True)
     def stopped_width_hz(self) -> float:
         """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
@@ -90,8 +82,8 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
         return sum(known) if len(known) == len(errors) else None
 
-    column_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz", name="column_wanted_hz")
-    column_db = figure_at("wanted_db", "confinement in the column", "dB", name="column_wanted_db")
+    column_wanted_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz")
+    column_wanted_db = figure_at("wanted_db", "confinement in the column", "dB")
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
@@ -154,6 +146,7 @@ class Broadband(
     (3,)
     """
 
+    step = ("rows over frequency", "column of reduced cells at the wanted wavenumber")
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
@@ -166,18 +159,11 @@ class Broadband(
 
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
-        """Return why a study's case has no such column."""
         if case.design.rows and simplifications.hexahedra(case, "plate"):
             return None
         return simplifications.Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
 
-    def plan(self, case: Case) -> Plan:
-        """Plan one column of the case's cells."""
-        model = "column of reduced cells at the wanted wavenumber"
-        return plans.plan_of(case, plans.plain_step(self.name, "rows over frequency", model))
-
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
-        """Compute what passes the rows of one column, and its forced motion, over frequency."""
         from pipeline.models.broadband import broadband
 
         return BroadbandResult.of(broadband(case, run, hz(self.band_kHz), self.points))

@@ -8,10 +8,10 @@ from typing import Any
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.zone_parts import DrivenZone, worst_of
 from pipeline.quantity import frequency_with_bar, level, level_figure, level_with_bar
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
 from pipeline.questions.late import np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure, figure_at
+from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column
 from pipeline.units import KHZ, MM, NM
 
@@ -38,25 +38,24 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     frequency_hz: list[float] = column("frequencies of over_rms_m_per_V", "Hz", along="frequency_hz")
     zones: list[DrivenZone] = column("one driven zone each, by ascending y")
 
-    @property
-    def level_db(self) -> FloatArray:
-        """Levels (driven zones, measured zones) in dB."""
-        return self.array("level_db")
+    level_db = stacked("level_db", "Levels (driven zones, measured zones) in dB.")
 
     @property
     def first(self) -> DrivenZone:
         """The first zone, driven."""
         return self.zones[0]
 
-    gap_mm = figure_at("gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0)  # as it is given
+    crosstalk_gap_mm = figure_at(
+        "gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0
+    )  # as it is given
 
     @figure("largest cross-talk", "dB", name="crosstalk_db", error=lambda levels: worst_of(levels.zones)[1])
     def worst_db(self) -> float | None:
         """The largest level of a zone while another is driven; None with one zone."""
         return worst_of(self.zones)[0]
 
-    first_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz", name="crosstalk_hz")
-    passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
+    crosstalk_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz")
+    crosstalk_passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
@@ -108,6 +107,7 @@ class Crosstalk(
     Question[CrosstalkResult],
     needs=("patches",),
     drives=True,
+    of_any_zones=True,
     example="crosstalk examples/two-zones.toml --out crosstalk",
 ):
     """Drive each of several zones on one plate in turn and measure all, in dB ([[zone]] in the case).
@@ -126,12 +126,10 @@ class Crosstalk(
         """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
         from pipeline.models.driven_zones import check_zones
 
-        case.require_plate(command="crosstalk", several=True)
         super().check(case)
         check_zones(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan each zone driven and all measured."""
         from dataclasses import replace
 
         step = plans.response_step(case, hz(self.band_kHz), self.points, several=True)

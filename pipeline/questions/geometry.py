@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.quantity import figure, percentage, signed
 from pipeline.questions.hints import Case, Plan
-from pipeline.questions.late import plans
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
@@ -45,12 +44,10 @@ class GeometryResult(Result, axes=()):
         )
 
 
-class Geometry(Question[GeometryResult], in_studies_only=True):
+class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True):
     """Write print and CAD files of the plate and check the print file."""
 
-    def plan(self, case: Case) -> Plan:
-        """Plan the solid and its files."""
-        return plans.plan_of(case, plans.plain_step(self.name, "print and CAD files", "CAD solids, STL read back"))
+    step = ("print and CAD files", "CAD solids, STL read back")
 
     def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
         """Write STL, STEP and 3MF into the case's folder and read the STL back."""

@@ -12,8 +12,8 @@ from pipeline.quantity import frequency, frequency_with_bar, level, level_with_b
 from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
 from pipeline.questions.late import confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure
-from pipeline.records.part import BAR, Part, column
+from pipeline.questions.result import Figure, Result, figure, stacked
+from pipeline.records.part import Part, bar, column
 from pipeline.units import KHZ
 
 POINTS = 61
@@ -41,16 +41,10 @@ class HybridMethod(Part):
     volts_per_um: list[float] = column(
         "largest voltage for 1 um rms in the zone", "V", along="frequency_hz", error="volts_error_per_um"
     )
-    confinement_error_db: list[float | None] | None = column(
-        BAR.format("confinement_db"), "dB", along="frequency_hz", name="error_db", default=None
-    )
-    off_error_db: list[float | None] | None = column(BAR.format("off_db"), "dB", along="frequency_hz", default=None)
-    rows_off_error_db: list[float | None] | None = column(
-        BAR.format("rows_off_db"), "dB", along="frequency_hz", default=None
-    )
-    volts_error_per_um: list[float | None] | None = column(
-        BAR.format("volts_per_um"), "V", along="frequency_hz", default=None
-    )
+    confinement_error_db: list[float | None] | None = bar("confinement_db", "dB", along="frequency_hz", name="error_db")
+    off_error_db: list[float | None] | None = bar("off_db", "dB", along="frequency_hz")
+    rows_off_error_db: list[float | None] | None = bar("rows_off_db", "dB", along="frequency_hz")
+    volts_error_per_um: list[float | None] | None = bar("volts_per_um", "V", along="frequency_hz")
 
     def at(self, name: str, place: int) -> tuple[float, float | None]:
         """Return a figure at a place of the frequencies, NaN where there is none, and the half-width of its bar."""
@@ -88,16 +82,13 @@ class HybridResult(Result, axes=("frequency_hz",)):
     )
     frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
     methods: list[HybridMethod] = column("the four methods of confinement")
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
     wanted_elsewhere_hz: float | None = column(
         "peak of the plate with rows where it lies outside the band", "Hz", error="wanted_elsewhere_error", default=None
     )
-    wanted_elsewhere_error: float | None = column(BAR.format("wanted_elsewhere_hz, relative"), default=None)
+    wanted_elsewhere_error: float | None = bar("wanted_elsewhere_hz, relative")
 
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
+    frequencies_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
 
     @property
     def wanted_place(self) -> int | None:
@@ -113,17 +104,17 @@ class HybridResult(Result, axes=("frequency_hz",)):
         figures: list[float] | None = getattr(self.method(method), values)
         return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
 
-    rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
-    rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
-    rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
-    rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
-    patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
-    patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
-    patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
-    both_db = _at_peak("both", "confinement_db", "confinement by {}")
-    both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
-    both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
-    both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
+    hybrid_rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
+    hybrid_rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
+    hybrid_rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
+    hybrid_patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
+    hybrid_patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
+    hybrid_patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
+    hybrid_both_db = _at_peak("both", "confinement_db", "confinement by {}")
+    hybrid_both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
+    hybrid_both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return a row a frequency: of each method its figures, those that it has, such as both_off_db."""
@@ -144,9 +135,8 @@ class HybridResult(Result, axes=("frequency_hz",)):
         place = self.wanted_place
         if place is None:
             elsewhere = frequency_with_bar(self.wanted_elsewhere_hz, self.wanted_elsewhere_error)
-            where = (
-                "no mode of the plate has its shape" if self.wanted_elsewhere_hz is None else f"it lies at {elsewhere}"
-            )
+            known = self.wanted_elsewhere_hz is not None
+            where = f"it lies at {elsewhere}" if known else "no mode of the plate has its shape"
             yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
             return
         yield f"at the wanted mode's peak, {frequency_with_bar(self.wanted_hz, self.wanted_error)}:"
@@ -230,7 +220,6 @@ class Hybrid(
         """Raise InputError for a case without rows, a patch inside the zone, or two drivers fed by voltages."""
         from pipeline.models.hybrid import driven_inside
 
-        case.require_plate(command="hybrid")
         super().check(case)
         patches = case.patches
         assert patches is not None

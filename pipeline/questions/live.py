@@ -9,10 +9,10 @@ from typing import Any, Self
 from pipeline.errors import InputError
 from pipeline.quantity import frequency, level_with_bar
 from pipeline.questions.hints import Case, Plan
-from pipeline.questions.late import np, plans, simplifications
+from pipeline.questions.late import np, simplifications
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import BAR, column
+from pipeline.records.part import bar, column
 
 RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
 
@@ -31,7 +31,7 @@ class LiveResult(Result, axes=()):
     zone_to_extension_db: float | None = column(
         "the column's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db", default=None
     )
-    zone_to_extension_error_db: float | None = column(BAR.format("zone_to_extension_db"), "dB", default=None)
+    zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     gap_hz: list[float] | None = column("both edges of the widest complete gap", "Hz", error="gap_error", table=False)
     gap_error: float | None = column(
@@ -46,14 +46,13 @@ class LiveResult(Result, axes=()):
     why_not: str = column("why the column has no wanted mode", default="")
     warnings: list[str] = column("what a column cannot tell of this design")
 
-    wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
-    error = figure_at("frequency_error", "its expected error, live", "%")
-    level = figure_at("confinement_db", "confinement, live", "dB", name="live_confinement_db")
-    level_error = figure_at(
-        "confinement_error_db", "its expected error, live", "dB", name="live_confinement_error_db",
-        error="confinement_error_db",
-    )  # fmt: skip
-    decay = figure_at("db_per_row", "decay per row, live", "dB", name="live_db_per_row")
+    live_wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
+    live_error = figure_at("frequency_error", "its expected error, live", "%")
+    live_confinement_db = figure_at("confinement_db", "confinement, live", "dB")
+    live_confinement_error_db = figure_at(
+        "confinement_error_db", "its expected error, live", "dB", error="confinement_error_db"
+    )
+    live_db_per_row = figure_at("db_per_row", "decay per row, live", "dB")
 
     @classmethod
     def of_answer(cls, answer: Mapping[str, Any]) -> Self:
@@ -98,9 +97,10 @@ def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) ->
 class Live(Question[LiveResult], in_studies_only=True):
     """Answer from the explorer's bases, which stand for a plate by one column of its cells."""
 
+    step = ("the explorer's answer", "parametric cell, and a column of such cells")
+
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
-        """Return why the bases do not hold the design."""
         from pipeline.models import parametric
         from solvers.parametric.affine import DesignBox
 
@@ -112,12 +112,6 @@ class Live(Question[LiveResult], in_studies_only=True):
         else:
             lacking = "; ".join(DesignBox(foot=foot).faults(parametric.sizes_of(case.design)))
         return simplifications.Simplification("no_live", "live", lacking) if lacking else None
-
-    def plan(self, case: Case) -> Plan:
-        """Plan one answer."""
-        return plans.plan_of(
-            case, plans.plain_step(self.name, "the explorer's answer", "parametric cell, and a column of such cells")
-        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:
         """Answer from the bases, which are made once a pair of materials."""

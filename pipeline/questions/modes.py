@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
 from pipeline.quantity import HZ, frequency_figure, interval
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
+from pipeline.questions.hints import Axes, Case, Plan, Simplification
 from pipeline.questions.late import confinement, np, plans, reading, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
-from pipeline.questions.result import Result, figure, figure_at
+from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column, live
 from pipeline.units import KHZ
 
@@ -66,22 +67,21 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     solved: Any = live()
     case: Any = live()
 
-    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None, name="wanted_status")
-    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz")
-    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%", name="wanted_error")
-    level = figure_at("found.confinement_db", "confinement", "dB", name="confinement_db")
-    level_error = figure_at(
-        "found.confinement_error_db", "expected error of the confinement", "dB", name="confinement_error_db",
-        error="found.confinement_error_db",
-    )  # fmt: skip
-    extension = figure_at("found.extension_db", "zone to extension", "dB", name="zone_to_extension_db")
-    mac = figure_at("found.mac", "MAC", name="mac")
-    zone_share = figure_at("found.zone_share", "zone share", name="zone_share")
-    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy", name="pillar_share")
-    strength = figure_at("found.strength", "strength in the wanted shape", name="strength")
-    shape_share = figure_at("found.share", "share of the wanted shape", name="shape_share")
+    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None)
+    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz")
+    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%")
+    confinement_db = figure_at("found.confinement_db", "confinement", "dB")
+    confinement_error_db = figure_at(
+        "found.confinement_error_db", "expected error of the confinement", "dB", error="found.confinement_error_db"
+    )
+    zone_to_extension_db = figure_at("found.extension_db", "zone to extension", "dB")
+    mac = figure_at("found.mac", "MAC")
+    zone_share = figure_at("found.zone_share", "zone share")
+    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy")
+    strength = figure_at("found.strength", "strength in the wanted shape")
+    shape_share = figure_at("found.share", "share of the wanted shape")
 
-    @figure("other modes that carry it", None, name="rivals")
+    @figure("other modes that carry it", None)
     def rivals(self) -> str | None:
         """Frequencies of other modes that carry as much of the wanted shape."""
         known = self.found.rivals if self.found else []
@@ -133,15 +133,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     def __bool__(self) -> bool:
         return True  # an answer, whether a mode was found or not
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (modes,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of each frequency's error bar (modes,), relative; NaN without an estimate."""
-        return self.array("error")
+    frequency_hz = stacked("frequency_hz", "Frequencies (modes,) in Hz.")
+    error = stacked("error", "Half-width of each frequency's error bar (modes,), relative; NaN without an estimate.")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
         """Return the closed surface of a mode, by its index from 0 or itself; None: of the wanted mode.
@@ -256,7 +249,6 @@ class Modes(
         return _request(self.part, self.band_kHz, self.near_kHz, self.count, self.symmetry)
 
     def plan(self, case: Case) -> Plan:
-        """Plan the modes of the part."""
         whole = (simplifications.no_patches(case.patches), simplifications.no_response())
         step = plans.modes_step(case, self.request(case))
         unpatched = simplifications.no_patches(case.patches) if case.patches and self.part == "plate" else None
@@ -265,7 +257,6 @@ class Modes(
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute the modes, their count, and the wanted one among them."""
         from pipeline.models.modes import solve_modes
 
         return _answered(solve_modes(case, self.request(case), run, plan.steps[0].choice), case, run)
@@ -284,7 +275,6 @@ class _InStudies(Modes):
         return of_case(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan the modes."""
         return plans.plan_of(case, plans.modes_step(case, self.request(case)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
@@ -335,47 +325,30 @@ class Shapes(Question[ShapesResult], follows="modes"):
         return ShapesResult(**mode_fields.shapes(solved, case.design))
 
 
-class _OfPart:
-    """Modes of a part alone, as the pre-design sees it."""
+class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+    """Compute the modes of the bare zone, as the pre-design sees it."""
 
-    name: ClassVar[str]
-
-    def request(self) -> Request:
-        """Return what is asked for."""
-        raise NotImplementedError
+    asked: ClassVar[dict[str, Any]] = {"part": "zone"}
 
     def plan(self, case: Case) -> Plan:
-        """Plan the part."""
-        return plans.plan_of(case, replace(plans.modes_step(case, self.request()), measure=self.name))
+        return plans.plan_of(case, replace(plans.modes_step(case, _request(**self.asked)), measure=self.name))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute its modes."""
         from pipeline.models.modes import solve_modes
 
-        solved = solve_modes(case, self.request(), run, plan.steps[0].choice)
+        solved = solve_modes(case, _request(**self.asked), run, plan.steps[0].choice)
         run.meshes += solved.meshes
         return ModesResult.of_solved(solved, case)
 
 
-class ZoneModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
-    """Compute the modes of the bare zone, as the pre-design sees it."""
-
-    def request(self) -> Request:
-        """Return the zone's window."""
-        return _request("zone")
-
-
-class PillarModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+class PillarModes(ZoneModes, Question[ModesResult]):
     """Compute the modes of the lone pillar, as the pre-design sees it."""
+
+    asked: ClassVar[dict[str, Any]] = {"part": "pillar", "near_kHz": 0.0, "count": 4}
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why there is no lone pillar."""
         return simplifications.no_lone_pillar(case.design)
-
-    def request(self) -> Request:
-        """Return the lowest modes."""
-        return _request("pillar", near_kHz=0.0, count=4)
 
 
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
@@ -415,8 +388,6 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a band beside a frequency, and for a file that is not there."""
-        from pathlib import Path
-
         from pipeline.case.diagnostics import nearest_file
 
         _check_window(self.near_kHz, self.band_kHz)
@@ -424,12 +395,10 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
             raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the mesh as it is."""
         why = ("a mesh of one's own is solved whole as it is",)
         return plans.plan_of(case, plans.Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Solve the mesh."""
         from pipeline.models.user_mesh import UserMesh, solve
 
         mesh = UserMesh(self.mesh_file, self.unit or "m", self.clamp, self.support, self.merge)

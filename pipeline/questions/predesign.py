@@ -149,7 +149,6 @@ class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=Tru
     """
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredesignResult:
-        """Size zone and pillar by beam and plate theory."""
         from pipeline.case.plausible import short_wave
 
         if text := short_wave(case.design):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
@@ -16,7 +17,7 @@ from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
 from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import BAR, Part, column, live
+from pipeline.records.part import Part, bar, column, live
 from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
@@ -46,13 +47,10 @@ class PeakRecord(Part):
         error="confinement_error_db",
     )
     quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
-    height_error: float | None = column(BAR.format("both rms, relative, the damping given"), default=None)
-    frequency_error: float | None = column(
-        BAR.format("frequency_hz, relative: mesh, reduction and bonding together"),
-        default=None,
-    )
-    quality_error: float | None = column(BAR.format("quality_factor"), default=None)
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+    height_error: float | None = bar("both rms, relative, the damping given")
+    frequency_error: float | None = bar("frequency_hz, relative: mesh, reduction and bonding together")
+    quality_error: float | None = bar("quality_factor")
+    confinement_error_db: float | None = bar("confinement_db", "dB")
 
     @property
     def zone_nm_per_V(self) -> float:
@@ -111,9 +109,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         "the drivers",
         "m/V", along="frequency_hz", default=None,
     )  # fmt: skip
-    passive_rms_error_m_per_V: list[float] | None = column(
-        BAR.format("passive_rms_m_per_V"), "m/V", along="frequency_hz", default=None
-    )
+    passive_rms_error_m_per_V: list[float] | None = bar("passive_rms_m_per_V", "m/V", along="frequency_hz")
     sensor_V_per_V: list[list[float]] | None = column(
         "voltage of the first sensor over that of the drive, real and imaginary; None without a sensor", "V/V",
         along="frequency_hz", parts=("sensor_re", "sensor_im"),
@@ -139,7 +135,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         default=None,
     )
     measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
     written: list[Any] = live(default_factory=list)  # files with made-up data
 
     @classmethod
@@ -191,32 +187,23 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         own, other = self.wanted_peak, self.highest_peak.frequency_hz
         return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
 
-    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz", name="wanted_peak_hz")
+    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz")
     wanted_peak_nm_per_v = figure_at(
-        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", name="wanted_peak_nm_per_v",
-        error="wanted_peak.zone_error_nm_per_V",
-    )  # fmt: skip
-    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB", name="wanted_peak_db")
-    highest_peak_hz = figure_at(
-        "highest_peak.frequency_hz", "highest peak of the response", "Hz", name="highest_peak_hz"
+        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", error="wanted_peak.zone_error_nm_per_V"
     )
+    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB")
+    highest_peak_hz = figure_at("highest_peak.frequency_hz", "highest peak of the response", "Hz")
     highest_peak_nm_per_v = figure_at(
-        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", name="highest_peak_nm_per_v",
-        error="highest_peak.zone_error_nm_per_V",
-    )  # fmt: skip
-    highest_peak_db = figure_at(
-        "highest_peak.confinement_db", "confinement at the highest", "dB", name="highest_peak_db"
+        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", error="highest_peak.zone_error_nm_per_V"
     )
-    measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz", name="measured_hz")
+    highest_peak_db = figure_at("highest_peak.confinement_db", "confinement at the highest", "dB")
+    measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz")
     measured_shift_hz = figure_at(
-        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", name="measured_shift_hz",
-        is_difference=True, is_signed=True,
-    )  # fmt: skip
-    measured_quality_factor = figure_at(
-        "measured.sweep.quality_factor", "measured quality factor", name="measured_quality_factor"
+        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", is_difference=True, is_signed=True
     )
-    measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB", name="measured_db")
-    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed", name="measured_mac")
+    measured_quality_factor = figure_at("measured.sweep.quality_factor", "measured quality factor")
+    measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB")
+    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed")
 
     # -- words and pictures
 
@@ -276,11 +263,9 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         if shape is not None:
             self._draw_shape(panels[-1, 0], self.arrays["response_xy"], shape)
         own = style.ReportFigure("response", "Response per volt of drive", self._alt(), drawn, vector=shape is None)
-        return (
-            [own, report_figure(self.measured, self.arrays, self.plate_design)]
-            if self.measured and self.plate_design
-            else [own]
-        )
+        if self.measured and self.plate_design:
+            return [own, report_figure(self.measured, self.arrays, self.plate_design)]
+        return [own]
 
     def _draw_sensor(self, ax: Axes) -> None:
         tone, volts = self.array("frequency_hz") / KHZ, self.array("sensor_V_per_V") @ np.array([1.0, 1j])
@@ -357,22 +342,15 @@ class Response(
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
-    def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches."""
-        case.require_plate(command="response")
-        super().check(case)
-
     @classmethod
     def in_study(cls) -> Response:
         """Return the question that also writes the plate's mode table."""
         return _InStudies()
 
     def plan(self, case: Case) -> Plan:
-        """Plan the forced response."""
         return plans.plan_of(case, plans.response_step(case, hz(self.band_kHz), self.points))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
-        """Compute the curves and peaks, and compare them with what was measured."""
         from pipeline.measured.comparison import compare
         from pipeline.models.forced import gridded, solve_response
         from pipeline.records.record import DesignRecord
@@ -477,8 +455,6 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
     noise: float = option(default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise over the peak")
 
     def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
-        from pathlib import Path
-
         from pipeline.measured.synthetic import write
 
         return write(case, solved, Path(self.synthetic_data or "."), run.asked_by or repr(self), self.seed, self.noise)
@@ -497,9 +473,8 @@ def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run
             f"{in_digits(shift['coupling'])}"
         )
     if result.wanted_peak is None:
-        where = (
-            f"it lies at {frequency(result.wanted_hz)}" if result.wanted_hz else "no mode of the plate has its shape"
-        )
+        known = result.wanted_hz is not None
+        where = f"it lies at {frequency(result.wanted_hz)}" if known else "no mode of the plate has its shape"
         low, high = (end / KHZ for end in solved.forced.band_hz)
         run.warning(
             "NO_MODE",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.limits import MAX_EVALUATIONS
@@ -11,8 +12,8 @@ from pipeline.quantity import frequency, level, level_figure, level_with_bar, si
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
 from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Question, Run, option
-from pipeline.questions.result import Result
-from pipeline.records.part import BAR, Part, column, live
+from pipeline.questions.result import Result, scaled
+from pipeline.records.part import Part, bar, column, live
 from pipeline.search.limits import Limits
 from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, FidelityResult, Range, error_of
 from pipeline.units import GRAM, KHZ, MM
@@ -81,13 +82,13 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     )
     gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
     gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
-    gain_error_db: float | None = column(BAR.format("gain_db"), "dB")
+    gain_error_db: float | None = bar("gain_db", "dB")
     tradeoff: list[FoundDesign] = column(
         "designs that no other beats in goal, frequency and mass at once, the best first"
     )
     evaluations: list[FoundDesign] = column("every design that was evaluated")
     solid: dict[str, FoundDesign] | None = column(
-        "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid", default=None
+        "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid"
     )
     file: str = live(default="CASE")  # of the design as given
 
@@ -172,14 +173,9 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         keeping.sort(key=lambda each: getattr(each, self._value), reverse=self._unit not in LESS)
         names = [name for name, each in FoundDesign.declared.items() if each.unit or name in ("frequency_error", "mac")]
         names.remove("mass_kg")
-        rows = [
-            [
-                *each.set.values(),
-                *(getattr(each, name) for name in names),
-                None if each.mass_kg is None else each.mass_kg / GRAM,
-            ]
-            for each in keeping[:SHOWN]
-        ]
+        figures = [[getattr(each, name) for name in names] for each in keeping[:SHOWN]]
+        grams = [scaled(each.mass_kg, GRAM) for each in keeping[:SHOWN]]
+        rows = [[*one.set.values(), *own, mass] for one, own, mass in zip(keeping, figures, grams, strict=False)]
         yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
         yield reading.reading_table(*reading.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
         yield f"as given: {self._said(self.base)}"
@@ -392,7 +388,6 @@ class Search(
         return Settings(self.goal, limits, self.evaluations)
 
     def plan(self, case: Case) -> Plan:
-        """Plan how many designs each model evaluates."""
         from pipeline.search.fidelity import MODELS
         from pipeline.search.optimiser import budget_of
 
@@ -421,8 +416,6 @@ def _design(space: Space, each: Evaluation) -> FoundDesign:
 
 def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
     """Solve both designs by the whole plate as a solid mesh."""
-    from dataclasses import replace
-
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
 
     solved = {}

@@ -45,7 +45,6 @@ class TetModes(
     """Compute the wanted mode of the plate meshed whole by tetrahedra."""
 
     def plan(self, case: Case) -> Plan:
-        """Plan the plate."""
         from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
 
         name, mesh = "the same plate and cell by tetrahedra", "tetrahedra of order 2 from CAD"
@@ -87,11 +86,9 @@ class TetBands(Question[BandsResult], follows="tet_modes"):
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why there is no unit cell."""
         return Bands.spared(case)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
-        """Compute the corners."""
         corners = replace(case, solve=case.solve.but(mesh="tet"), bands=case.bands.but(points=1))
         alone = Run(run.log, detailed=False)
         result = ask(corners, Bands(), alone)

@@ -12,7 +12,7 @@ from pipeline.models.tolerance_parts import SampleRecord, SpreadRecord, known, s
 from pipeline.quantity import figure, frequency, interval, level, percent, signed
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
 from pipeline.questions.late import confinement, np, plans, style
-from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.questions.question import Declared, Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
 from pipeline.units import KHZ, NM
@@ -66,24 +66,19 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         default=None,
     )
 
-    mean_hz = figure_at(
-        "peak_hz.mean", "peak, pillars unlike: mean", "Hz", name="tolerance_peak_hz", error="peak_hz.relative"
-    )
-    spread_hz = figure_at(
-        "peak_hz.deviation", "its spread", "Hz", name="tolerance_peak_spread_hz", is_difference=True,
+    tolerance_peak_hz = figure_at("peak_hz.mean", "peak, pillars unlike: mean", "Hz", error="peak_hz.relative")
+    tolerance_peak_spread_hz = figure_at(
+        "peak_hz.deviation", "its spread", "Hz", is_difference=True,
         error=lambda result: result.peak_hz and result.peak_hz.spread_error(result.counted),
     )  # fmt: skip
-    mean_db = figure_at(
-        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", name="tolerance_db",
-        error="confinement_db.deviation",
-    )  # fmt: skip
-    spread_db = figure_at(
-        "confinement_db.deviation", "its spread", "dB", name="tolerance_spread_db",
+    tolerance_db = figure_at(
+        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", error="confinement_db.deviation"
+    )
+    tolerance_spread_db = figure_at(
+        "confinement_db.deviation", "its spread", "dB",
         error=lambda result: result.confinement_db and result.confinement_db.spread_error(result.counted),
     )  # fmt: skip
-    worst_db = figure_at(
-        "confinement_db.lowest", "the worst", "dB", name="tolerance_worst_db", error="confinement_db.deviation"
-    )
+    tolerance_worst_db = figure_at("confinement_db.lowest", "the worst", "dB", error="confinement_db.deviation")
 
     @property
     def counted(self) -> int:
@@ -212,7 +207,23 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
+class _Drawn(Declared):
+    """Plates drawn with deviations."""
+
+    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
+    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
+
+    def asked_of(self, case: Case) -> Case:
+        """Return the case with as many samples and the seed that are asked for."""
+        given = case.tolerance
+        if given is None:
+            return case
+        changed = {"samples": self.samples or given.samples, "seed": self.seed or given.seed}
+        return replace(case, tolerance=given.but(**changed))
+
+
 class Tolerance(
+    _Drawn,
     Question[ToleranceResult],
     needs=("tolerance",),
     drives=True,
@@ -228,12 +239,6 @@ class Tolerance(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
-    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
-
-    def asked_of(self, case: Case) -> Case:
-        """Return the case with as many samples and the seed that are asked for."""
-        return _drawn(case, self.samples, self.seed)
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or without deviations."""
@@ -241,11 +246,9 @@ class Tolerance(
         case.require("tolerance", "pillar", command="tolerance")
 
     def plan(self, case: Case) -> Plan:
-        """Plan plates whose pillars differ."""
         return plans.plan_of(case, plans.tolerance_step(case, hz(self.band_kHz)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
-        """Compute the nominal plate and the samples."""
         from pipeline.models.tolerance import solve
         from pipeline.planning.model_choice import driven_band_hz
         from solvers.variation.samples import CUT
@@ -267,7 +270,7 @@ class Tolerance(
         return result.with_arrays(arrays)
 
 
-class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alike"):
+class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", by="alike"):
     """Compute how far peak (Hz) and confinement (dB) move when all pillars of a plate are off by the same.
 
     The plates of a batch are answered from the bases of `antinode explore`, by one column of cells each.
@@ -282,12 +285,6 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
         default=False,
         help="all pillars of a plate off by the same, plates of a batch apart: answered from the bases of antinode explore",
     )
-    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
-    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
-
-    def asked_of(self, case: Case) -> Case:
-        """Return the case with as many samples and the seed that are asked for."""
-        return _drawn(case, self.samples, self.seed)
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or without deviations of their sizes."""
@@ -296,7 +293,6 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
         check(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan a column of cells for each plate."""
         from pipeline.explore.alike import FIXED
 
         assert case.tolerance
@@ -306,9 +302,7 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
         return plans.plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
-        """Answer the nominal plate and the samples from the bases."""
         from pipeline.explore.alike import solve
-        from pipeline.records.record import DesignRecord
         from solvers.variation.samples import CUT
 
         nominal, samples, error = solve(case, run)
@@ -324,14 +318,7 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
             space_check={},
             frequency_error=error,
             **statistics(nominal, samples),
-        ).with_arrays({}, DesignRecord.of_design(case.design))
-
-
-def _drawn(case: Case, samples: int | None, seed: int | None) -> Case:
-    given = case.tolerance
-    if given is None:
-        return case
-    return replace(case, tolerance=given.but(samples=samples or given.samples, seed=seed or given.seed))
+        )
 
 
 def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.quantity import figure as in_digits
@@ -12,14 +11,9 @@ from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, sig
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
 from pipeline.questions.late import fields, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure_at, scaled
+from pipeline.questions.result import Result, figure_at, scaled
 from pipeline.records.part import column
 from pipeline.units import MM, UM
-
-
-def _driven(state: str, field: str, name: str, heading: str, unit: str, scale: float = 1.0) -> Figure[Any]:
-    """Declare a figure of a way of driving the plate; None where it cannot be."""
-    return figure_at(f"by_state.{state}.{field}", heading, unit, name=name, scale=scale)
 
 
 class TouchResult(Result, table="states", axes=("state",)):
@@ -55,30 +49,24 @@ class TouchResult(Result, table="states", axes=("state",)):
         """The states by their names."""
         return {state.state: state for state in self.states}
 
-    shift_hz = figure_at(
-        "mode.shift_hz", "detuning by the finger", "Hz", name="touch_shift_hz", is_difference=True, is_signed=True
-    )
-    quality_factor = figure_at("mode.quality_factor", "quality factor under the finger", name="touch_quality_factor")
-    share = figure_at("mode.share", "share of the wanted mode under the finger", name="touch_share")
-    free_um = _driven("free", "finger_m", "free_um", "amplitude at the finger, free", "um", UM)
-    free_db = _driven("free", "confinement_db", "free_db", "confinement, free", "dB")
-    free_mW = _driven("free", "drawn_mW_at_1um", "free_mw_at_1um", "power at 1 um, free", "mW")
-    free_V = _driven("free", "drive_V_at_1um", "free_v_at_1um", "drive at 1 um, free", "V")
-    touched_um = _driven("touched", "finger_m", "touched_um", "amplitude at the finger, touched", "um", UM)
-    touched_db = _driven("touched", "confinement_db", "touched_db", "confinement, touched", "dB")
-    touched_mW = _driven("touched", "drawn_mW_at_1um", "touched_mw_at_1um", "power at 1 um, touched", "mW")
-    touched_V = _driven("touched", "drive_V_at_1um", "touched_v_at_1um", "drive at 1 um, touched", "V")
-    shaped_um = _driven("shaped", "finger_m", "shaped_um", "amplitude at the finger, shaped", "um", UM)
-    shaped_db = _driven("shaped", "confinement_db", "shaped_db", "confinement, shaped", "dB")
-    shaped_mW = _driven("shaped", "drawn_mW_at_1um", "shaped_mw_at_1um", "power at 1 um, shaped", "mW")
-    shaped_V = _driven("shaped", "drive_V_at_1um", "shaped_v_at_1um", "drive at 1 um, shaped", "V")
-    friction_low = _driven(
-        "touched", "friction_low", "touch_friction_low", "friction at the low gap over that at rest", ""
-    )
-    friction_high = _driven(
-        "touched", "friction_high", "touch_friction_high", "friction at the high gap over that at rest", ""
-    )
-    needed_V = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V", name="touch_needed_v")
+    touch_shift_hz = figure_at("mode.shift_hz", "detuning by the finger", "Hz", is_difference=True, is_signed=True)
+    touch_quality_factor = figure_at("mode.quality_factor", "quality factor under the finger")
+    touch_share = figure_at("mode.share", "share of the wanted mode under the finger")
+    free_um = figure_at("by_state.free.finger_m", "amplitude at the finger, free", "um", scale=UM)
+    free_db = figure_at("by_state.free.confinement_db", "confinement, free", "dB")
+    free_mw_at_1um = figure_at("by_state.free.drawn_mW_at_1um", "power at 1 um, free", "mW")
+    free_v_at_1um = figure_at("by_state.free.drive_V_at_1um", "drive at 1 um, free", "V")
+    touched_um = figure_at("by_state.touched.finger_m", "amplitude at the finger, touched", "um", scale=UM)
+    touched_db = figure_at("by_state.touched.confinement_db", "confinement, touched", "dB")
+    touched_mw_at_1um = figure_at("by_state.touched.drawn_mW_at_1um", "power at 1 um, touched", "mW")
+    touched_v_at_1um = figure_at("by_state.touched.drive_V_at_1um", "drive at 1 um, touched", "V")
+    shaped_um = figure_at("by_state.shaped.finger_m", "amplitude at the finger, shaped", "um", scale=UM)
+    shaped_db = figure_at("by_state.shaped.confinement_db", "confinement, shaped", "dB")
+    shaped_mw_at_1um = figure_at("by_state.shaped.drawn_mW_at_1um", "power at 1 um, shaped", "mW")
+    shaped_v_at_1um = figure_at("by_state.shaped.drive_V_at_1um", "drive at 1 um, shaped", "V")
+    touch_friction_low = figure_at("by_state.touched.friction_low", "friction at the low gap over that at rest", "")
+    touch_friction_high = figure_at("by_state.touched.friction_high", "friction at the high gap over that at rest", "")
+    touch_needed_v = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V")
 
     # -- words
 
@@ -210,11 +198,6 @@ class Touch(
         default=True, flag="map", help="the finger at every place of the touch face, too (--no-map leaves that out)"
     )
 
-    def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches or a finger."""
-        case.require_plate(command="touch")
-        super().check(case)
-
     def plan(self, case: Case) -> Plan:
         """Plan a finger on the driven plate: it moves every symmetry class."""
         step, touch = plans.response_step(case, hz(self.band_kHz), 1), case.touch
@@ -227,9 +210,7 @@ class Touch(
         return plans.plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TouchResult:
-        """Put the case's finger on its plate."""
         from pipeline.models.touch import solve
-        from pipeline.records.record import DesignRecord
 
         forced = run.solved.get("forced")
         meshes = [] if forced else run.meshes
@@ -239,4 +220,4 @@ class Touch(
                 run.info(line)
         for reason in result.unknown:
             run.warning("NOT_TOLD", reason)
-        return result.with_arrays({}, DesignRecord.of_design(case.design))
+        return result

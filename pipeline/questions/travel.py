@@ -15,7 +15,7 @@ from pipeline.questions.hints import Axes, Case, ComplexArray, Plan, ReportFigur
 from pipeline.questions.late import fields, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, scaled
-from pipeline.records.part import BAR, column
+from pipeline.records.part import bar, column
 from pipeline.units import MM, UM
 
 
@@ -63,22 +63,18 @@ class TravelResult(Result, axes=("x_m",)):
     inner_sections: int | None = column(
         "how many of the sections lie between the plate's ends, where nothing flows", default=None
     )
-    frequency_error: float | None = column(BAR.format("frequency_hz, relative"), default=None)
-    twr_error: float | None = column(BAR.format("twr"), default=None)
-    alone_twr_error: float | None = column(BAR.format("alone_twr"), default=None)
-    best_twr_error: float | None = column(BAR.format("best_twr"), default=None)
-    wavenumber_error_per_m: float | None = column(BAR.format("wavenumber_per_m"), "rad/m", default=None)
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
-    drive_error_V_at_1um: float | None = column(BAR.format("drive_V_at_1um"), "V", default=None)
-    lost_error_W: float | None = column(BAR.format("lost_W"), "W", default=None)
-    flow_error_W: list[float | None] | None = column(BAR.format("flow_W"), "W", along="flow_x_m", default=None)
-    patches_error_W: list[float | None] | None = column(BAR.format("patches_W"), "W", along="patch", default=None)
-    standing_flow_error_W: list[float | None] | None = column(
-        BAR.format("standing_flow_W"), "W", along="flow_x_m", default=None
-    )
-    field_error_m: list[float | None] | None = column(
-        BAR.format("the size of field_m"), "m", along="x_m", name="size_error_m", default=None
-    )
+    frequency_error: float | None = bar("frequency_hz, relative")
+    twr_error: float | None = bar("twr")
+    alone_twr_error: float | None = bar("alone_twr")
+    best_twr_error: float | None = bar("best_twr")
+    wavenumber_error_per_m: float | None = bar("wavenumber_per_m", "rad/m")
+    confinement_error_db: float | None = bar("confinement_db", "dB")
+    drive_error_V_at_1um: float | None = bar("drive_V_at_1um", "V")
+    lost_error_W: float | None = bar("lost_W", "W")
+    flow_error_W: list[float | None] | None = bar("flow_W", "W", along="flow_x_m")
+    patches_error_W: list[float | None] | None = bar("patches_W", "W", along="patch")
+    standing_flow_error_W: list[float | None] | None = bar("standing_flow_W", "W", along="flow_x_m")
+    field_error_m: list[float | None] | None = bar("the size of field_m", "m", along="x_m", name="size_error_m")
     shear: ShearRecord | None = column("what a finger at rest on the wave feels; None without a finger", default=None)
     board: list[PlayedPattern] | PlayFault | None = column(
         "what the emulated board made of the table; None where it was not run", default=None
@@ -96,22 +92,19 @@ class TravelResult(Result, axes=("x_m",)):
         errors = self.flow_error_W or [None] * len(self.flow_W)
         return max(zip(self.flow_W, errors, self.flow_x_m, strict=True), key=lambda each: abs(each[0]))
 
-    wave_hz = figure_at("frequency_hz", "travelling wave", "Hz", name="travel_hz")
-    ratio = figure_at("twr", "travelling-wave ratio", name="travel_twr")
-    best_ratio = figure_at("best_twr", "the same with any voltages", name="travel_best_twr")
-    level_db = figure_at("confinement_db", "confinement, travelling", "dB", name="travel_db")
-    drive_V = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V", name="travel_v_per_um")
+    travel_hz = figure_at("frequency_hz", "travelling wave", "Hz")
+    travel_twr = figure_at("twr", "travelling-wave ratio")
+    travel_best_twr = figure_at("best_twr", "the same with any voltages")
+    travel_db = figure_at("confinement_db", "confinement, travelling", "dB")
+    travel_v_per_um = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V")
 
-    @figure(
-        "power along the zone for 1 um", "mW", name="travel_mw",
-        error=lambda wave: scaled(wave.largest_flow_W[1], 1e-3),
-    )  # fmt: skip
-    def flow_mW(self) -> float | None:
+    @figure("power along the zone for 1 um", "mW", error=lambda wave: scaled(wave.largest_flow_W[1], 1e-3))
+    def travel_mw(self) -> float | None:
         """The largest of the flows; None where patches straddle every section."""
         return None if self.inner_sections == 0 else 1e3 * self.largest_flow_W[0]
 
-    crest_mm_s = figure_at(
-        "shear.fastest_m_s", "crests under the finger", "mm/s", name="travel_crest_mm_s", scale=MM,
+    travel_crest_mm_s = figure_at(
+        "shear.fastest_m_s", "crests under the finger", "mm/s", scale=MM,
         error=lambda wave: wave.shear and scaled(wave.shear.fastest_error_m_s, 1e-3),
     )  # fmt: skip
 
@@ -254,7 +247,6 @@ class Travel(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without patches that listen and two that drive, or with fewer than two nodal lines."""
-        case.require_plate(command="travel")
         super().check(case)
         patches, lines = case.patches, case.design.nodal_lines
         assert patches is not None
@@ -270,7 +262,6 @@ class Travel(
             raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
     def plan(self, case: Case) -> Plan:
-        """Plan two modes held a quarter period apart."""
         step, lines = plans.response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
         looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
         looks += ", and a finger at places along the wave" if case.touch else ""
@@ -279,22 +270,20 @@ class Travel(
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
-        """Hold the pair that travels best."""
         return self._computed(case, run, is_played=False)
 
     def _computed(self, case: Case, run: Run, is_played: bool) -> TravelResult:
         from pipeline.board import played
         from pipeline.models import travelling
-        from pipeline.records.record import DesignRecord
 
         values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
         outcome = played.board_outcome(wave, run, run.folder, is_played)
         result = TravelResult(**values, **outcome, others=self.others)
         run.report(result)
-        return result.with_arrays({}, DesignRecord.of_design(case.design))
+        return result
 
 
-class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel", by="board"):
+class PlayedTravel(Travel, instead_of="travel", by="board"):
     """Hold two modes of the zone a quarter period apart, and play the table on the emulated six-channel board.
 
     The frequencies in Hz and the ratios that the image reaches stand in `board`. It takes a minute.
@@ -308,11 +297,9 @@ class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel",
     board: bool = option(default=False, help="play the table on the emulated six-channel board (takes a minute)")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the wave, and one run of the image."""
         whole = super().plan(case)
         board = plans.plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
         return replace(whole, steps=(*whole.steps, board))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
-        """Hold the pair that travels best, and play it."""
         return self._computed(case, run, is_played=True)

@@ -8,12 +8,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, floor, inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from geometry.errors import GeometryError, MeshError
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import WarningLog
+from pipeline.models import driven_zones, modes, parametric
+from pipeline.models.broadband import broadband
+from pipeline.models.cell_cache import CellCache
+from pipeline.models.live_column import LiveCell, live_modes
+from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import of_case, with_defaults
@@ -21,9 +27,12 @@ from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult
 from pipeline.units import KHZ, MM
-
-if TYPE_CHECKING:
-    from solvers.measures.confinement import DrivenZones
+from solvers.analytic.predesign import free_kx_per_m
+from solvers.errors import SolverError
+from solvers.measures.confinement import DrivenZones, measure_profile
+from solvers.plates.assembled import Reductions
+from solvers.plates.column import Column
+from solvers.plates.strip import strip_modes, strip_zones
 
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
@@ -92,9 +101,6 @@ def _taller(case: Case, change_m: float) -> Case:
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
     """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
-    from solvers.errors import SolverError
-    from solvers.plates.strip import strip_modes, strip_zones
-
     design = case.design
     try:
         solved = strip_modes(design.one_zone, *mesh_rules.wanted_window_hz(design), softness)
@@ -131,8 +137,6 @@ def evaluate(
 
 def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
     """Width of the band about a frequency in which the rows take 10 dB or more from a flexural wave, kHz."""
-    from pipeline.models.broadband import broadband
-
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
@@ -140,16 +144,11 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
 
 
 def kept_cell(case: Case) -> Any:
-    """The parametric cell where an explorer has made it; imported when asked for."""
-    from pipeline.models import parametric
-
+    """The parametric cell where an explorer has made it."""
     return parametric.kept_cell(case) if case.design.zones == 1 else None
 
 
 def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    from geometry.errors import GeometryError, MeshError
-    from solvers.errors import SolverError
-
     solve = {COLUMN: _by_column, PLATE: _by_plate, SOLID: _by_plate}[fidelity]
     if fidelity == PLATE and case.design.zones > 1:
         solve = _by_zones
@@ -160,13 +159,6 @@ def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
 
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    from pipeline.models.cell_cache import CellCache
-    from pipeline.models.live_column import LiveCell, live_modes
-    from solvers.analytic.predesign import free_kx_per_m
-    from solvers.measures.confinement import measure_profile
-    from solvers.plates.assembled import Reductions
-    from solvers.plates.column import Column
-
     design = case.design
     low, high = mesh_rules.wanted_window_hz(design)
     cell, kx = kept_cell(case), free_kx_per_m(design)
@@ -198,12 +190,9 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.models.driven_zones import solve
-    from pipeline.models.zone_parts import worst_of
-
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = solve(case, log, band_hz, PEAKS).zones
+    zones = driven_zones.solve(case, log, band_hz, PEAKS).zones
     lowest = min(zones, key=lambda zone: zone.peak_hz)
     loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
     level, level_error = worst_of(zones)
@@ -235,8 +224,6 @@ def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
-    from pipeline.models import modes
-
     solve = case.solve.but(model="auto")
     if fidelity == SOLID:
         solve = case.solve.but(model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
@@ -282,15 +269,12 @@ class EvaluationCache:
     """Evaluations as JSON under the hash of question and computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
-        self._files, self.reused = Cache(folder), 0
+        self._files = Cache(folder)
 
     def get(self, question: dict[str, Any]) -> FidelityResult | None:
         """Return the evaluation made before by the same code, or None."""
         content = self._files.read(self._name(question))
-        if content is None:
-            return None
-        self.reused += 1
-        return FidelityResult(**json.loads(content))
+        return None if content is None else FidelityResult(**json.loads(content))
 
     def put(self, question: dict[str, Any], result: FidelityResult) -> None:
         """Keep an evaluation; where the disk is full it is computed again in the next run."""

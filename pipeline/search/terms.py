@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pipeline.errors import InputError
-from pipeline.records.part import BAR, Part, column, live
+from pipeline.records.part import Part, bar, column, live
 
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
 GOALS = {  # of a design: the figure that is raised, and its words on an axis
@@ -66,13 +66,13 @@ class FidelityResult(Part):
 
     fidelity: str = column("model that evaluated it: strip, column or plate")
     frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error", default=None)
-    frequency_error: float | None = column(BAR.format("frequency_hz, relative"), default=None)
+    frequency_error: float | None = bar("frequency_hz, relative", default=None)
     confinement_db: float | None = column("confinement", "dB", error="confinement_error_db", default=None)
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+    confinement_error_db: float | None = bar("confinement_db", "dB", default=None)
     extension_db: float | None = column(
         "level of the zone over the plate beyond the rows", "dB", error="extension_error_db", default=None
     )
-    extension_error_db: float | None = column(BAR.format("extension_db"), "dB", default=None)
+    extension_error_db: float | None = bar("extension_db", "dB", default=None)
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     worst_db: float | None = column(
         "least confinement with all heights as designed, too low and too high",
@@ -80,14 +80,14 @@ class FidelityResult(Part):
         error="worst_error_db",
         default=None,
     )
-    worst_error_db: float | None = column(BAR.format("worst_db"), "dB", default=None)
+    worst_error_db: float | None = bar("worst_db", "dB", default=None)
     band_khz: float | None = column(
         "width of the band about the mode in which the rows take 10 dB", "kHz", default=None
     )
     isolation_db: float | None = column(
         "least level of a driven zone over another one", "dB", error="isolation_error_db", default=None
     )
-    isolation_error_db: float | None = column(BAR.format("isolation_db"), "dB", default=None)
+    isolation_error_db: float | None = bar("isolation_db", "dB", default=None)
     gap_mm: float | None = column("distance of two zones' borders", "mm", default=None)
     why_not: str | None = column("why it could not be evaluated; None where it was", default=None)
     warnings: list[tuple[str, str]] = live(default_factory=list)  # id and text of the solve's
