@@ -34,80 +34,35 @@ if TYPE_CHECKING:
     from pipeline.questions.travel import TravelResult as Travel
     from solvers.errors import SolverError
 
-HOMES = {
-    "antinode.plate": ("Caution", "Plate", "load"),
-    "antinode.sweeps": ("SweepTable", "open", "sweep"),
-    "pipeline.case.tables": (
-        "Array",
-        "BandPath",
-        "Damping",
-        "Finger",
-        "Patches",
-        "Pillar",
-        "Scatter",
-        "Solve",
-        "Tip",
-        "Zone",
-    ),
-    "pipeline.errors": ("InputError",),
-    "solvers.errors": ("SolverError",),
-}
-ANSWERS = {  # results of questions, and their parts
-    **{
-        name: f"pipeline.questions.{name.lower()}:{name}Result"
-        for name in (
-            "Attenuation",
-            "Bands",
-            "Broadband",
-            "Crosstalk",
-            "Hybrid",
-            "Modes",
-            "Predesign",
-            "Response",
-            "Search",
-            "Tolerance",
-            "Touch",
-            "Travel",
-        )
-    },
-    "Mode": "pipeline.models.mode_parts:ModeRecord",
-    "Wanted": "pipeline.models.mode_parts:WantedRecord",
+TABLES = ("Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Tip", "Zone")
+ANSWERS = (  # results of questions
+    *("Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response"),
+    *("Search", "Tolerance", "Touch", "Travel"),
+)
+HOMES = {  # where each public name stands, and by which name
+    **dict.fromkeys(("Caution", "Plate", "load"), "antinode.plate"),
+    **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
+    **dict.fromkeys(TABLES, "pipeline.case.tables"),
+    **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
+    **{name: f"pipeline.models.mode_parts:{name}Record" for name in ("Mode", "Wanted")},
+    "InputError": "pipeline.errors",
+    "SolverError": "solvers.errors",
 }
 __all__ = [
-    "Array",
-    "Attenuation",
-    "BandPath",
-    "Bands",
-    "Broadband",
     "Caution",
-    "Crosstalk",
-    "Damping",
-    "Finger",
-    "Hybrid",
     "InputError",
     "Mode",
-    "Modes",
-    "Patches",
-    "Pillar",
     "Plate",
-    "Predesign",
-    "Response",
-    "Scatter",
-    "Search",
-    "Solve",
     "SolverError",
     "SweepTable",
-    "Tip",
-    "Tolerance",
-    "Touch",
-    "Travel",
     "Wanted",
-    "Zone",
     "__version__",
     "load",
     "open",
-    "sweep",
 ]
+__all__ += ["Array", "BandPath", "Damping", "Finger", "Patches", "Pillar", "Scatter", "Solve", "Tip", "Zone", "sweep"]
+__all__ += ["Attenuation", "Bands", "Broadband", "Crosstalk", "Hybrid", "Modes", "Predesign", "Response", "Search"]
+__all__ += ["Tolerance", "Touch", "Travel"]
 
 
 def __getattr__(name: str) -> Any:
@@ -115,13 +70,10 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         return version("antinode")
-    if name in ANSWERS:
-        home, _, own = ANSWERS[name].partition(":")
-        return getattr(import_module(home), own)
-    for home, names in HOMES.items():
-        if name in names:
-            return getattr(import_module(home), name)
-    raise AttributeError(f"module 'antinode' has no attribute {name!r}")
+    if name not in HOMES:
+        raise AttributeError(f"module 'antinode' has no attribute {name!r}")
+    home, _, own = HOMES[name].partition(":")
+    return getattr(import_module(home), own or name)
 
 
 def __dir__() -> list[str]:

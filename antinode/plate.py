@@ -6,28 +6,16 @@ import copy
 import sys
 import warnings
 from collections.abc import Iterable
-from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
+from pipeline.case import tables
 from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.reading import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
-from pipeline.case.tables import (
-    Array,
-    BandPath,
-    Damping,
-    Finger,
-    Material,
-    Patches,
-    Pillar,
-    Scatter,
-    Solve,
-    Tip,
-    Zone,
-)
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.questions import registered
@@ -49,9 +37,6 @@ from pipeline.questions.touch import Touch
 from pipeline.questions.travel import PlayedTravel, Travel
 from pipeline.records.part import Frozen
 from pipeline.search.terms import End, Range
-from pipeline.units import KHZ
-
-Pair = tuple[float, float]
 
 
 class Plate(Frozen):
@@ -71,18 +56,18 @@ class Plate(Frozen):
         self,
         *,
         name: str = "plate",
-        material: Material = "aluminium",
+        material: tables.Material = "aluminium",
         thickness_mm: float | None = None,
-        zone: Zone | dict[str, Any] | None = None,
-        pillar: Pillar | dict[str, Any] | None = None,
-        tip: Tip | dict[str, Any] | None = None,
-        array: Array | dict[str, Any] | None = None,
-        solve: Solve | dict[str, Any] | None = None,
-        bands: BandPath | dict[str, Any] | None = None,
-        damping: Damping | dict[str, Any] | None = None,
-        patches: Patches | dict[str, Any] | None = None,
-        tolerance: Scatter | dict[str, Any] | None = None,
-        touch: Finger | dict[str, Any] | None = None,
+        zone: tables.Zone | dict[str, Any] | None = None,
+        pillar: tables.Pillar | dict[str, Any] | None = None,
+        tip: tables.Tip | dict[str, Any] | None = None,
+        array: tables.Array | dict[str, Any] | None = None,
+        solve: tables.Solve | dict[str, Any] | None = None,
+        bands: tables.BandPath | dict[str, Any] | None = None,
+        damping: tables.Damping | dict[str, Any] | None = None,
+        patches: tables.Patches | dict[str, Any] | None = None,
+        tolerance: tables.Scatter | dict[str, Any] | None = None,
+        touch: tables.Finger | dict[str, Any] | None = None,
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}
@@ -222,24 +207,15 @@ class Plate(Frozen):
         def __dir__(self) -> list[str]:
             return sorted({*super().__dir__(), *registered()})
 
-    @cached_property
-    def _about(self) -> dict[str, Any]:
-        from importlib.metadata import version
-
-        return {"case": self.name, "with_defaults": self._case.to_dict(), "version": version("antinode")}
-
     def _repr_html_(self) -> str:
         """The plate in words and as a labelled sketch, for a notebook; words alone where it has no zone."""
-        from html import escape
-
         from pipeline.records.record import DesignRecord
         from pipeline.report.gallery import sketch
 
         words = f"<p>{escape(repr(self))}</p>"
-        whole = {"plate", "zone"} <= self._case.given
-        return words + (
-            f'<div style="max-width: 30rem">{sketch(DesignRecord.of_design(self._case.design))}</div>' if whole else ""
-        )
+        if not {"plate", "zone"} <= self._case.given:
+            return words
+        return f'{words}<div style="max-width: 30rem">{sketch(DesignRecord.of_design(self._case.design))}</div>'
 
     def __repr__(self) -> str:
         tables = ", ".join(key for key in self._raw if key in TABLES)
@@ -297,15 +273,6 @@ def key_of(name: str, tables: Iterable[str] = ()) -> str:
         raise InputError(f"{name}: stands in several tables; write one of {listed}")
     known = sorted({field for schema in TABLES.values() for field in schema.model_fields})
     raise InputError(f"{name}: no such key{nearest(name, known)}")
-
-
-def _hz(band_kHz: Pair | None) -> Pair | None:
-    if band_kHz is None:
-        return None
-    low, high = (KHZ * float(end) for end in band_kHz)
-    if not 0.0 <= low < high:
-        raise InputError(f"band_kHz = {tuple(band_kHz)}: must be two rising numbers")
-    return low, high
 
 
 class Caution(UserWarning):

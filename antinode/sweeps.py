@@ -7,19 +7,27 @@ import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from html import escape
 from math import nan, prod
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from pydantic import ValidationError
+
 from antinode.plate import Plate, key_of, log_of, plain
+from pipeline import paths
 from pipeline.errors import CheckFailed, InputError
 from pipeline.process import terminable
 from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
+from pipeline.records.frames import dataset, frame, html_table
+from pipeline.records.outputs import csv_bytes, write_file
 from pipeline.records.part import Frozen
 from pipeline.records.record import first_fault
+from pipeline.records.store import BadRecord
+from pipeline.records.study import read_study
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,9 +87,6 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
         Raises InputError for a table without records in its folder.
         """
-        from pipeline.records.store import BadRecord
-        from pipeline.records.study import read_study
-
         try:
             stored = {case.case_id: case.record for case in read_study(self.folder).cases}
         except BadRecord as error:
@@ -90,8 +95,6 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def to_dataframe(self) -> Any:
         """The table as a pandas DataFrame. Raises ImportError without pandas."""
-        from pipeline.records.frames import frame
-
         return frame(self._rows)
 
     def to_xarray(self) -> Any:
@@ -99,8 +102,6 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
         Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
         """
-        from pipeline.records.frames import dataset
-
         is_grid = len(self) == prod(len({str(row[key]) for row in self._rows}) for key in self.swept)
         return dataset(self._rows, self.swept if self.swept and is_grid else ("case",))
 
@@ -110,8 +111,6 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def save(self, path: str | Path) -> Path:
         """Write the table as CSV with the columns of table.csv, whole or not at all."""
-        from pipeline.records.outputs import csv_bytes, write_file
-
         write_file(Path(path), csv_bytes(self.columns, [[*row.values()] for row in self._rows]))
         return Path(path)
 
@@ -140,9 +139,6 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def _repr_html_(self) -> str:
         """The swept keys and the columns that answer first, for a notebook; every column is in `columns`."""
-        from html import escape
-
-        from pipeline.records.frames import html_table
         from pipeline.report.text import MAIN
 
         shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns
@@ -204,7 +200,6 @@ def sweep(
     >>> [row["pillar.height_mm"] for row in table], [len(bands.points) for bands in table.of(antinode.Bands)]
     ([6.0, 6.3], [7, 7])
     """
-    from pipeline import paths
     from pipeline.batch import case_study, runner
     from pipeline.batch.progress import Progress
     from pipeline.questions import study as asked
@@ -233,7 +228,6 @@ def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: 
     import tomli_w
 
     from pipeline.batch.study_file import study_of
-    from pipeline.records.outputs import write_file
 
     raw, here = plate.to_dict(), plate.source.parent if plate.source else Path()
     for table in (each for each in raw.values() if isinstance(each, dict)):
@@ -249,7 +243,6 @@ def _study(plate: Plate, place: Path, measure: list[str], paired: bool, values: 
 def _stored(place: Path, swept: Sequence[str]) -> SweepTable:
     """The table of what a folder holds."""
     from pipeline.questions import study as asked
-    from pipeline.records.study import read_study
 
     study = read_study(place)
     columns = asked.columns_of(study)
@@ -283,8 +276,6 @@ def open(path: str | Path) -> Result | SweepTable:
 
 
 def _answer(path: str | Path, kind: type[Result], document: dict[str, Any]) -> Result:
-    from pydantic import ValidationError
-
     try:
         return kind.from_document(document)
     except ValidationError as error:

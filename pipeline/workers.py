@@ -23,14 +23,7 @@ from typing import Any
 
 from solvers.machine import LIMIT
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-    "RAYON_NUM_THREADS",
-)
+THREADED = ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMEXPR", "RAYON")
 PR_SET_PDEATHSIG = 1
 # Sent to a whole process group by terminals, `timeout` and service managers; the main process ends its workers itself.
 MAIN_ALONE = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
@@ -201,8 +194,8 @@ def _die_with_parent() -> None:
 
 def limit_threads(threads: int) -> None:
     """Limit the threads of BLAS and its like in this process, loaded or still to be loaded."""
-    for name in THREAD_VARIABLES:
-        os.environ[name] = str(threads)
+    for name in THREADED:
+        os.environ[f"{name}_NUM_THREADS"] = str(threads)
     os.environ[LIMIT] = str(min(threads, int(os.environ.get(LIMIT) or threads)))
     from threadpoolctl import threadpool_limits
 

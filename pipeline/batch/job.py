@@ -71,13 +71,12 @@ def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
         folder.mkdir(parents=True, exist_ok=True)
         store.sweep_leftovers(folder)
         close_abandoned(folder / store.RUN_LOG, "LOST", diagnosis)
-        store.finish(folder, _dressed(job, _failed(diagnosis), fingerprint.current()).to_dict(), {"seconds": {}})
+        store.finish(
+            folder,
+            _dressed(job, {"status": "FAILED", "diagnosis": diagnosis}, fingerprint.current()).to_dict(),
+            {"seconds": {}},
+        )
     return CaseEnd(job.case_id, "FAILED", diagnosis, 0.0)
-
-
-def _failed(diagnosis: str) -> dict[str, Any]:
-    """What is recorded of a case that gave no answer."""
-    return {"status": "FAILED", "diagnosis": diagnosis}
 
 
 def _dressed(job: Job, result: dict[str, Any], mark: fingerprint.Fingerprint) -> Record:
@@ -101,7 +100,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
         peak_memory.restart()
         store.begin(folder, job.payload)
         with RunLog(folder / store.RUN_LOG) as log:
-            log.banner(job.case_id, _program_version(), mark.versions)
+            log.banner(job.case_id, metadata.version("antinode"), mark.versions)
             log.echo(job.payload)
             result = _guarded(compute, job, folder, log, mark)
             timing = {
@@ -133,16 +132,16 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: finger
         log.error(type(error).__name__, text)
         if not _is_expected(error):
             log.info(traceback.format_exc())
-        return _concluded(job, _failed(text), log, mark)
+        return _concluded(job, {"status": "FAILED", "diagnosis": text}, log, mark)
 
 
 def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: fingerprint.Fingerprint) -> Record:
     """The record, with what the log was told and how the case ended."""
-    said = (
-        {"status": "WARNING", "diagnosis": log.warnings[0]} if log.warnings else {"status": "OK", "diagnosis": "done"}
-    )
+    status, diagnosis = ("WARNING", log.warnings[0]) if log.warnings else ("OK", "done")
     left_out = list(dict.fromkeys(log.left_out_list))
-    return _dressed(job, {**said, **result, "left_out": left_out, "warnings": log.warnings}, mark)
+    return _dressed(
+        job, {"status": status, "diagnosis": diagnosis, **result, "left_out": left_out, "warnings": log.warnings}, mark
+    )
 
 
 def _is_expected(error: BaseException) -> bool:
@@ -157,13 +156,6 @@ def _one_line(error: BaseException) -> str:
     if _is_expected(error) and text:
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
-
-
-def _program_version() -> str:
-    try:
-        return metadata.version("antinode")
-    except metadata.PackageNotFoundError:
-        return "unknown"
 
 
 @dataclass(frozen=True)

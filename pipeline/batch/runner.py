@@ -12,15 +12,14 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from math import inf
 from pathlib import Path
 from typing import Any
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline import workers
 from pipeline.batch.job import CaseEnd, Compute, Forecast, Job, Planned, record_loss, run_case
 from pipeline.batch.progress import Progress
-from pipeline.errors import CommandError
+from pipeline.errors import InputError
 from pipeline.records import fingerprint, store
 from pipeline.records.run_log import close_abandoned
 from pipeline.records.study import CASES
@@ -30,75 +29,32 @@ from solvers.machine import available_bytes
 JOURNAL = "journal.jsonl"
 
 
-class Journal:
-    """Appends lines. A line torn by a killed run is closed first, so that it spoils no other."""
-
-    def __init__(self, folder: Path) -> None:
-        self.path = folder / JOURNAL
-        self.read_error: str | None = None
-
-    def write(self, event: str, **fields: Any) -> None:
-        """Append one event. A full disk does not stop a study: the loss is kept in `read_error`."""
-        entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
-        line = json.dumps(entry, ensure_ascii=False) + "\n"
-        try:
-            descriptor = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
-            try:
-                os.write(descriptor, (_line_end(descriptor) + line).encode())
-            finally:
-                os.close(descriptor)
-        except OSError as error:
-            self.read_error = f"{self.path}: a line could not be written ({error.strerror})"
+def note(folder: Path, event: str, **fields: Any) -> None:
+    """Append a line to a study's journal; one torn by a killed run is closed first, so that it spoils no other."""
+    entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
+    with (folder / JOURNAL).open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+        begun = file.read() not in (b"", b"\n")
+        file.write(b"\n" * begun + json.dumps(entry, ensure_ascii=False).encode() + b"\n")
 
 
-def _line_end(descriptor: int) -> str:
-    size = os.fstat(descriptor).st_size
-    return "\n" if size and os.pread(descriptor, 1, size - 1) != b"\n" else ""
-
-
-class Entry(BaseModel):
-    """A line of a journal: what happened, to which case, and the seconds that it took."""
-
-    model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False)
-
-    event: str
-    case: str = ""
-    seconds: float = Field(default=0.0, ge=0.0)
-
-
-def read(folder: Path) -> tuple[list[dict[str, Any]], list[str]]:
-    """Entries of a study's journal and a read error for each line that cannot be read."""
-    entries: list[dict[str, Any]] = []
-    read_errors: list[str] = []
-    with suppress(FileNotFoundError):
-        for number, line in enumerate((folder / JOURNAL).read_bytes().split(b"\n"), start=1):
-            if not line.strip():
-                continue
-            try:
-                entries.append(Entry.model_validate_json(line).model_dump(exclude_unset=True))
-            except ValidationError as error:
-                torn = error.errors()[0]["type"] == "json_invalid"
-                why = "torn" if torn else "not an entry of a journal"
-                read_errors.append(f"{JOURNAL}, line {number}: {why}, passed over")
-    return entries, read_errors
-
-
-def seconds_by_case(entries: list[dict[str, Any]]) -> dict[str, float]:
-    """Last known duration of each case, s: what time left is reckoned from."""
-    return {
-        entry["case"]: float(entry["seconds"])
-        for entry in entries
-        if entry.get("event") == "finished" and "case" in entry and "seconds" in entry
-    }
+def known_seconds(folder: Path, jobs: Sequence[Job]) -> dict[str, float]:
+    """How long each case took when it was computed before, s: what time left is reckoned from."""
+    found = {}
+    for job in jobs:
+        with suppress(store.BadRecord, KeyError, TypeError):
+            seconds = store.read_json(folder / job.case_id / store.TIMING)["seconds"]["total"]
+            if isinstance(seconds, int | float) and 0.0 <= seconds < inf:
+                found[job.case_id] = float(seconds)
+    return found
 
 
 LOCK = ".lock"
 
 
-class StudyBusy(CommandError):
+class StudyBusy(InputError):
     """Another process is running this study."""
-
-    exit_code = 2
 
 
 @contextmanager
@@ -126,7 +82,6 @@ def study_lock(folder: Path) -> Iterator[None]:
         os.close(descriptor)
 
 
-__all__ = ["CaseEnd", "Job", "Options", "StudyOutcome", "plan", "run_study"]
 MEMORY_SHARE = 0.8  # of what is free at the start
 POLL_S = 0.25
 LOOK_AHEAD = 8  # waiting cases that may overtake one too large for the free memory
@@ -232,17 +187,14 @@ class _Run:
     def __post_init__(self) -> None:
         self.why = {item.case_id: item.why for item in self.planned}
         self.waiting = [job for job in self.jobs if self.why[job.case_id] is not None]
-        self.journal = Journal(self.folder)
+        self.unsaid = ""  # why a line of the journal is missing
         count = len(self.jobs)
         at_once = count if self.options.executor else default_jobs(count)  # a cluster queues by itself
         self.workers = self.options.jobs or max(1, at_once)
 
     def go(self) -> StudyOutcome:
-        entries, torn = read(self.folder)
-        self.progress.begin(self.folder, self.planned, seconds_by_case(entries))
-        for read_error in torn:
-            self.progress.say(read_error)
-        self.journal.write("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())
+        self.progress.begin(self.folder, self.planned, known_seconds(self.folder, self.jobs))
+        self._note("run", cases=len(self.planned), to_compute=len(self.waiting), pid=os.getpid())
         executor = self.options.executor or (_local(self.workers) if self.waiting else None)
         try:
             if executor:
@@ -257,12 +209,19 @@ class _Run:
         lost = {job.case_id for job in self.given_up}
         given_up = tuple(item.case_id for item in self.planned if item.case_id in lost)
         if given_up:
-            self.journal.write("executor_lost", at_work=given_up)
+            self._note("executor_lost", at_work=given_up)
         undone = given_up + tuple(job.case_id for job in self.waiting)
-        self.journal.write("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(undone))
-        if self.journal.read_error:
-            self.progress.say(self.journal.read_error)
+        self._note("end", failed=sum(end.status == "FAILED" for end in self.ended), undone=len(undone))
+        if self.unsaid:
+            self.progress.say(self.unsaid)
         return StudyOutcome(self.folder, self.planned, tuple(self.ended), undone, given_up)
+
+    def _note(self, event: str, **fields: Any) -> None:
+        """Write a line of the journal; a full disk does not stop a study."""
+        try:
+            note(self.folder, event, **fields)
+        except OSError as error:
+            self.unsaid = f"{self.folder / JOURNAL}: a line could not be written ({error.strerror})"
 
     def _drain(self, executor: Executor) -> None:
         while self.waiting or self.running:
@@ -297,7 +256,7 @@ class _Run:
         return sorted(self.waiting, key=lambda job: job.parts in at_work)
 
     def _submit(self, executor: Executor, job: Job) -> None:
-        self.journal.write("started", case=job.case_id, why=self.why[job.case_id])
+        self._note("started", case=job.case_id, why=self.why[job.case_id])
         self.progress.case_started(job.case_id)
         bare = replace(job, forecaster=Forecast)  # what a worker has no use for stays here
         task = executor.submit(run_case, self.compute, bare, self.folder, fingerprint.current())
@@ -319,7 +278,7 @@ class _Run:
         if end.status != "FAILED":
             self.made.add(job.parts)
         event = "failed" if end.status == "FAILED" else "finished"
-        self.journal.write(event, case=end.case_id, status=end.status, seconds=end.seconds, diagnosis=end.diagnosis)
+        self._note(event, case=end.case_id, status=end.status, seconds=end.seconds, diagnosis=end.diagnosis)
         self.progress.case_ended(end.case_id, end.status, end.diagnosis, end.seconds)
 
     def _interrupted(self, executor: Executor | None) -> None:
@@ -328,7 +287,7 @@ class _Run:
         for future, job in self.running.items():
             future.cancel()
             self._abandon(job, "interrupted; the next run computes this case again")
-        self.journal.write("interrupted", at_work=[job.case_id for job in self.running.values()])
+        self._note("interrupted", at_work=[job.case_id for job in self.running.values()])
 
     def _abandon(self, job: Job, text: str) -> None:
         """Close the log of a case that was begun and not finished."""

@@ -21,7 +21,6 @@ from pipeline.errors import InputError
 from pipeline.paths import STUDIES
 from pipeline.records.run_log import flat
 
-RENAMED = {"once": "base_measure"}
 MAX_ID_LENGTH = 120
 RESERVED = "reference"  # results/reference holds what checks compare with
 MAX_CASES = 100_000
@@ -126,9 +125,6 @@ def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> StudyTable:
         diagnostics.add("study", table, "must be a table [study]")
         return nothing
     known = [f"study.{name}" for name in StudyTable.model_fields]
-    for old in RENAMED.keys() & table.keys():
-        diagnostics.add(f"study.{old}", table[old], f"this key is now named study.{RENAMED[old]}")
-    table = {key: value for key, value in table.items() if key not in RENAMED}
     for key, spare in (("measure", ["modes"]), ("base_measure", [])):
         measures = table.get(key)
         if isinstance(measures, list) and (measures or key == "measure"):

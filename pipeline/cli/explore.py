@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 import sys
-from argparse import ArgumentTypeError, Namespace
+import webbrowser
+from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pipeline.case.model import case_from_dict
+from pipeline.case.plausible import warn_of_doubts
+from pipeline.case.reading import read_toml
+from pipeline.logs import TerminalLog
+from pipeline.records import outputs
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -13,40 +20,8 @@ if TYPE_CHECKING:
     from pipeline.logs import Log
 
 
-def add(commands: Any, command: Any) -> None:
-    """The options of the command; `command` makes a sub-parser with the options that all have."""
-    text = "a page on which a design is dragged: bands, gap, decay and confinement follow at once"
-    explore = command(commands, "explore", text, "explore studies/three-rows.toml", "pipeline.cli.explore:run")
-    explore.add_argument(
-        "case", metavar="CASE", help="case file (TOML) with square, round, tapered or cross-shaped pillars"
-    )
-    explore.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", help="override a key for every design"
-    )
-    explore.add_argument(
-        "--port", type=_port, default=0, metavar="N", help="port on the loopback address (default: a free one)"
-    )
-    explore.add_argument(
-        "--export", metavar="FILE.html", help="write the page as one file that answers without the program, and end"
-    )
-    explore.add_argument("--no-browser", action="store_true", help="say the address and open nothing")
-
-
-def _port(text: str) -> int:
-    value = int(text)
-    if not 0 <= value <= 65535:
-        raise ArgumentTypeError(f"{text}: must be a number from 0 to 65535")
-    return value
-
-
 def run(arguments: Namespace) -> int:
     """Make the model of the case's cell, or take it from the cache, and serve its page until interrupted."""
-    from pipeline.case.model import case_from_dict
-    from pipeline.case.plausible import warn_of_doubts
-    from pipeline.case.reading import read_toml
-    from pipeline.logs import TerminalLog
-    from pipeline.records import outputs
-
     path = Path(arguments.case)
     raw = read_toml(path)
     case = case_from_dict(raw, path, arguments.set)
@@ -60,13 +35,9 @@ def run(arguments: Namespace) -> int:
         return 0
     from pipeline.explore.server import Server, serve
 
-    serve(Server(explorer), arguments.port, lambda address: opened(address, _browses(arguments), arguments.quiet))
+    browses = not arguments.no_browser and sys.stdout.isatty()  # a person sits at a desktop
+    serve(Server(explorer), arguments.port, lambda address: opened(address, browses, arguments.quiet))
     return 0
-
-
-def _browses(arguments: Namespace) -> bool:
-    """Whether a person sits at a desktop."""
-    return not arguments.no_browser and sys.stdout.isatty()
 
 
 def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log: Log) -> Explorer:
@@ -82,7 +53,6 @@ def explorer_of(case: Case, raw: dict[str, Any], overrides: tuple[str, ...], log
 def export(explorer: Explorer, path: Path, log: Log) -> None:
     """Write the page as one file that answers in the browser alone."""
     from pipeline.explore.offline import page
-    from pipeline.records import outputs
 
     with log.step("write the page"):
         html = page(explorer)
@@ -96,6 +66,4 @@ def opened(address: str, browser: bool, quiet: bool = False) -> None:
     if not quiet:
         print("press Ctrl-C to end; the address answers on this machine only", file=sys.stderr)
     if browser:
-        import webbrowser
-
         webbrowser.open(address)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import platform
 import re
@@ -15,9 +16,19 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from firmware.table_format import MAX_BYTES
+from geometry.materials import MATERIALS
+from pipeline import paths
+from pipeline.batch import known
+from pipeline.board.table_file import TableError, describe, from_bytes
+from pipeline.case.diagnostics import nearest
+from pipeline.case.schema import json_schema
 from pipeline.errors import InputError, reason
+from pipeline.paths import ROOT
 from pipeline.questions.answer import Answer, emit
+from pipeline.records import store
 from pipeline.records.outputs import table
+from pipeline.records.study import read_study
 from pipeline.units import GIB, GPA
 
 NEEDED = (
@@ -42,21 +53,16 @@ def doctor(arguments: Namespace) -> int:
     """`antinode doctor` and `antinode doctor table FILE`."""
     if arguments.what == "table":
         return _table(arguments)
-    findings = examine()
-    lines = []
-    for group, entries in findings.items():
-        lines += [group, *(f"   {name:14} {text}" for name, text in entries.items())]
-    return emit(arguments, "doctor", Answer(findings, lines))
-
-
-def examine() -> dict[str, dict[str, str]]:
-    """Findings by group: machine, packages, optional, tools."""
-    return {
+    findings = {
         "machine": _machine(),
         "packages": {name: _version(name) or "MISSING: run `make setup`" for name in NEEDED},
         "optional": {name: _version(name) or f"absent; gives {what}" for name, what in OPTIONAL.items()},
         "tools": {name: shutil.which(name) or f"absent ({why})" for name, why in TOOLS.items()},
     }
+    lines = []
+    for group, entries in findings.items():
+        lines += [group, *(f"   {name:14} {text}" for name, text in entries.items())]
+    return emit(arguments, "doctor", Answer(findings, lines))
 
 
 def _machine() -> dict[str, str]:
@@ -84,9 +90,6 @@ def _version(name: str) -> str | None:
 
 
 def _table(arguments: Namespace) -> int:
-    from firmware.table_format import MAX_BYTES
-    from pipeline.board.table_file import TableError, describe, from_bytes
-
     if not arguments.file:
         raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
     try:
@@ -101,11 +104,6 @@ def _table(arguments: Namespace) -> int:
 
 def studies(arguments: Namespace) -> int:
     """List the studies under the results folder with their cases by status."""
-    from pipeline import paths
-    from pipeline.batch import known
-    from pipeline.records import store
-    from pipeline.records.study import read_study
-
     rows = []
     ours = {place for place in paths.RESULTS.glob("*") if place.is_dir() and place.name != "reference"}
     for folder in sorted(ours | {place.folder for place in known.known().values()}):
@@ -130,8 +128,6 @@ def _listed(
 
 def materials(arguments: Namespace) -> int:
     """List the isotropic materials with constants and sources."""
-    from geometry.materials import MATERIALS
-
     head = ("name", "young_GPa", "density_kg_m3", "poisson", "source")
     rows = [[m.name, m.young_pa / GPA, m.density_kg_m3, m.poisson, m.source] for m in MATERIALS.values()]
     return _listed(arguments, "materials", head, rows)
@@ -139,20 +135,12 @@ def materials(arguments: Namespace) -> int:
 
 def schema(arguments: Namespace) -> int:
     """Print the case file's JSON Schema."""
-    import json
-
-    from pipeline.case.schema import json_schema
-
     print(json.dumps(json_schema(), indent=1))
     return 0
 
 
 def glossary(arguments: Namespace) -> int:
     """Print the meaning of a word of docs/glossary.md, or of all."""
-    from pipeline.case.diagnostics import nearest
-    from pipeline.errors import InputError
-    from pipeline.paths import ROOT
-
     entries = {}
     for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
         cells = [cell.strip() for cell in line.strip("|").split(" | ")]

@@ -1,7 +1,7 @@
 """The command `antinode`: arguments in, one command run, errors told in one line each, an exit code out.
 
-Questions declare their commands (`pipeline.questions`), commands.toml those of all others. Nothing heavy is imported here: each
-command imports what it needs when it runs.
+Questions declare their commands (`pipeline.questions`), commands.toml those of all others but `new`. Nothing heavy is imported
+here: each command imports what it needs when it runs.
 """
 
 from __future__ import annotations
@@ -16,29 +16,17 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pipeline.case import limits
+from pipeline.cli import new
 from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
 from pipeline.questions import Listed, listed, load
 
 DECLARED = Path(__file__).with_name("commands.toml")
-# Each adds its commands, whose options are made of other data; light to import.
-MODULES = ("pipeline.cli.new", "pipeline.cli.explore")
 GROUPS = ("case", "files", "plan")  # of options that every question has
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
 FAMILIES = {"active": ("analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
-RENAMED = {
-    "--parity": "--symmetry SS, SA, AS or AA",
-    "--fields": "--save-all-fields",
-    "--above": "--min-frequency",
-    "--half-wave": "--max-half-wavelength",
-    "--feature": "--min-feature",
-    "--confirm": "--verify-with",
-    "--within": "--settling-time",
-    "--synthesise": "--synthetic-data",
-    "--quality": "--quality-factor",
-}
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
 
 
@@ -57,20 +45,10 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(WRONG_INPUT)
 
 
-def _refuse_renamed(words: Sequence[str]) -> None:
-    """One line for an option by the name it had once, with the one it has now; exit code 2."""
-    given = words[: words.index("--") if "--" in words else None]
-    old = [name for name in dict.fromkeys(word.partition("=")[0] for word in given) if name in RENAMED]
-    if old:
-        print("\n".join(f"antinode: {name}: is called {RENAMED[name]} now" for name in old), file=sys.stderr)
-        raise SystemExit(WRONG_INPUT)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     words = sys.argv[1:] if argv is None else argv
     _open_streams()
-    _refuse_renamed(words)
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
         importlib.import_module("pipeline.cli.completion").complete(_parser())
     arguments = _read(_parser(_asked(words)), words)
@@ -214,8 +192,7 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
         positional = [flag for flag in own if not flag.startswith("-")]
         for flag in dict.fromkeys((*positional, *shared, *own)):
             _add(sub, flag, *(words for words in (shared.get(flag), own.get(flag)) if words is not None))
-    for module in MODULES:
-        importlib.import_module(module).add(commands, _command)
+    new.add(commands, _command)
     return parser
 
 
@@ -233,23 +210,21 @@ def _add_options(sub: argparse.ArgumentParser, listed: Listed, groups: dict[str,
 
 def _family(commands: Any, name: str) -> Any:
     """A command whose models are commands of their own."""
-    about, example = FAMILIES[name]
-    sub: argparse.ArgumentParser = commands.add_parser(
-        name,
-        help=about,
-        description=about,
-        epilog=f"example: antinode {example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    return sub.add_subparsers(dest="model", required=True, metavar="MODEL")
+    return _sub(commands, name, *FAMILIES[name]).add_subparsers(dest="model", required=True, metavar="MODEL")
+
+
+def _sub(commands: Any, name: str, text: str, example: str) -> argparse.ArgumentParser:
+    look: dict[str, Any] = {
+        "epilog": f"example: antinode {example}",
+        "formatter_class": argparse.RawDescriptionHelpFormatter,
+    }
+    sub: argparse.ArgumentParser = commands.add_parser(name, help=text, description=text, **look)
+    return sub
 
 
 def _command(commands: Any, name: str, text: str, example: str, handler: str) -> argparse.ArgumentParser:
     """A command by its name, help and example; `handler` is the module and the function that run it."""
-    look: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter}
-    sub: argparse.ArgumentParser = commands.add_parser(
-        name, help=text, description=text, epilog=f"example: antinode {example}", **look
-    )
+    sub = _sub(commands, name, text, example)
     sub.set_defaults(handler=handler, prog=sub.prog)
     sub.add_argument("-q", "--quiet", action="store_true", help="no progress and no log on standard error")
     sub.add_argument("-v", "--verbose", action="store_true", help="also log what is left out, and why")
@@ -261,46 +236,22 @@ def _add(sub: argparse.ArgumentParser, flag: str, *declared: dict[str, Any] | st
     words: dict[str, Any] = {}
     for each in declared:
         words |= {"action": "store_true", "help": each} if isinstance(each, str) else each
-    if "type" in words:
-        name, _, limit = words["type"].partition(" ")
-        words["type"] = _up_to(getattr(limits, limit)) if limit else TYPES[name]
+    if "most" in words:
+        most = words.pop("most")
+        words["type"] = _count(words.pop("least", 1), most if isinstance(most, int) else getattr(limits, most))
     sub.add_argument(*flag.split(), **words)
 
 
-def _up_to(most: int) -> Callable[[str], int]:
-    """The type of an option that counts something, from 1 to `most`, as the same key of a case file does."""
+def _count(least: int, most: int) -> Callable[[str], int]:
+    """The type of an option that counts something, within the limits of the same key of a case file."""
 
     def number(text: str) -> int:
-        value = int(text) if len(text) < MAX_DIGITS else 0
-        if not 1 <= value <= most:
-            raise argparse.ArgumentTypeError(f"{text[:MAX_DIGITS]}: must be 1 or more, at most {most}")
+        value = int(text) if len(text) < MAX_DIGITS else -1
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text[:MAX_DIGITS]}: must be {least} or more, at most {most}")
         return value
 
     return number
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number") from None
-
-
-def _wavenumber(text: str) -> float:
-    value = _number(text)
-    if not abs(value) <= limits.MAX_WAVENUMBER:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of at most {limits.MAX_WAVENUMBER:g} rad/m")
-    return value
-
-
-def _share(text: str) -> float:
-    value = _number(text)
-    if not 0.0 <= value < 1.0:
-        raise argparse.ArgumentTypeError(f"{text}: must be 0 or more and below 1")
-    return value
-
-
-TYPES: dict[str, Callable[[str], float]] = {"number": _number, "wavenumber": _wavenumber, "share": _share}
 
 
 if __name__ == "__main__":

@@ -38,7 +38,7 @@ def run(arguments: Namespace) -> int:
     """Run a batch study: plan it, compute what is missing, write the table and the report."""
     from pipeline.batch import runner
     from pipeline.batch.progress import Progress
-    from pipeline.batch.runner import Options, StudyBusy
+    from pipeline.batch.runner import Options
 
     kind, study = _study(arguments.study)
     folder = known.folder_of(study.name, study.source, arguments.results)
@@ -50,11 +50,7 @@ def run(arguments: Namespace) -> int:
         fail_fast=arguments.fail_fast,
         dry_run=arguments.dry_run,
     )
-    try:
-        progress = Progress(arguments.quiet)
-        outcome = runner.run_study(jobs, kind.computer(study), folder, options, progress, study.about)
-    except StudyBusy as error:
-        raise InputError(str(error)) from error
+    outcome = runner.run_study(jobs, kind.computer(study), folder, options, Progress(arguments.quiet), study.about)
     if arguments.dry_run:
         for planned, job in zip(outcome.plan, jobs, strict=True):
             print(f"{planned.case_id}: {'would run, ' + planned.why if planned.why else 'up to date'}")

@@ -8,18 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from geometry.elements import ComplexArray, FloatArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.measured import files, universal
-from pipeline.measured.files import Complex, FloatArray, MeasuredField, MeasuredSweep
-from pipeline.measured.parts import (
-    ComputedMap,
-    ComputedResonance,
-    MeasuredMapRecord,
-    MeasuredRecord,
-    MeasuredSweepRecord,
-)
+from pipeline.measured import files, parts, universal
+from pipeline.measured.files import MeasuredField, MeasuredSweep
 from pipeline.models.forced import SolvedResponse
 from pipeline.planning.model_choice import driven_band_hz
 from pipeline.quantity import frequency, percentage
@@ -85,7 +79,7 @@ def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float], wha
 
 def _reader(path: str) -> Any:
     """The module that reads a file of this name."""
-    return universal if universal.is_universal(path) else files
+    return universal if Path(path).suffix.lower() in universal.SUFFIXES else files
 
 
 def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
@@ -104,7 +98,7 @@ def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:
 
 def compare(
     case: Case, response: SolvedResponse, measured: Measurements, log: Log
-) -> tuple[MeasuredRecord, dict[str, Any]]:
+) -> tuple[parts.MeasuredRecord, dict[str, Any]]:
     """Compare both files with the computed response; also the arrays behind the pictures."""
     sweep, field = None, None
     arrays: dict[str, Any] = {}
@@ -115,12 +109,12 @@ def compare(
         if measured.field and measured.weights:
             field, drawn = _map(case, response, measured.field, measured.weights, log)
             arrays |= drawn
-    return MeasuredRecord(sweep=sweep, map=field), arrays
+    return parts.MeasuredRecord(sweep=sweep, map=field), arrays
 
 
 def _sweep(
     case: Case, response: SolvedResponse, measured: MeasuredSweep, at_m: tuple[float, float] | None, log: Log
-) -> tuple[MeasuredSweepRecord, dict[str, Any]]:
+) -> tuple[parts.MeasuredSweepRecord, dict[str, Any]]:
     given, tone = measured.sweep, response.curve.frequency_hz
     low, high = given.frequencies_hz[0], given.frequencies_hz[-1]
     sensor: Sensor = "velocity" if measured.quantity == "velocity" else "displacement"
@@ -138,7 +132,7 @@ def _sweep(
     scatter_hz = theirs.frequency_hz * ((theirs.circle and theirs.circle.frequency_error) or 0.0)
     point_mm = None if place is None else [place[0] / MM, place[1] / MM]
     by_model = {"point_mm": point_mm, "frequency_error": error, "quality_error": None}
-    record = MeasuredSweepRecord(
+    record = parts.MeasuredSweepRecord(
         **_source(measured),
         **_identified(theirs),
         points=len(given.frequencies_hz),
@@ -146,7 +140,7 @@ def _sweep(
         frequency_shift_hz=shift,
         frequency_shift=shift / ours.frequency_hz,
         frequency_shift_error_hz=None if error is None else error * ours.frequency_hz + scatter_hz,
-        computed=ComputedResonance(**_identified(ours) | by_model),
+        computed=parts.ComputedResonance(**_identified(ours) | by_model),
     )
     arrays = {"measured_hz": given.frequencies_hz, "measured_response": given.response}
     return record, arrays | {"measured_computed_hz": tone, "measured_computed": curve}
@@ -158,7 +152,7 @@ def _source(measured: MeasuredSweep | MeasuredField) -> dict[str, Any]:
 
 def _computed(
     case: Case, response: SolvedResponse, measured: MeasuredSweep, at_m: tuple[float, float] | None
-) -> tuple[tuple[float, float] | None, Complex]:
+) -> tuple[tuple[float, float] | None, ComplexArray]:
     """What the measuring instrument would have shown of the computed plate, per volt, and at which point."""
     tone = response.curve.frequency_hz
     if measured.quantity == "sensor":
@@ -188,14 +182,14 @@ def _times(error: float | None, factor: float) -> float | None:
 
 def _map(
     case: Case, response: SolvedResponse, measured: MeasuredField, weights: Weights, log: Log
-) -> tuple[MeasuredMapRecord, dict[str, Any]]:
+) -> tuple[parts.MeasuredMapRecord, dict[str, Any]]:
     design = case.design
     computed = operating_field(response, measured.points_m)
     given, seen = confinement_of(weights, measured.values, design), confinement_of(weights, computed, design)
     alike = assurance(weights.area_m2, measured.values[weights.index], computed[weights.index])
     _log_cover(measured, weights, log)
     confined = None if given.confinement_db is None else bool(given.confinement_db >= CONFINED_DB)
-    record = MeasuredMapRecord(
+    record = parts.MeasuredMapRecord(
         **_source(measured),
         points=len(measured.values),
         covered_active=weights.active,
@@ -205,7 +199,7 @@ def _map(
         confined=confined,
         mac=given.mac,
         mac_operating=alike,
-        computed=ComputedMap(
+        computed=parts.ComputedMap(
             frequency_hz=response.peak.frequency_hz,
             confinement_db=response.peak.confinement_db,
             mac=seen.mac,
@@ -224,6 +218,6 @@ def _log_cover(measured: MeasuredField, weights: Weights, log: Log) -> None:
             log.warning("MAP_PARTIAL", f"{measured.file}: {part}")
 
 
-def operating_field(response: SolvedResponse, points_m: FloatArray) -> Complex:
+def operating_field(response: SolvedResponse, points_m: FloatArray) -> ComplexArray:
     """Computed u_z per volt at the peak, (n,) in m/V, at points (n, 2) in m."""
     return sampled(*response.forced.shape(response.peak.frequency_hz), points_m)

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Literal, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.files import read_by_command
 from geometry.layout import Design
 from pipeline.case.diagnostics import nearest, nearest_file, quoted
@@ -27,8 +27,6 @@ from pipeline.errors import InputError
 from pipeline.units import KHZ, MM
 from solvers.control.identification import Sweep
 
-Complex = NDArray[np.complex128]
-FloatArray = NDArray[np.float64]
 Quantity = Literal["velocity", "displacement", "sensor"]
 SYNTHETIC = "SYNTHETIC"  # the first word of the first comment of files that this program made
 MIN_COUNT = 8  # rows of a sweep: what a circle fit needs
@@ -66,7 +64,7 @@ class MeasuredField:
     synthetic: bool
     quantity: Quantity
     points_m: FloatArray
-    values: Complex
+    values: ComplexArray
 
 
 def read_sweep(path: str | Path) -> MeasuredSweep:
@@ -120,7 +118,7 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
 
 
-def _values(table: _Table) -> tuple[str, Complex]:
+def _values(table: _Table) -> tuple[str, ComplexArray]:
     """What the values are, and the values as complex numbers."""
     for first, second in PAIRS:
         if first in table.roles and second in table.roles:

@@ -10,10 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.measured.comparison import operating_field
-from pipeline.measured.files import SYNTHETIC, Complex, FloatArray
+from pipeline.measured.files import SYNTHETIC
 from pipeline.models.forced import SolvedResponse
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
@@ -38,7 +39,7 @@ def write(
     return [place / name for name in texts]
 
 
-def _scattered(values: Complex, noise: float, random: np.random.Generator) -> Complex:
+def _scattered(values: ComplexArray, noise: float, random: np.random.Generator) -> ComplexArray:
     parts = random.normal(size=(2, len(values))) / np.sqrt(2.0)
     return np.asarray(values + noise * np.abs(values).max() * (parts[0] + 1j * parts[1]))
 

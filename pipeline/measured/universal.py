@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from geometry.elements import ComplexArray, FloatArray
 from geometry.files import read_by_command
 from geometry.layout import Design
 from pipeline.errors import InputError
-from pipeline.measured.files import EDGE_M, MIN_COUNT, Complex, FloatArray, MeasuredField, MeasuredSweep, Quantity
+from pipeline.measured.files import EDGE_M, MIN_COUNT, MeasuredField, MeasuredSweep, Quantity
 from solvers.control.identification import Sweep
 
 SUFFIXES = (".uff", ".unv", ".bunv")
@@ -23,11 +24,6 @@ QUANTITIES: dict[int, Quantity] = {0: "velocity", 8: "displacement", 11: "veloci
 ACCELERATION = 12  # becomes a displacement: over -omega^2
 NORMAL = {0: 1.0, 3: 1.0, -3: -1.0}  # directions along the plate's normal, and their signs
 DIRECTIONS = {1: "x", 2: "y", 4: "rotation about x", 5: "rotation about y", 6: "rotation about z"}
-
-
-def is_universal(path: str | Path) -> bool:
-    """Whether a file's name says that it is a universal file."""
-    return Path(path).suffix.lower() in SUFFIXES
 
 
 def read_sweep(path: str | Path) -> MeasuredSweep:
@@ -107,7 +103,7 @@ def _direction(response: dict[str, Any]) -> int:
     return int(response.get("rsp_dir") or 0)
 
 
-def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, Complex]:
+def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, ComplexArray]:
     """Frequencies above 0 and complex values along z; an acceleration's displacement."""
     frequency, values = np.asarray(response["x"], dtype=float), np.asarray(response["data"], dtype=complex)
     above = frequency > 0.0

@@ -6,18 +6,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from pipeline.quantity import figure, frequency
 from pipeline.questions.active import COMPARED, Compared, Modelled, asked, compared, quality_option
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import reading
 from pipeline.questions.question import Question, Run, option
 from pipeline.records.part import column
 from pipeline.units import KHZ, MS, US
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from pipeline.board.table_file import ModeTable
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
     from solvers.thesis.loop_design import DqData
 
 
@@ -67,9 +65,6 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
 
     def lines(self) -> Iterator[str]:
         """Yield mode, identified mode, gains, margins, steps and the comparison."""
-        from pipeline.quantity import figure, frequency
-        from pipeline.records.reading import reading_table
-
         mode, found, design, margins = self.plant, self.identified, self.design, self.margins
         sampled, measured = design["sampled"], " of the measured mode" * (self.measured is not None)
         rows = [*self.steps, *self.anti_windup]
@@ -91,7 +86,7 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
             f"margins: gain {figure(margins['gain'])}, phase of the carrier {figure(margins['phase_deg'])} degrees, "
             f"sensitivity {figure(margins['sensitivity'])}"
         )
-        yield reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield reading.reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:

@@ -6,11 +6,12 @@ import json
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import InputError
+from pipeline.questions.late import style
 from pipeline.records.outputs import check_places, csv_bytes, folder, is_standard_output, write_file
 from pipeline.records.reading import reading_markdown
 
@@ -24,16 +25,13 @@ FORMATS = (".png", ".pdf", ".svg")
 
 @dataclass(frozen=True)
 class Answer:
-    """A document, lines of text, rows under a head for CSV; pictures (drawn only when asked for) and files for --out; figure:
-    draws what --plot writes.
-    """
+    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
 
     document: dict[str, Any]
     lines: Sequence[str]
     head: Sequence[str] = ()
     rows: Sequence[Sequence[Any]] = ()
     pictures: Callable[[], Sequence[ReportFigure]] = tuple
-    files: Mapping[str, bytes] = field(default_factory=dict)
     figure: Callable[[], Any] | None = None
 
 
@@ -88,8 +86,6 @@ def _print(arguments: Namespace, answer: Answer, written: Mapping[Path, bytes]) 
 
 def _figure(answer: Answer) -> Any:
     """The figure of an answer, else its first picture."""
-    from pipeline.plots import style
-
     if answer.figure:
         return answer.figure()
     with style.style():
@@ -99,7 +95,6 @@ def _figure(answer: Answer) -> Any:
 def _save(figure: Any, place: Path) -> None:
     """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
     from geometry.files import written_whole
-    from pipeline.plots import style
 
     with style.style(), written_whole(place) as temporary:
         figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
@@ -113,15 +108,13 @@ def _files(arguments: Namespace, name: str, answer: Answer, encoded: bytes) -> d
     chosen = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
     written = {Path(place): data for place, data in chosen.items()}
     if out := getattr(arguments, "out", None):
-        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {}), **answer.files}
+        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {})}
         written |= {folder(out) / file: data for file, data in named.items()}
     return written
 
 
 def _draw(answer: Answer, place: Path) -> None:
     """Every picture of an answer into a folder."""
-    from pipeline.plots import style
-
     with style.style():
         for picture in answer.pictures():
             style.save(picture, place)

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import isfinite, nan, pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
 from pipeline.models.wave_parts import AttenuationPoint
+from pipeline.quantity import figure, frequency, level, level_with_bar, with_bar
+from pipeline.questions.bands import plan_of_cell
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure, Simplification
+from pipeline.questions.late import confinement, foresight, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
-from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import column, live
+from pipeline.questions.result import Result, figure_at, stacked
+from pipeline.records.part import bar, column, live
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
-    from pipeline.plots.style import ReportFigure
 
 POINTS, SHOWN = 201, 20
 STUDY_POINTS = 101
@@ -49,28 +44,19 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     points: list[AttenuationPoint] = column("the waves at each frequency")
     zone_hz: float | None = live()  # frequency of the wanted mode by thin-plate theory
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def db_per_row(self) -> FloatArray:
-        """Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."""
-        return self.array("db_per_row")
+    frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
+    db_per_row = stacked(
+        "db_per_row", "Decay per row (points,) in dB of the least attenuated flexural wave; NaN where there is none."
+    )
 
     @property
     def decay(self) -> FloatArray:
         """Frequency and decay per row of the least attenuated flexural wave, where there is one, (k, 2)."""
-        import numpy as np
-
         known = [(p.frequency_hz, p.db_per_row) for p in self.points if p.db_per_row is not None]
         return np.reshape(np.array(known, dtype=float), (-1, 2))
 
     def at(self, frequency_hz: float) -> float | None:
         """Return the decay per row of the least attenuated flexural wave, interpolated; None outside the band."""
-        import numpy as np
-
         known = self.decay
         if not len(known) or not known[0, 0] <= frequency_hz <= known[-1, 0]:
             return None
@@ -81,8 +67,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
         The larger of both neighbours' bars, and what the chord between them may miss, by the lines through the samples beyond.
         """
-        import numpy as np
-
         own = self.at(frequency_hz)
         if own is None:
             return None
@@ -103,8 +87,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, and what the rows do where plate theory puts the target mode."""
-        from pipeline.quantity import figure
-
         yield (
             f"{self.model}, kx = {figure(self.kx_per_m)} rad/m; decay of the least attenuated flexural wave, and shares of an "
             f"incoming flexural wave's power after {self.rows} row{'s' * (self.rows != 1)}"
@@ -114,9 +96,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
     def _at_the_zone(self) -> Iterator[str]:
         """Yield what the rows do at the zone's frequency by plate theory; nothing outside the band or without a zone."""
-        from pipeline.quantity import frequency, level_with_bar, with_bar
-        from solvers.measures.confinement import CONFINED_DB
-
         answer = None if self.zone_hz is None else prediction(self, self.zone_hz)
         if answer is None or answer.db_per_row is None:
             return
@@ -129,7 +108,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             yield f"{where}, a flexural wave passes endless rows undamped{transmitted}"
             return
         every = with_bar(answer.rows_db, answer.rows_error_db, "dB")
-        total = f"{every} in {self.rows}, {CONFINED_DB:g} dB in {answer.rows_needed}"
+        total = f"{every} in {self.rows}, {confinement.CONFINED_DB:g} dB in {answer.rows_needed}"
         yield f"{where}: {with_bar(answer.db_per_row, answer.db_error, 'dB')} a row of endless rows, {total}{transmitted}"
 
     def draw(self, ax: Axes) -> None:
@@ -143,9 +122,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
 
     def complex_bands(self, predicted_hz: float | None = None) -> ReportFigure:
         """Draw three panels over frequency: decay per row, Re k_y, power through the rows; a frequency marked."""
-        from pipeline.plots import style
-        from pipeline.quantity import figure
-
         drawn, (decay, phase, power) = style.panels(6.2, 3, 1, sharex=True, height_ratios=[1.2, 1.0, 1.0])
         self._draw_waves(decay, phase)
         self._draw_least(decay)
@@ -164,10 +140,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         return style.ReportFigure("attenuation", title, self._alt(), drawn, vector=True)
 
     def _draw_waves(self, decay: Axes, phase: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         for name, (colour, marker) in LOOKS.items():
             waves = [(p.frequency_hz, wave) for p in self.points for wave in p.waves if wave.polarisation == name]
             if not waves:
@@ -180,17 +152,11 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
             phase.plot(khz[weak], turns[weak], **look)
 
     def _draw_least(self, ax: Axes) -> None:
-        from pipeline.plots import style
-
         frequency, least = self.decay.T
         if len(frequency):
             ax.plot(frequency / KHZ, least, color=style.VERMILION, lw=1.4, label="least attenuated flexural wave")
 
     def _draw_power(self, ax: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         passed = [(p.frequency_hz, p.transmission) for p in self.points if p.transmission]
         if not passed:
             ax.text(0.5, 0.5, "no rows, or no flexural wave arrives", ha="center", transform=ax.transAxes)
@@ -204,8 +170,6 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         ax.legend(loc="lower right", fontsize=7)
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency, level
-
         deepest = max(self.points, key=lambda point: point.db_per_row or 0.0)
         most = level(deepest.db_per_row or 0.0, deepest.db_error)
         return (
@@ -266,35 +230,22 @@ class Attenuation(
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study's case has no decay per row."""
-        from pipeline.planning.simplifications import no_lattice
-
-        return no_lattice(case.design, "attenuation")
+        return simplifications.no_lattice(case.design, "attenuation")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the complex bands of a row."""
-        from pipeline.planning import foresight, simplifications
         from pipeline.planning.model_choice import cell_model_choice, driven_band_hz
-        from pipeline.planning.plan import plan_of, step_of
-        from pipeline.planning.simplifications import khz
-        from pipeline.quantity import figure
 
         low, high = driven_band_hz(case, hz(self.band_kHz))
         choice, kx = cell_model_choice(case, high), self._kx(case)
-        looks = f"{self.points} frequencies from {khz(low)} to {khz(high)} at kx = {figure(kx)} rad/m"
+        span = " to ".join(map(simplifications.khz, (low, high)))
+        looks = f"{self.points} frequencies from {span} at kx = {figure(kx)} rad/m"
         numbers = {"band_hz": [low, high], "frequencies": self.points, "kx_per_m": kx}
         left_out = (*choice.left_out, simplifications.waves_downwards(case.design))
         demand = foresight.of_attenuation(case, choice, self.points) if choice.reduction else None
-        step = step_of(self.name, "attenuation across the rows", choice, (), looks, left_out, numbers, demand)
-        whole = (
-            simplifications.no_plate_modes(),
-            simplifications.no_patches(case.patches),
-            simplifications.no_figures(),
-        )
-        return plan_of(case, step, *whole)
+        step = plans.step_of(self.name, "attenuation across the rows", choice, (), looks, left_out, numbers, demand)
+        return plan_of_cell(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> AttenuationResult:
-        """Compute the complex bands of the row over the band."""
         from pipeline.models.attenuation import solve
         from pipeline.planning.model_choice import driven_band_hz
         from solvers.analytic.predesign import predesign
@@ -312,19 +263,17 @@ class PredictionResult(Result, axes=()):
 
     frequency_hz: float = column("frequency of the wanted mode", "Hz")
     db_per_row: float | None = column("decay per row", "dB", error="db_error")
-    db_error: float | None = column("half-width of the decay's error bar", "dB", default=None)
+    db_error: float | None = bar("db_per_row", "dB")
     rows_db: float | None = column("rows times the decay per row", "dB", error="rows_error_db")
-    rows_error_db: float | None = column("half-width of the error bar of rows_db", "dB", default=None)
+    rows_error_db: float | None = bar("rows_db", "dB")
     transmission_db: float | None = column(
         "the flexural wave's power that passes the rows, below what arrives", "dB", error="transmission_error_db"
     )
-    transmission_error_db: float | None = column("half-width of the error bar of transmission_db", "dB", default=None)
+    transmission_error_db: float | None = bar("transmission_db", "dB")
     zone_to_extension_db: float | None = column(
         "the finite plate's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db"
     )
-    zone_to_extension_error_db: float | None = column(
-        "half-width of the error bar of zone_to_extension_db", "dB", default=None
-    )
+    zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
     rows_needed: int | None = column("rows of this decay that make 10 dB, of an endless lattice")
 
     decay = figure_at("db_per_row", "decay per row", "dB", name="db_per_row")
@@ -337,7 +286,6 @@ class Prediction(Question[PredictionResult], follows="attenuation"):
     """Predict the plate by the decay per row at its wanted mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:
-        """Read the decay at the wanted mode."""
         if not run.wanted:
             raise Unanswered
         level = run.wanted.extension_db, run.wanted.extension_error_db
@@ -350,8 +298,6 @@ def prediction(
 ) -> PredictionResult:  # fmt: skip
     """Compare rows times decay per row at a frequency with the transmitted power and with the finite plate's level, dB."""
     from math import ceil
-
-    from solvers.measures.confinement import CONFINED_DB
 
     per_row, error = attenuation.at(frequency_hz), attenuation.error_at(frequency_hz)
     nearest = min(attenuation.points, key=lambda point: abs(point.frequency_hz - frequency_hz))
@@ -366,5 +312,5 @@ def prediction(
         transmission_error_db=nearest.taken_error_db if passes else None,
         zone_to_extension_db=extension_db,
         zone_to_extension_error_db=extension_error_db,
-        rows_needed=ceil(CONFINED_DB / per_row) if per_row else None,
+        rows_needed=ceil(confinement.CONFINED_DB / per_row) if per_row else None,
     )

@@ -5,20 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from pipeline import quantity
 from pipeline.errors import InputError
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
+from pipeline.questions.late import foresight, np, plans, reading, simplifications, style
 from pipeline.questions.question import Question, Run
-from pipeline.questions.result import Figure, Result, figure, figure_at
-from pipeline.records.part import BAR, Part, column
+from pipeline.questions.result import Figure, Result, figure, figure_at, stacked
+from pipeline.records.part import Part, bar, column
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
     from pipeline.models.bands import SolvedBands
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
+    from pipeline.planning.plan import Step
 
 NAMES = {"G": "Γ"}
 LABEL = {"ha": "center", "va": "center", "fontsize": 8, "clip_on": True}
@@ -33,8 +31,8 @@ class Interval(Part):
 
     lower_hz: float = column("frequency where the gap begins", "Hz", error="lower_error")
     upper_hz: float = column("frequency where the gap ends", "Hz", error="upper_error")
-    lower_error: float | None = column(BAR.format("lower_hz, relative"), default=None)
-    upper_error: float | None = column(BAR.format("upper_hz, relative"), default=None)
+    lower_error: float | None = bar("lower_hz, relative")
+    upper_error: float | None = bar("upper_hz, relative")
 
     @property
     def relative_width(self) -> float:
@@ -52,8 +50,6 @@ class Interval(Part):
     @property
     def interval(self) -> str:
         """Its edges with the digits that their bars allow."""
-        from pipeline import quantity
-
         return quantity.interval(self.lower_hz, self.upper_hz, self.lower_error, self.upper_error)
 
 
@@ -66,8 +62,6 @@ class Gap(Interval):
     @property
     def text(self) -> str:
         """Its bands, its edges with their bars and its relative width, in words."""
-        from pipeline import quantity
-
         low = quantity.frequency_with_bar(self.lower_hz, self.lower_error)
         high = quantity.frequency_with_bar(self.upper_hz, self.upper_error)
         bar = None if self.width_error is None else 100.0 * self.width_error
@@ -186,26 +180,13 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     # -- arrays
 
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Frequencies (points, bands) in Hz."""
-        return self.array("frequencies_hz")
-
-    @property
-    def computed_hz(self) -> FloatArray:
-        """Frequencies (points, bands) of the finest mesh itself, Hz."""
-        return self.array("computed_hz")
-
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of the error bars (points, bands), relative; NaN without an estimate."""
-        return self.array("error")
+    frequencies_hz = stacked("frequencies_hz", "Frequencies (points, bands) in Hz.")
+    computed_hz = stacked("computed_hz", "Frequencies (points, bands) of the finest mesh itself, Hz.")
+    error = stacked("error", "Half-width of the error bars (points, bands), relative; NaN without an estimate.")
 
     @property
     def wavevectors_per_m(self) -> FloatArray:
         """Wavevectors (points, 2) in rad/m."""
-        import numpy as np
-
         return np.column_stack([self.array("kx_per_m"), self.array("ky_per_m")])
 
     @property
@@ -235,8 +216,6 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     @property
     def where_gaps_are_known(self) -> str:
         """Where a complete gap would have been found, in words."""
-        from pipeline import quantity
-
         lowest = min(self.points, key=lambda point: point.frequencies_hz[-1])
         end = quantity.frequency(self.known_to_hz, next(iter(lowest.error[-1:]), None))
         return f"along the path up to {end}, where the lowest {len(lowest.frequencies_hz)} bands end"
@@ -260,16 +239,14 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     @property
     def bending_texts(self) -> list[str]:
         """bending_at_m_hz with the digits that their bars allow."""
-        from pipeline import quantity
-
         return list(map(quantity.frequency, self.bending_at_m_hz, self.bending_errors))
 
     # -- figures of a sweep
 
-    gap_lower_hz = figure_at("widest_gap.lower_hz", "gap from", "Hz", name="gap_lower_hz")
-    gap_upper_hz = figure_at("widest_gap.upper_hz", "gap to", "Hz", name="gap_upper_hz")
-    gap_lower_error = figure_at("widest_gap.lower_error", "expected error of gap from", "%", name="gap_lower_error")
-    gap_upper_error = figure_at("widest_gap.upper_error", "expected error of gap to", "%", name="gap_upper_error")
+    gap_lower_hz = figure_at("widest_gap.lower_hz", "gap from", "Hz")
+    gap_upper_hz = figure_at("widest_gap.upper_hz", "gap to", "Hz")
+    gap_lower_error = figure_at("widest_gap.lower_error", "expected error of gap from", "%")
+    gap_upper_error = figure_at("widest_gap.upper_error", "expected error of gap to", "%")
     bending_m_1_hz = _bending(0, "first")
     bending_m_2_hz = _bending(1, "second")
 
@@ -278,7 +255,6 @@ class BandsResult(Result, table="points", axes=("point", "band")):
     def lines(self) -> Iterator[str]:
         """Yield the model, the frequencies at the path's corners, the gaps, and the widest error bar."""
         from pipeline.planning.error_bar import WidestBar
-        from pipeline.records.reading import reading_table
 
         count = len(self.points[0].frequencies_hz)
         bands = range(1, count + 1)
@@ -286,7 +262,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         corners = [point for point in self.points if point.label]
         rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *(p.error or [None] * count)] for p in corners]
         yield f"{self.model}, {self.dof} degrees of freedom a wavevector"
-        yield reading_table(head, rows)
+        yield reading.reading_table(head, rows)
         yield from (gap.text for gap in self.gaps)
         if not self.gaps:
             yield f"No complete gap {self.where_gaps_are_known}; bands.count asks for more"
@@ -318,8 +294,6 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     def draw_bands(self, ax: Axes, label: str = "bands") -> None:
         """Draw the bands without a legend."""
-        from pipeline.plots import style
-
         s, values = self.distance_per_m, self.frequencies_hz / KHZ
         if all(point.plate_polarisation for point in self.points):
             ax.plot(s, values, color="#C8C8C8", lw=0.7)
@@ -341,10 +315,6 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     def _draw_polarisations(self, ax: Axes, s: FloatArray, values: FloatArray) -> None:
         """Draw a mark for every wave by how it moves the plate, hollow where the pillar has most of its kinetic energy."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         plate, whole = (
             np.array([getattr(point, key) for point in self.points]) for key in ("plate_polarisation", "polarisation")
         )
@@ -360,6 +330,12 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         points, bands = self.frequencies_hz.shape
         gaps = f"{len(self.gaps)} complete gap{'s' * (len(self.gaps) != 1)}"
         return f"<antinode.Bands: {bands} bands at {points} wavevectors, {gaps}>"
+
+
+def plan_of_cell(case: Case, step: Step) -> Plan:
+    """Return the plan of a step that looks at the unit cell alone."""
+    given = simplifications.no_patches(case.patches)
+    return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
 
 
 class Bands(
@@ -382,28 +358,18 @@ class Bands(
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study's case has no bands."""
-        from pipeline.planning.simplifications import no_lattice
-
-        return no_lattice(case.design, "bands")
+        return simplifications.no_lattice(case.design, "bands")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the bands of the unit cell."""
-        from pipeline.planning import foresight, simplifications
         from pipeline.planning.mesh_rules import refinement_of
         from pipeline.planning.model_choice import SOLID, cell_model_choice
-        from pipeline.planning.plan import plan_of, step_of
 
         choice, query = cell_model_choice(case), case.bands
         segments = len(query.path) - 1
         wavevectors = segments * query.points + 1
         looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
-        numbers: dict[str, Any] = {
-            "wavevectors": wavevectors,
-            "count": query.count,
-            "path": query.path,
-            "grid": query.grid,
-        }
+        asked = {"count": query.count, "path": query.path, "grid": query.grid}
+        numbers: dict[str, Any] = {"wavevectors": wavevectors, **asked}
         if choice.model != SOLID:
             factor = refinement_of(query.points)
             numbers["solved_wavevectors"] = segments * query.points * factor + 1
@@ -411,16 +377,10 @@ class Bands(
         looks += f" and a grid of {query.grid} intervals" if query.grid else ""
         left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))
         demand = foresight.of_bands(case, choice, numbers.get("solved_wavevectors", wavevectors))
-        step = step_of(self.name, "bands of the unit cell", choice, (), looks, left_out, numbers, demand)
-        whole = (
-            simplifications.no_plate_modes(),
-            simplifications.no_patches(case.patches),
-            simplifications.no_figures(),
-        )
-        return plan_of(case, step, *whole)
+        step = plans.step_of(self.name, "bands of the unit cell", choice, (), looks, left_out, numbers, demand)
+        return plan_of_cell(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
-        """Compute all bands at every wavevector of the path."""
         from pipeline.models.bands import solve_bands
 
         choice = plan.steps[0].choice

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from pipeline.quantity import figure, frequency
+from pipeline.questions.hints import Case, Plan
 from pipeline.questions.question import Question, Run, Unanswered
 from pipeline.questions.result import Result
 from pipeline.records.part import column
 
-if TYPE_CHECKING:
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-
 NAME = "closed loop on the emulated board"
 TABLE = "mode_table.bin"
-COLUMNS = (
-    "time_s",
-    "reference",
-    "u_d",
-    "u_q",
-    "drive",
-)  # of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+# of the step: amplitudes in full scales of the converters, axes turned into the mode's frame
+COLUMNS = ("time_s", "reference", "u_d", "u_q", "drive")
 SOURCES = (".c", ".h", ".inc", ".ld", ".py")
 
 
@@ -43,7 +36,6 @@ class BoardResult(Result, axes=()):
 
     def lines(self) -> Iterator[str]:
         """Yield the mode that the image drove, and how long the step took."""
-        from pipeline.quantity import figure, frequency
         from pipeline.units import MS
 
         if self.fault is not None:
@@ -61,16 +53,12 @@ class BoardResult(Result, axes=()):
 class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("plots.board.board",)):
     """Play the mode table of the case by the firmware's image on the emulated board, a step of the reference."""
 
+    step = (NAME, "the firmware's image and the mode table")
+
     @classmethod
     def inputs(cls) -> dict[str, Any]:
         """Return the state of the firmware's sources."""
         return {"firmware": sources_hash()}
-
-    def plan(self, case: Case) -> Plan:
-        """Plan one run of the image."""
-        from pipeline.planning.plan import plain_step, plan_of
-
-        return plan_of(case, plain_step(self.name, NAME, "the firmware's image and the mode table"))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BoardResult:
         """Run the image with the table in the case's folder."""

@@ -4,24 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
-from typing import TYPE_CHECKING
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.wave_parts import BroadbandPoint
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.questions.attenuation import over
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure, figure_at
-from pipeline.records.part import BAR, column
+from pipeline.questions.result import Result, figure, figure_at, stacked
+from pipeline.records.part import bar, column
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
-    from pipeline.plots.style import ReportFigure
 
 POINTS, SHOWN = 201, 20
 ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"
@@ -52,26 +46,19 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
     )
     points: list[BroadbandPoint] = column("the column at each frequency")
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
-    wanted_error_db: float | None = column(BAR.format("wanted_db"), "dB", default=None)
-    frequency_error: float | None = column(BAR.format("any frequency of the column, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
+    wanted_error_db: float | None = bar("wanted_db", "dB")
+    frequency_error: float | None = bar("any frequency of the column, relative")
     confined_error: list[list[float | None]] = column(ENDS.format("confined"), default_factory=list)
     stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def confinement_db(self) -> FloatArray:
-        """Confinement (points,) in dB of the motion that the wanted shape's pressure forces."""
-        return self.array("confinement_db")
+    frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
+    confinement_db = stacked(
+        "confinement_db", "Confinement (points,) in dB of the motion that the wanted shape's pressure forces."
+    )
 
     def taken_db(self, frequency_hz: float) -> float:
         """Return what the rows take at a frequency, interpolated, dB; NaN outside the band and where no wave arrives."""
-        import numpy as np
-
         levels = [point.taken_db for point in self.points]
         return float(np.interp(frequency_hz, self.frequency_hz, levels, left=nan, right=nan))
 
@@ -81,10 +68,7 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
         return end_errors(self.points, self.frequency_error, ends_hz)
 
-    @figure(
-        "stopped about the wanted mode", "Hz", name="stopped_width_hz", error="stopped_width_error_hz",
-        is_difference=True,
-    )  # fmt: skip
+    @figure("stopped about the wanted mode", "Hz", error="stopped_width_error_hz", is_difference=True)
     def stopped_width_hz(self) -> float:
         """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
@@ -98,20 +82,16 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
         return sum(known) if len(known) == len(errors) else None
 
-    column_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz", name="column_wanted_hz")
-    column_db = figure_at("wanted_db", "confinement in the column", "dB", name="column_wanted_db")
+    column_wanted_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz")
+    column_wanted_db = figure_at("wanted_db", "confinement in the column", "dB")
 
     def lines(self) -> Iterator[str]:
         """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import frequency_with_bar, interval, with_bar
-        from solvers.measures.confinement import CONFINED_DB
-
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
         yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
             f"stopped (at most a tenth of the power passes {self.rows} rows)": self.stopped,
-            f"driven motion confined by {CONFINED_DB:g} dB or more": self.confined,
+            f"driven motion confined by {confinement.CONFINED_DB:g} dB or more": self.confined,
         }
         for what, windows in stretches.items():
             found = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in windows)
@@ -124,15 +104,10 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw what the rows take from a wave and how far the driven zone is confined, over frequency."""
-        from pipeline.plots import style
-
         self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
 
     def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
         """Draw both levels, the wanted mode of the column marked."""
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
         ax.plot(khz, taken, color=colours[0], label=f"{label}taken from a wave by {self.rows} rows")
@@ -141,21 +116,16 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         )
         if self.wanted_hz is not None and self.wanted_db is not None:
             ax.plot(self.wanted_hz / KHZ, self.wanted_db, "*", color=colours[1], ms=10)
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
         ax.grid(True)
         ax.legend(fontsize=7)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the rows over frequency."""
-        from pipeline.plots import style
-        from pipeline.quantity import interval
-        from solvers.measures.confinement import CONFINED_DB
-
         bands = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in self.stopped) or "nowhere"
-        alt = (
-            f"Over frequency: dB that {self.rows} rows take from a flexural wave, at least {CONFINED_DB:g} at {bands}; "
-        )
+        least = f"at least {confinement.CONFINED_DB:g} at {bands}"
+        alt = f"Over frequency: dB that {self.rows} rows take from a flexural wave, {least}; "
         title, more = "What the rows hold over frequency", "and confinement of the driven zone"
         return [style.ReportFigure("broadband", title, alt + more, self.as_figure(), vector=True)]
 
@@ -176,6 +146,7 @@ class Broadband(
     (3,)
     """
 
+    step = ("rows over frequency", "column of reduced cells at the wanted wavenumber")
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
@@ -187,23 +158,12 @@ class Broadband(
         checked(case)
 
     @classmethod
-    def spared(cls, case: Case) -> Simplification | None:
-        """Return why a study's case has no such column."""
-        from pipeline.planning.simplifications import Simplification, hexahedra
-
-        if case.design.rows and hexahedra(case, "plate"):
+    def spared(cls, case: Case) -> simplifications.Simplification | None:
+        if case.design.rows and simplifications.hexahedra(case, "plate"):
             return None
-        return Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
-
-    def plan(self, case: Case) -> Plan:
-        """Plan one column of the case's cells."""
-        from pipeline.planning.plan import plain_step, plan_of
-
-        model = "column of reduced cells at the wanted wavenumber"
-        return plan_of(case, plain_step(self.name, "rows over frequency", model))
+        return simplifications.Simplification("no_rows", "broadband", "it takes rows of pillars that hexahedra follow")
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
-        """Compute what passes the rows of one column, and its forced motion, over frequency."""
         from pipeline.models.broadband import broadband
 
         return BroadbandResult.of(broadband(case, run, hz(self.band_kHz), self.points))

@@ -10,7 +10,10 @@ from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
-from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Question, Run, ask, item_of, kind_of
+from pipeline.logs import TerminalLog
+from pipeline.paths import STUDIES
+from pipeline.questions.late import simplifications
+from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
 
@@ -19,21 +22,9 @@ if TYPE_CHECKING:
     from pipeline.logs import TerminalLog
 
 Kind = type[Question[Any]]
-EXAMPLES = {
-    tuple[float, float]: ", such as 28kHz:38kHz",
-    float: ", such as 32kHz",
-    tuple[float, ...]: ", such as 32kHz",
-}  # of frequencies as typed
 FIELDS = "write the field of every mode into --out DIR (fields.npz)"
 MAX_DIGITS = 40  # characters of a number that are read and shown
-SUFFIXES = {
-    "kHz": "_kHz",
-    "mm": "_mm",
-    "dB": "_dB",
-    "rad/m": "_per_m",
-    "s": "_s",
-    "N/m": "_N_per_m",
-}  # of options' names, by unit
+OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # ends of options' names, where these are not the unit itself
 
 
 def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
@@ -54,7 +45,9 @@ def _variants(question: Kind) -> list[Kind]:
 
 def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, default: Any) -> None:
     """Add an option; its type says how its text is read."""
-    shown = about.help + EXAMPLES.get(kind, "") * (about.unit == "kHz")
+    shown = about.help
+    if about.unit == "kHz":
+        shown += f", such as {'28kHz:38kHz' if kind == Pair else '32kHz'}"
     known = f"{default:g}kHz" if about.unit == "kHz" and isinstance(default, float) else default
     shown += ", such as 4us" * (about.unit == "s")
     shown += "" if default in (None, ()) or kind is bool else f" (default: {known})"
@@ -79,7 +72,7 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
 
 def flag(name: str, about: Option, default: Any = None) -> str:
     """Return the flag of an option: its name without its unit."""
-    words = about.flag or name.removesuffix(SUFFIXES.get(about.unit, "")).replace("_", "-")
+    words = about.flag or name.removesuffix(f"_{OF_UNIT.get(about.unit, about.unit)}").replace("_", "-")
     return f"--no-{words}" if default is True else f"--{words}"
 
 
@@ -104,7 +97,6 @@ def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command of a question: read its case, then explain, or ask and write the answer."""
     from pipeline.case.plausible import warn_of_doubts
-    from pipeline.logs import TerminalLog
     from pipeline.questions.answer import Answer, emit
 
     kind = _asked(arguments)
@@ -115,10 +107,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.explain:
         case = case and question.asked_of(case)
         question.check(case)  # type: ignore[arg-type]
-        from pipeline.planning.simplifications import no_figures
-
         plan = question.plan(case)  # type: ignore[arg-type]
-        undrawn = no_figures(bool(arguments.out or arguments.plot))
+        undrawn = simplifications.no_figures(bool(arguments.out or arguments.plot))
         plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
         return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
     return answer(arguments, case, question, log)
@@ -127,7 +117,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
     """Return the case of a command line; None for a question that does without. Raises InputError for a wrong case."""
     from pipeline.case.model import load_case
-    from pipeline.paths import STUDIES
     from pipeline.questions.answer import of_case
 
     if arguments.case is not None:

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.zone_parts import DrivenZone, worst_of
+from pipeline.quantity import frequency_with_bar, level, level_figure, level_with_bar
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Result, figure, figure_at
+from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column
 from pipeline.units import KHZ, MM, NM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 POINTS = 401
 DARK = -25.0  # dB: below it letters are white
@@ -43,25 +38,24 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     frequency_hz: list[float] = column("frequencies of over_rms_m_per_V", "Hz", along="frequency_hz")
     zones: list[DrivenZone] = column("one driven zone each, by ascending y")
 
-    @property
-    def level_db(self) -> FloatArray:
-        """Levels (driven zones, measured zones) in dB."""
-        return self.array("level_db")
+    level_db = stacked("level_db", "Levels (driven zones, measured zones) in dB.")
 
     @property
     def first(self) -> DrivenZone:
         """The first zone, driven."""
         return self.zones[0]
 
-    gap_mm = figure_at("gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0)  # as it is given
+    crosstalk_gap_mm = figure_at(
+        "gap_m", "gap between zones", "mm", scale=MM, error=lambda levels: 0.0
+    )  # as it is given
 
     @figure("largest cross-talk", "dB", name="crosstalk_db", error=lambda levels: worst_of(levels.zones)[1])
     def worst_db(self) -> float | None:
         """The largest level of a zone while another is driven; None with one zone."""
         return worst_of(self.zones)[0]
 
-    first_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz", name="crosstalk_hz")
-    passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
+    crosstalk_hz = figure_at("first.peak_hz", "peak of the first zone, driven", "Hz")
+    crosstalk_passive_db = figure_at("first.passive_db", "passive face, first zone driven", "dB")
 
     def lines(self) -> Iterator[str]:
         """Yield the gap and a line for each driven zone."""
@@ -72,11 +66,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     def draw(self, ax: Axes) -> None:
         """Draw the level of every zone while each of them is driven, dB."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import level_figure
-
         levels, names = self.level_db, [str(number) for number in range(1, len(self.zones) + 1)]
         ax.imshow(levels, cmap=style.QUALITY, vmin=-60.0, vmax=0.0)
         for row, at in np.ndindex(levels.shape):
@@ -89,11 +78,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the table of levels, and every zone over frequency while the first is driven."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import level
-
         drawn, (table, over) = style.panels(3.4, 1, 2, width_ratios=(1.0, 1.6))
         self.draw(table)
         curves = {f"zone {i}": np.array(rms) / NM for i, rms in enumerate(self.first.over_rms_m_per_V, start=1)}
@@ -110,8 +94,6 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
 
 
 def _in_words(zone: DrivenZone) -> str:
-    from pipeline.quantity import frequency_with_bar, level_with_bar
-
     errors = zone.level_error_db or [None] * len(zone.level_db)
     levels = ", ".join(level_with_bar(*each) for each in zip(zone.level_db, errors, strict=True))
     passive = ""
@@ -125,6 +107,7 @@ class Crosstalk(
     Question[CrosstalkResult],
     needs=("patches",),
     drives=True,
+    of_any_zones=True,
     example="crosstalk examples/two-zones.toml --out crosstalk",
 ):
     """Drive each of several zones on one plate in turn and measure all, in dB ([[zone]] in the case).
@@ -143,20 +126,16 @@ class Crosstalk(
         """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
         from pipeline.models.driven_zones import check_zones
 
-        case.require_plate(command="crosstalk", several=True)
         super().check(case)
         check_zones(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan each zone driven and all measured."""
         from dataclasses import replace
 
-        from pipeline.planning.plan import plan_of, response_step
-
-        step = response_step(case, hz(self.band_kHz), self.points, several=True)
+        step = plans.response_step(case, hz(self.band_kHz), self.points, several=True)
         looks = f"{self.points} frequencies, each of {case.design.zones} zones driven in turn"
         own = replace(step, measure=self.name, name="cross-talk between zones", looks_for=looks)
-        return plan_of(case, own)
+        return plans.plan_of(case, own)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""

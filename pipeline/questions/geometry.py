@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from pipeline.quantity import figure, percentage, signed
+from pipeline.questions.hints import Case, Plan
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
@@ -13,9 +15,7 @@ from pipeline.units import GRAM, MM
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.case.model import Case
     from pipeline.logs import Log
-    from pipeline.planning.plan import Plan
 
 
 class GeometryResult(Result, axes=()):
@@ -36,8 +36,6 @@ class GeometryResult(Result, axes=()):
 
     def lines(self) -> Iterator[str]:
         """Yield what was found in the print file."""
-        from pipeline.quantity import figure, percentage, signed
-
         yield (
             f"print file: closed {self.watertight}, {self.bodies} body, "
             f"volume {signed(percentage(self.volume_error))} of the solid's, mass {figure(self.mass_kg / GRAM)} g, "
@@ -46,14 +44,10 @@ class GeometryResult(Result, axes=()):
         )
 
 
-class Geometry(Question[GeometryResult], in_studies_only=True):
+class Geometry(Question[GeometryResult], in_studies_only=True, of_any_zones=True):
     """Write print and CAD files of the plate and check the print file."""
 
-    def plan(self, case: Case) -> Plan:
-        """Plan the solid and its files."""
-        from pipeline.planning.plan import plain_step, plan_of
-
-        return plan_of(case, plain_step(self.name, "print and CAD files", "CAD solids, STL read back"))
+    step = ("print and CAD files", "CAD solids, STL read back")
 
     def compute(self, case: Case, plan: Plan, run: Run) -> GeometryResult:
         """Write STL, STEP and 3MF into the case's folder and read the STL back."""

@@ -4,22 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, percentage, with_bar
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure
-from pipeline.records.part import BAR, Part, column
+from pipeline.questions.result import Figure, Result, figure, stacked
+from pipeline.records.part import Part, bar, column
 from pipeline.units import KHZ
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 POINTS = 61
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most
@@ -46,16 +41,10 @@ class HybridMethod(Part):
     volts_per_um: list[float] = column(
         "largest voltage for 1 um rms in the zone", "V", along="frequency_hz", error="volts_error_per_um"
     )
-    confinement_error_db: list[float | None] | None = column(
-        BAR.format("confinement_db"), "dB", along="frequency_hz", name="error_db", default=None
-    )
-    off_error_db: list[float | None] | None = column(BAR.format("off_db"), "dB", along="frequency_hz", default=None)
-    rows_off_error_db: list[float | None] | None = column(
-        BAR.format("rows_off_db"), "dB", along="frequency_hz", default=None
-    )
-    volts_error_per_um: list[float | None] | None = column(
-        BAR.format("volts_per_um"), "V", along="frequency_hz", default=None
-    )
+    confinement_error_db: list[float | None] | None = bar("confinement_db", "dB", along="frequency_hz", name="error_db")
+    off_error_db: list[float | None] | None = bar("off_db", "dB", along="frequency_hz")
+    rows_off_error_db: list[float | None] | None = bar("rows_off_db", "dB", along="frequency_hz")
+    volts_error_per_um: list[float | None] | None = bar("volts_per_um", "V", along="frequency_hz")
 
     def at(self, name: str, place: int) -> tuple[float, float | None]:
         """Return a figure at a place of the frequencies, NaN where there is none, and the half-width of its bar."""
@@ -93,16 +82,13 @@ class HybridResult(Result, axes=("frequency_hz",)):
     )
     frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
     methods: list[HybridMethod] = column("the four methods of confinement")
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
     wanted_elsewhere_hz: float | None = column(
         "peak of the plate with rows where it lies outside the band", "Hz", error="wanted_elsewhere_error", default=None
     )
-    wanted_elsewhere_error: float | None = column(BAR.format("wanted_elsewhere_hz, relative"), default=None)
+    wanted_elsewhere_error: float | None = bar("wanted_elsewhere_hz, relative")
 
-    @property
-    def frequencies_hz(self) -> FloatArray:
-        """Frequencies (points,) in Hz."""
-        return self.array("frequency_hz")
+    frequencies_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
 
     @property
     def wanted_place(self) -> int | None:
@@ -118,17 +104,17 @@ class HybridResult(Result, axes=("frequency_hz",)):
         figures: list[float] | None = getattr(self.method(method), values)
         return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
 
-    rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
-    rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
-    rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
-    rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
-    patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
-    patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
-    patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
-    both_db = _at_peak("both", "confinement_db", "confinement by {}")
-    both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
-    both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
-    both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
+    hybrid_rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
+    hybrid_rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
+    hybrid_rows_rows_off_db = _at_peak("rows", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_rows_v_per_um = _at_peak("rows", "volts_per_um", "drive for 1 um, {}")
+    hybrid_patches_db = _at_peak("patches", "confinement_db", "confinement by {}")
+    hybrid_patches_off_db = _at_peak("patches", "off_db", "{}, all off by 2 %")
+    hybrid_patches_v_per_um = _at_peak("patches", "volts_per_um", "drive for 1 um, {}")
+    hybrid_both_db = _at_peak("both", "confinement_db", "confinement by {}")
+    hybrid_both_off_db = _at_peak("both", "off_db", "{}, all off by 2 %")
+    hybrid_both_rows_off_db = _at_peak("both", "rows_off_db", "{}, pillars off by 2 %")
+    hybrid_both_v_per_um = _at_peak("both", "volts_per_um", "drive for 1 um, {}")
 
     def to_rows(self) -> list[dict[str, Any]]:
         """Return a row a frequency: of each method its figures, those that it has, such as both_off_db."""
@@ -145,15 +131,12 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the patches, and each method at the wanted mode's peak."""
-        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
         yield f"{self.inside} patches drive inside the zone, {self.behind} beyond it"
         place = self.wanted_place
         if place is None:
             elsewhere = frequency_with_bar(self.wanted_elsewhere_hz, self.wanted_elsewhere_error)
-            where = (
-                "no mode of the plate has its shape" if self.wanted_elsewhere_hz is None else f"it lies at {elsewhere}"
-            )
+            known = self.wanted_elsewhere_hz is not None
+            where = f"it lies at {elsewhere}" if known else "no mode of the plate has its shape"
             yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
             return
         yield f"at the wanted mode's peak, {frequency_with_bar(self.wanted_hz, self.wanted_error)}:"
@@ -168,20 +151,14 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw confinement by rows, by patches, by both and by neither over frequency."""
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         levels = {method.method: method.confinement_db for method in self.methods}
         self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
+        ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set_xlabel("frequency (kHz)")
         ax.legend(fontsize=8, ncols=4)
 
     def pictures(self) -> list[ReportFigure]:
         """Return the levels of the four methods over frequency, the same detuned, and the voltages."""
-        from pipeline.plots import style
-        from pipeline.quantity import percentage
-
         drawn, (levels, detuned, drive) = style.panels(7.6, 3, 1, sharex=True)
         self.draw(levels)
         off = {each.method: each.off_db if each.rows_off_db is None else each.rows_off_db for each in self.methods}
@@ -194,8 +171,6 @@ class HybridResult(Result, axes=("frequency_hz",)):
         return [style.ReportFigure("hybrid", "Rows and patches together", self._alt(), drawn, vector=True)]
 
     def _draw_methods(self, ax: Axes, curves: dict[str, list[float]], label: str, title: str) -> None:
-        from pipeline.plots import style
-
         style.draw_lines(ax.plot, self.frequencies_hz / KHZ, curves)
         if self.wanted_hz:
             style.mark(ax, self.wanted_hz / KHZ)
@@ -203,8 +178,6 @@ class HybridResult(Result, axes=("frequency_hz",)):
         ax.grid(True)
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency, level
-
         place, where = self.wanted_place, "least over the band"
         if place is not None:
             where = f"at {frequency(self.wanted_hz, self.wanted_error)}"
@@ -247,7 +220,6 @@ class Hybrid(
         """Raise InputError for a case without rows, a patch inside the zone, or two drivers fed by voltages."""
         from pipeline.models.hybrid import driven_inside
 
-        case.require_plate(command="hybrid")
         super().check(case)
         patches = case.patches
         assert patches is not None
@@ -267,9 +239,7 @@ class Hybrid(
         """Plan four plates: as it is, without rows, and with the pillars off by 2 % both ways."""
         from dataclasses import replace
 
-        from pipeline.planning.plan import plan_of, response_step
-
-        step = response_step(case, hz(self.band_kHz), self.points)
+        step = plans.response_step(case, hz(self.band_kHz), self.points)
         assert case.patches is not None and step.demand
         demand = step.demand
         for _ in range(3):
@@ -277,7 +247,7 @@ class Hybrid(
         plates = "four plates: as it is, without rows, pillars detuned twice"
         looks = f"{self.points} frequencies, {case.patches.count} patches; {plates}"
         about = {"measure": self.name, "name": "rows and patches together", "looks_for": looks, "demand": demand}
-        return plan_of(case, replace(step, **about))  # type: ignore[arg-type]
+        return plans.plan_of(case, replace(step, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> HybridResult:
         """Drive the four plates and compare."""
@@ -298,8 +268,6 @@ class Hybrid(
 
 def _method(name: str, figures: FloatArray, bars: FloatArray) -> HybridMethod:
     """Return a method from its figures and their bars, (4, frequencies) each."""
-    import numpy as np
-
     level, volts, off, rows_off = figures
     errors = dict(
         zip(("confinement_error_db", "volts_error_per_um", "off_error_db", "rows_off_error_db"), bars, strict=True)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import nan
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, level_with_bar
+from pipeline.questions.hints import Case, Plan
+from pipeline.questions.late import np, simplifications
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import BAR, column
-
-if TYPE_CHECKING:
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
+from pipeline.records.part import bar, column
 
 RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db": "extension_error_db"}
 
@@ -33,7 +31,7 @@ class LiveResult(Result, axes=()):
     zone_to_extension_db: float | None = column(
         "the column's rms on the zone over that beyond the rows", "dB", error="zone_to_extension_error_db", default=None
     )
-    zone_to_extension_error_db: float | None = column(BAR.format("zone_to_extension_db"), "dB", default=None)
+    zone_to_extension_error_db: float | None = bar("zone_to_extension_db", "dB")
     mac: float | None = column("modal assurance criterion with the target shape", default=None)
     gap_hz: list[float] | None = column("both edges of the widest complete gap", "Hz", error="gap_error", table=False)
     gap_error: float | None = column(
@@ -48,14 +46,13 @@ class LiveResult(Result, axes=()):
     why_not: str = column("why the column has no wanted mode", default="")
     warnings: list[str] = column("what a column cannot tell of this design")
 
-    wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
-    error = figure_at("frequency_error", "its expected error, live", "%")
-    level = figure_at("confinement_db", "confinement, live", "dB", name="live_confinement_db")
-    level_error = figure_at(
-        "confinement_error_db", "its expected error, live", "dB", name="live_confinement_error_db",
-        error="confinement_error_db",
-    )  # fmt: skip
-    decay = figure_at("db_per_row", "decay per row, live", "dB", name="live_db_per_row")
+    live_wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
+    live_error = figure_at("frequency_error", "its expected error, live", "%")
+    live_confinement_db = figure_at("confinement_db", "confinement, live", "dB")
+    live_confinement_error_db = figure_at(
+        "confinement_error_db", "its expected error, live", "dB", error="confinement_error_db"
+    )
+    live_db_per_row = figure_at("db_per_row", "decay per row, live", "dB")
 
     @classmethod
     def of_answer(cls, answer: Mapping[str, Any]) -> Self:
@@ -75,8 +72,6 @@ class LiveResult(Result, axes=()):
 
     def lines(self) -> Iterator[str]:
         """Yield the column's wanted mode, or why there is none."""
-        from pipeline.quantity import frequency, level_with_bar
-
         if self.frequency_hz is None:
             yield f"no wanted mode in a column of cells: {self.why_not}"
             return
@@ -86,8 +81,6 @@ class LiveResult(Result, axes=()):
 
 def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) -> tuple[float | None, float | None]:
     """Return the decay per row at a frequency, and how far it goes within the frequency's bar, dB."""
-    import numpy as np
-
     known = [(hz, db) for hz, db in zip(rows["frequency_hz"], rows["db_per_row"], strict=True) if db is not None]
     if not at_hz or not known:
         return None, None
@@ -104,11 +97,11 @@ def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) ->
 class Live(Question[LiveResult], in_studies_only=True):
     """Answer from the explorer's bases, which stand for a plate by one column of its cells."""
 
+    step = ("the explorer's answer", "parametric cell, and a column of such cells")
+
     @classmethod
-    def spared(cls, case: Case) -> Simplification | None:
-        """Return why the bases do not hold the design."""
+    def spared(cls, case: Case) -> simplifications.Simplification | None:
         from pipeline.models import parametric
-        from pipeline.planning.simplifications import Simplification
         from solvers.parametric.affine import DesignBox
 
         try:
@@ -118,15 +111,7 @@ class Live(Question[LiveResult], in_studies_only=True):
             lacking = "; ".join(fault.lines)
         else:
             lacking = "; ".join(DesignBox(foot=foot).faults(parametric.sizes_of(case.design)))
-        return Simplification("no_live", "live", lacking) if lacking else None
-
-    def plan(self, case: Case) -> Plan:
-        """Plan one answer."""
-        from pipeline.planning.plan import plain_step, plan_of
-
-        return plan_of(
-            case, plain_step(self.name, "the explorer's answer", "parametric cell, and a column of such cells")
-        )
+        return simplifications.Simplification("no_live", "live", lacking) if lacking else None
 
     def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:
         """Answer from the bases, which are made once a pair of materials."""

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
+from pipeline.quantity import HZ, frequency_figure, interval
+from pipeline.questions.hints import Axes, Case, Plan, Simplification
+from pipeline.questions.late import confinement, np, plans, reading, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
-from pipeline.questions.result import Result, figure, figure_at
+from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column, live
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
     from pipeline.models.modes import PartModes
     from pipeline.planning.model_choice import Request
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
 
 Part = Literal["plate", "zone", "pillar"]
 Class = Literal["SS", "SA", "AS", "AA"]
@@ -69,26 +67,23 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     solved: Any = live()
     case: Any = live()
 
-    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None, name="wanted_status")
-    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz", name="wanted_hz")
-    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%", name="wanted_error")
-    level = figure_at("found.confinement_db", "confinement", "dB", name="confinement_db")
-    level_error = figure_at(
-        "found.confinement_error_db", "expected error of the confinement", "dB", name="confinement_error_db",
-        error="found.confinement_error_db",
-    )  # fmt: skip
-    extension = figure_at("found.extension_db", "zone to extension", "dB", name="zone_to_extension_db")
-    mac = figure_at("found.mac", "MAC", name="mac")
-    zone_share = figure_at("found.zone_share", "zone share", name="zone_share")
-    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy", name="pillar_share")
-    strength = figure_at("found.strength", "strength in the wanted shape", name="strength")
-    shape_share = figure_at("found.share", "share of the wanted shape", name="shape_share")
+    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None)
+    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz")
+    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%")
+    confinement_db = figure_at("found.confinement_db", "confinement", "dB")
+    confinement_error_db = figure_at(
+        "found.confinement_error_db", "expected error of the confinement", "dB", error="found.confinement_error_db"
+    )
+    zone_to_extension_db = figure_at("found.extension_db", "zone to extension", "dB")
+    mac = figure_at("found.mac", "MAC")
+    zone_share = figure_at("found.zone_share", "zone share")
+    pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy")
+    strength = figure_at("found.strength", "strength in the wanted shape")
+    shape_share = figure_at("found.share", "share of the wanted shape")
 
-    @figure("other modes that carry it", None, name="rivals")
+    @figure("other modes that carry it", None)
     def rivals(self) -> str | None:
         """Frequencies of other modes that carry as much of the wanted shape."""
-        from pipeline.quantity import HZ, frequency_figure
-
         known = self.found.rivals if self.found else []
         return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
 
@@ -138,15 +133,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     def __bool__(self) -> bool:
         return True  # an answer, whether a mode was found or not
 
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies (modes,) in Hz."""
-        return self.array("frequency_hz")
-
-    @property
-    def error(self) -> FloatArray:
-        """Half-width of each frequency's error bar (modes,), relative; NaN without an estimate."""
-        return self.array("error")
+    frequency_hz = stacked("frequency_hz", "Frequencies (modes,) in Hz.")
+    error = stacked("error", "Half-width of each frequency's error bar (modes,), relative; NaN without an estimate.")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
         """Return the closed surface of a mode, by its index from 0 or itself; None: of the wanted mode.
@@ -169,22 +157,19 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def _read(self) -> tuple[list[str], list[list[Any]]]:
         """Return the head and the rows that people read."""
-        from pipeline.records.reading import filled
-
         unread = ("mode", "parity", "computed_hz")
         rows = [{key: value for key, value in row.items() if key not in unread} for row in self.to_rows()]
         head = tuple(rows[0]) if rows else ("frequency_hz", "error", "symmetry")
-        return filled(head, [[*row.values()] for row in rows])
+        return reading.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
         from pipeline.models.modes import wanted_lines
         from pipeline.planning.error_bar import WidestBar
-        from pipeline.records.reading import reading_table
 
         plural = "s" * (self.rigid_count != 1)
         yield f"{self.model}, {self.dof} degrees of freedom, {self.rigid_count} rigid-body mode{plural}"
-        yield reading_table(*self._read(), self._marked)
+        yield reading.reading_table(*self._read(), self._marked)
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
@@ -192,18 +177,14 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the confinement of each mode over its frequency, the wanted mode marked; without one, frequencies alone."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
             ax.set(xlabel="mode", ylabel="frequency (kHz)")
             return
         ax.plot(khz, level, "o", color=style.BLUE, ms=4)
-        ax.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {CONFINED_DB:g} dB")
+        least = confinement.CONFINED_DB
+        ax.axhline(least, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {least:g} dB")
         wanted = self.wanted
         if wanted and wanted.frequency_hz is not None and wanted.confinement_db is not None:
             at = wanted.frequency_hz / KHZ, wanted.confinement_db
@@ -223,8 +204,6 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return super()._repr_html_() + html_table(*self._read(), self._marked)
 
     def __repr__(self) -> str:
-        from pipeline.quantity import interval
-
         ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []
         span = f", {interval(*(at for at, _ in ends), *(error for _, error in ends))}" if ends else ""
         return f"<antinode.Modes of the {self.part}: {len(self)}{span}>"
@@ -270,17 +249,14 @@ class Modes(
         return _request(self.part, self.band_kHz, self.near_kHz, self.count, self.symmetry)
 
     def plan(self, case: Case) -> Plan:
-        """Plan the modes of the part."""
-        from pipeline.planning import simplifications
-        from pipeline.planning.plan import modes_step, plan_of
-
         whole = (simplifications.no_patches(case.patches), simplifications.no_response())
-        step = modes_step(case, self.request(case))
+        step = plans.modes_step(case, self.request(case))
         unpatched = simplifications.no_patches(case.patches) if case.patches and self.part == "plate" else None
-        return plan_of(case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole)
+        return plans.plan_of(
+            case, replace(step, left_out=(*step.left_out, *([unpatched] if unpatched else []))), *whole
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute the modes, their count, and the wanted one among them."""
         from pipeline.models.modes import solve_modes
 
         return _answered(solve_modes(case, self.request(case), run, plan.steps[0].choice), case, run)
@@ -299,10 +275,7 @@ class _InStudies(Modes):
         return of_case(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan the modes."""
-        from pipeline.planning.plan import modes_step, plan_of
-
-        return plan_of(case, modes_step(case, self.request(case)))
+        return plans.plan_of(case, plans.modes_step(case, self.request(case)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes and keep what other questions go on from."""
@@ -352,51 +325,30 @@ class Shapes(Question[ShapesResult], follows="modes"):
         return ShapesResult(**mode_fields.shapes(solved, case.design))
 
 
-class _OfPart:
-    """Modes of a part alone, as the pre-design sees it."""
+class ZoneModes(Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+    """Compute the modes of the bare zone, as the pre-design sees it."""
 
-    name: ClassVar[str]
-
-    def request(self) -> Request:
-        """Return what is asked for."""
-        raise NotImplementedError
+    asked: ClassVar[dict[str, Any]] = {"part": "zone"}
 
     def plan(self, case: Case) -> Plan:
-        """Plan the part."""
-        from pipeline.planning.plan import modes_step, plan_of
-
-        return plan_of(case, replace(modes_step(case, self.request()), measure=self.name))
+        return plans.plan_of(case, replace(plans.modes_step(case, _request(**self.asked)), measure=self.name))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Compute its modes."""
         from pipeline.models.modes import solve_modes
 
-        solved = solve_modes(case, self.request(), run, plan.steps[0].choice)
+        solved = solve_modes(case, _request(**self.asked), run, plan.steps[0].choice)
         run.meshes += solved.meshes
         return ModesResult.of_solved(solved, case)
 
 
-class ZoneModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
-    """Compute the modes of the bare zone, as the pre-design sees it."""
-
-    def request(self) -> Request:
-        """Return the zone's window."""
-        return _request("zone")
-
-
-class PillarModes(_OfPart, Question[ModesResult], in_studies_only=True, aliases=("parts",)):
+class PillarModes(ZoneModes, Question[ModesResult]):
     """Compute the modes of the lone pillar, as the pre-design sees it."""
+
+    asked: ClassVar[dict[str, Any]] = {"part": "pillar", "near_kHz": 0.0, "count": 4}
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why there is no lone pillar."""
-        from pipeline.planning.simplifications import no_lone_pillar
-
-        return no_lone_pillar(case.design)
-
-    def request(self) -> Request:
-        """Return the lowest modes."""
-        return _request("pillar", near_kHz=0.0, count=4)
+        return simplifications.no_lone_pillar(case.design)
 
 
 # -- of a mesh file ----------------------------------------------------------------------------------------------------
@@ -436,8 +388,6 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a band beside a frequency, and for a file that is not there."""
-        from pathlib import Path
-
         from pipeline.case.diagnostics import nearest_file
 
         _check_window(self.near_kHz, self.band_kHz)
@@ -445,14 +395,10 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
             raise InputError(f"{self.mesh_file}: no such mesh file{nearest_file(Path(self.mesh_file).absolute())}")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the mesh as it is."""
-        from pipeline.planning.plan import Step, plan_of
-
         why = ("a mesh of one's own is solved whole as it is",)
-        return plan_of(case, Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
+        return plans.plan_of(case, plans.Step(self.name, "modes of the mesh", "solid", self.mesh_file, (), "", why))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
-        """Solve the mesh."""
         from pipeline.models.user_mesh import UserMesh, solve
 
         mesh = UserMesh(self.mesh_file, self.unit or "m", self.clamp, self.support, self.merge)

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+from pipeline.quantity import figure, frequency, percent, percentage
+from pipeline.questions.hints import Axes, Case, Plan
+from pipeline.questions.late import reading, style
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from geometry.layout import Design
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
     from solvers.analytic.predesign import PillarSize, ZoneSize
 
 THEORIES = {  # what the result and what the calibration call them
@@ -98,16 +97,15 @@ class PredesignResult(Result, axes=("part", "quantity")):
 
     def lines(self) -> Iterator[str]:
         """Yield what is proposed and given, how the given pillar stands to the zone, and what the theories may be off by."""
-        from pipeline.quantity import percent
-        from pipeline.records.reading import named, reading_table
-
         rows = [[*row.values()] for row in self.to_rows() if not row["quantity"].endswith("_error")]
-        yield reading_table(("part", "quantity", "value"), rows)
+        yield reading.reading_table(("part", "quantity", "value"), rows)
         yield from self._tuning()
         for part, sizes in self._sizes.items():
             errors = sizes["expected_error"]
-            known = [f"{named(name)[0]} {percent(error)}" for name, error in errors.items() if error is not None]
-            unknown = [named(name)[0] for name, error in errors.items() if error is None]
+            known = [
+                f"{reading.named(name)[0]} {percent(error)}" for name, error in errors.items() if error is not None
+            ]
+            unknown = [reading.named(name)[0] for name, error in errors.items() if error is None]
             if known:
                 yield f"{part}, expected error compared with a solid with clamped faces: {', '.join(known)}"
             if unknown:
@@ -116,8 +114,6 @@ class PredesignResult(Result, axes=("part", "quantity")):
 
     def _tuning(self) -> Iterator[str]:
         """Yield how the case's pillar stands to the zone."""
-        from pipeline.quantity import figure, frequency, percentage
-
         if not self.zone or not self.pillar:
             return
         target, given = self.zone.frequency_hz, self.pillar.given_timoshenko_hz
@@ -130,11 +126,8 @@ class PredesignResult(Result, axes=("part", "quantity")):
 
     def draw(self, ax: Axes) -> None:
         """Draw the frequencies of zone and pillar by each theory."""
-        from pipeline.plots import style
-        from pipeline.records.reading import named
-
         values = {
-            f"{part}: {named(name)[0]}": value / 1e3
+            f"{part}: {reading.named(name)[0]}": value / 1e3
             for part, sizes in self._sizes.items()
             for name, value in sizes.items()
             if name.endswith("_hz") and value is not None
@@ -143,8 +136,6 @@ class PredesignResult(Result, axes=("part", "quantity")):
         ax.set(xlabel="frequency (kHz)")
 
     def __repr__(self) -> str:
-        from pipeline.quantity import figure, frequency
-
         height = "" if self.pillar_height_mm is None else f", pillar {figure(self.pillar_height_mm)} mm"
         return f"<antinode.Predesign: zone {frequency(self.zone_hz)}{height}>"
 
@@ -158,7 +149,6 @@ class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=Tru
     """
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredesignResult:
-        """Size zone and pillar by beam and plate theory."""
         from pipeline.case.plausible import short_wave
 
         if text := short_wave(case.design):

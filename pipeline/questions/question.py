@@ -2,13 +2,14 @@
 
 A question declares its options (`option`) and what it computes (`pipeline.questions.result`). Its command, its method of a
 plate, its measure in studies and its page of the reference follow from that (`command`, `method`, `study`).
-Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick.
+Only the standard library is imported here and at the head of a question's file, so that `antinode --help` stays quick; `late`
+holds the modules that most of them compute and draw with.
 """
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, fields
+from dataclasses import KW_ONLY, dataclass, field, fields
 from inspect import cleandoc
 from math import inf, isfinite
 from operator import index
@@ -29,6 +30,8 @@ from typing import (
 )
 
 from pipeline.errors import InputError
+from pipeline.questions.hints import Case, Plan, Simplification
+from pipeline.questions.late import foresight, plans
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
 from pipeline.units import KHZ
@@ -36,11 +39,8 @@ from pipeline.units import KHZ
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pipeline.case.model import Case
     from pipeline.logs import Log
     from pipeline.models.mode_parts import WantedMode
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
     from pipeline.records.record import MeshRecord
 
 T = TypeVar("T")
@@ -66,13 +66,13 @@ IN_STUDIES: dict[str, type[Question[Any]]] = {}  # asked by studies alone: no co
 class Option:
     """What an option means and its limits; name, type and default are those of the field that it is declared for."""
 
-    help: str
-    unit: str = ""
-    at_least: float = -inf
+    help: str  # in the help of the command, the method and the reference
+    unit: str = ""  # in which its name ends (`band_kHz`); its flag on the command line does not (`--band`)
+    at_least: float = -inf  # of the number, or of each end of a band
     at_most: float = inf
-    metavar: str = ""
-    or_infinite: bool = False
-    flag: str = ""
+    metavar: str = ""  # what stands for its value in the help of the command
+    or_infinite: bool = False  # whether the number may be infinite, too
+    flag: str = ""  # its name there, where that is not its own
 
     def fault(self, value: Any) -> str:
         """Return what a value of this option must be, or '' for a good one."""
@@ -94,68 +94,32 @@ class Option:
         return f"must be {self.at_least:g} or more{most}" + ", or inf" * self.or_infinite
 
 
-def option(
-    *, default: Any, help: str, unit: str = "", at_least: float = -inf, at_most: float = inf, metavar: str = "",
-    or_infinite: bool = False, flag: str = "", kw_only: bool = True,
-) -> Any:  # fmt: skip
-    """Declare an option of a question.
-
-    Parameters
-    ----------
-    default
-        Its value where none is given.
-    help
-        What it is, in the help of the command, the method and the reference.
-    unit
-        Its unit, in which its name ends (`band_kHz`); its flag on the command line does not (`--band`).
-    at_least, at_most
-        Limits of the number, or of each end of a band.
-    metavar
-        What stands for its value in the help of the command.
-    or_infinite
-        Whether the number may be infinite, too.
-    flag
-        Its name there, where that is not its own.
-    kw_only
-        False for an option that the method also takes by position.
-    """
-    return field(
-        default=default,
-        kw_only=kw_only,
-        metadata={ABOUT: Option(help, unit, at_least, at_most, metavar, or_infinite, flag)},
-    )
+def option(*, default: Any, help: str, kw_only: bool = True, **about: Any) -> Any:
+    """Declare an option of a question, by the words of `Option`; kw_only: False where the method takes it by position, too."""
+    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, **about)})
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
 
 
+@dataclass
 class Run:
-    """What a computation uses of its surroundings: a log, and what several questions of one case share.
+    """What a computation uses of its surroundings: a log, and what several questions of one case share."""
 
-    detailed: whether someone keeps the answer; else it is only printed, and costly details may be left out. shapes: whether a
-    page will show moving shapes. folder: where files beside the answer go, None: nowhere; all_fields: whether every mode's
-    field goes there. asked_by: the command line. meshes, arrays: what was meshed, and arrays that are kept beside the record.
-    solved: what one question has solved and another of the same case can go on from, by name; found: the answers and parts of
-    the record so far.
-    """
-
-    def __init__(
-        self,
-        log: Log,
-        *,
-        detailed: bool = True,
-        shapes: bool = False,
-        folder: Path | None = None,
-        all_fields: bool = False,
-        asked_by: str = "",
-    ) -> None:
-        self.log, self.detailed, self.shapes, self.asked_by = log, detailed, shapes, asked_by
-        self.folder, self.all_fields = folder, all_fields
-        self.warnings: list[str] = []
-        self.meshes: list[MeshRecord] = []
-        self.arrays: dict[str, Any] = {}
-        self.solved: dict[str, Any] = {}
-        self.found: dict[str, Any] = {}
+    log: Log
+    _: KW_ONLY
+    detailed: bool = (
+        True  # whether someone keeps the answer; else it is only printed, and costly details may be left out
+    )
+    shapes: bool = False  # whether a page will show moving shapes
+    folder: Path | None = None  # where files beside the answer go
+    all_fields: bool = False  # whether every mode's field goes there
+    asked_by: str = ""  # the command line
+    warnings: list[str] = field(default_factory=list)
+    meshes: list[MeshRecord] = field(default_factory=list)
+    arrays: dict[str, Any] = field(default_factory=dict)  # that are kept beside the record
+    solved: dict[str, Any] = field(default_factory=dict)  # by one question, for another of the same case to go on from
+    found: dict[str, Any] = field(default_factory=dict)  # the answers and parts of the record so far
 
     @property
     def wanted(self) -> WantedMode | None:
@@ -194,77 +158,64 @@ class Unanswered(Exception):
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, field))
-class _Declared:
-    """Makes a frozen dataclass of each question, for type checkers, too."""
+class Declared:
+    """Makes a frozen dataclass of each question, and of options that some share; for type checkers, too."""
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         dataclass(frozen=True, kw_only=True)(cls)
 
 
-class Question(_Declared, Generic[R]):
+class Question(Declared, Generic[R]):
     """A question: options, plan and computation of one result. Its docstring is the help of command and method.
 
     A subclass of a question asks the same in another way, such as studies do (`in_study`).
 
     Questions are values: equal options make equal questions. progress: whether the method reports on standard error; None: in a
-    terminal or a notebook. Class keywords:
-
-    needs : tables and keys that a case must have.
-    example : a command line.
-    drives : whether it drives the plate.
-    pictures : functions that draw a study's case from several answers together, in the place of the result's own.
-    in_studies_only : no command and no method asks it.
-    follows : another question, with which studies ask this one, too, without a step of its own in their plan.
-    after : another question that a study must ask, too, and whose answer this one goes on from.
-    aliases : further names in study files; several questions may share one.
-    family : the command that this question is a part of, such as active of `antinode active mason`.
-    without_case : that no case has to be given, and the study's case that is then taken; "" for none. No study asks it.
-    instead_of, by : the question whose command asks this one where its option `by`, or one of several, is given.
-    is_quick : whether it is answered by a formula: no plan is made before and no solver is loaded.
-    is_measure : whether studies ask it of each case, with its default options.
+    terminal or a notebook. The class variables with a default are set by class keywords of the same names.
     """
 
     name: ClassVar[str]
-    needs: ClassVar[Axis]
-    example: ClassVar[str]
-    drives: ClassVar[bool]
-    pictures: ClassVar[Axis]
-    instead_of: ClassVar[str]
-    by: ClassVar[Axis]
-    is_quick: ClassVar[bool]
-    follows: ClassVar[str]
-    after: ClassVar[str]
-    aliases: ClassVar[Axis]
-    family: ClassVar[str]
-    without_case: ClassVar[str | None]
-    is_measure: ClassVar[bool]
     result: ClassVar[type[Result]]
     options: ClassVar[dict[str, Option]]
+    needs: ClassVar[Axis] = ()  # tables and keys that a case must have
+    example: ClassVar[str] = ""  # a command line
+    drives: ClassVar[bool] = False  # whether it drives the plate
+    of_any_zones: ClassVar[bool] = False  # whether it is asked of plates of several zones, too
+    pictures: ClassVar[
+        Axis
+    ] = ()  # functions that draw a study's case from several answers, instead of the result's own
+    step: ClassVar[tuple[str, str]] = ("", "")  # of a plan of one: what is computed, and by which model
+    is_quick: ClassVar[bool] = False  # whether a formula answers it: no plan is made before and no solver is loaded
+    is_measure: ClassVar[bool] = True  # whether studies ask it of each case, with its default options
+    in_studies_only: ClassVar[bool] = False  # whether no command and no method asks it
+    aliases: ClassVar[Axis] = ()  # further names in study files; several questions may share one
+    follows: ClassVar[str] = ""  # another question, with which studies ask this one, too, without a step of its own
+    after: ClassVar[str] = ""  # another question that a study must ask, too, and whose answer this one goes on from
+    family: ClassVar[str] = ""  # the command that this question is a part of, such as active of `antinode active mason`
+    without_case: ClassVar[str | None] = None  # the study's case where none is given, "" for none; no study asks it
+    instead_of: ClassVar[str] = ""  # the question whose command asks this one
+    by: ClassVar[str | Axis] = ()  # the option with which it does, or one of several
     progress: bool | None = field(default=None, compare=False, repr=False)
 
-    def __init_subclass__(
-        cls, *, needs: Axis = (), example: str = "", drives: bool = False, pictures: Axis = (), instead_of: str = "",
-        by: str | Axis = (), is_quick: bool = False, in_studies_only: bool = False, follows: str = "", after: str = "",
-        is_measure: bool = True, aliases: Axis = (), family: str = "", without_case: str | None = None,
-    ) -> None:  # fmt: skip
-        super().__init_subclass__()
-        if Question not in cls.__bases__ and not instead_of:
+    def __init_subclass__(cls, **about: Any) -> None:
+        known = {name: value for name, value in about.items() if hasattr(Question, name)}
+        super().__init_subclass__(**{name: value for name, value in about.items() if name not in known})
+        if Question not in cls.__bases__ and "instead_of" not in about:
             return  # the same question, asked in another way
-        cls.name, cls.needs, cls.drives, cls.pictures = _snake_case(cls.__name__), needs, drives, pictures
-        cls.instead_of, cls.by, cls.is_quick = instead_of, (by,) if isinstance(by, str) else by, is_quick
-        cls.follows, cls.after, cls.aliases = follows, after, aliases
-        cls.family, cls.without_case = family, without_case
-        cls.is_measure = is_measure and without_case is None
+        for name, value in known.items():
+            setattr(cls, name, value)
+        cls.name, cls.by = _snake_case(cls.__name__), (cls.by,) if isinstance(cls.by, str) else cls.by
+        cls.is_measure = cls.is_measure and cls.without_case is None
         cls.options = {each.name: each.metadata[ABOUT] for each in fields(cls) if ABOUT in each.metadata}
-        cls.example = example or f"{cls.name} studies/three-rows.toml"
+        cls.example = about.get("example", f"{cls.name} studies/three-rows.toml")
         cls.result = next(get_args(each)[0] for each in cls.__orig_bases__ if get_origin(each) is Question)  # type: ignore[attr-defined]
-        if instead_of:
+        if cls.instead_of:
             VARIANTS[cls.name] = cls
             return
         if not cls.result.question:
             cls.result.question, cls.result.title = cls.name, cls.summary()
-        (IN_STUDIES if in_studies_only or follows else QUESTIONS)[cls.name] = cls
+        (IN_STUDIES if cls.in_studies_only or cls.follows else QUESTIONS)[cls.name] = cls
 
     def __post_init__(self) -> None:
         faults = {f"{n} = {getattr(self, n)!r}": self._fault(n) for n in self.options}
@@ -310,8 +261,11 @@ class Question(_Declared, Generic[R]):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case that cannot answer; subclasses add what `needs` cannot say."""
+        command = self.instead_of or self.name
+        if self.drives:
+            case.require_plate(command=command, several=self.of_any_zones)
         if self.needs:
-            case.require(*self.needs, command=self.instead_of or self.name)
+            case.require(*self.needs, command=command)
 
     @property
     def is_own(self) -> bool:
@@ -333,11 +287,16 @@ class Question(_Declared, Generic[R]):
         """Return why a study does not ask this of a case, None where it does."""
         return None
 
-    def plan(self, case: Case) -> Plan:
-        """Return what `compute` will do, what it leaves out and what that takes. Nothing is meshed or solved."""
-        from pipeline.planning.plan import Plan, plain_step
+    def plan(self, case: Case) -> plans.Plan:
+        """Return what `compute` will do, what it leaves out and what that takes: by default the one step named by `step`.
 
-        return Plan(case.name if case else self.name, (plain_step(self.name, self.summary(), ""),), ())
+        Nothing is meshed or solved.
+        """
+        return plans.Plan(
+            case.name if case else self.name,
+            (plans.plain_step(self.name, self.step[0] or self.summary(), self.step[1]),),
+            (),
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> R:
         """Return the answer, by the decisions of the plan."""
@@ -378,13 +337,13 @@ def ask(case: Case | None, question: Question[R], log: Log | Run) -> R:
     named, given = (about.name, about.to_dict()) if about else (None, None)
     origin = Origin(named, given, version("antinode"), question.given(), warnings, seconds)
     object.__setattr__(result, "origin", origin)
+    if about and result.plate_design is None:
+        object.__setattr__(result, "plate_design", about.design)
     return result
 
 
 def announce(plan: Plan, run: Run) -> None:
     """Log what each step leaves out and takes. Raises InputError where this machine cannot hold a step."""
-    from pipeline.planning import foresight
-
     for step in plan.steps:
         for each in step.left_out:
             run.left_out(each.what, each.why)

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.questions.attenuation import over
+from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
+from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
-from pipeline.records.part import BAR, Part, column, live
+from pipeline.records.part import Part, bar, column, live
 from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from matplotlib.axes import Axes
-
-    from geometry.elements import FloatArray
-    from pipeline.case.model import Case
     from pipeline.measured.comparison import Measurements
     from pipeline.models.forced import SolvedResponse
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
     from solvers.piezo.forced import ForcedPlate
     from solvers.piezo.responses import Peak
 
@@ -48,13 +47,10 @@ class PeakRecord(Part):
         error="confinement_error_db",
     )
     quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
-    height_error: float | None = column(BAR.format("both rms, relative, the damping given"), default=None)
-    frequency_error: float | None = column(
-        BAR.format("frequency_hz, relative: mesh, reduction and bonding together"),
-        default=None,
-    )
-    quality_error: float | None = column(BAR.format("quality_factor"), default=None)
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
+    height_error: float | None = bar("both rms, relative, the damping given")
+    frequency_error: float | None = bar("frequency_hz, relative: mesh, reduction and bonding together")
+    quality_error: float | None = bar("quality_factor")
+    confinement_error_db: float | None = bar("confinement_db", "dB")
 
     @property
     def zone_nm_per_V(self) -> float:
@@ -69,14 +65,10 @@ class PeakRecord(Part):
     @property
     def tone(self) -> str:
         """The frequency in words."""
-        from pipeline.quantity import frequency
-
         return frequency(self.frequency_hz, self.frequency_error)
 
     def line(self, name: str) -> str:
         """Return the peak in words."""
-        from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
         level_text = ""
         if self.confinement_db is not None:
             level_text = f", {level_with_bar(self.confinement_db, self.confinement_error_db)} above the passive face"
@@ -117,9 +109,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         "the drivers",
         "m/V", along="frequency_hz", default=None,
     )  # fmt: skip
-    passive_rms_error_m_per_V: list[float] | None = column(
-        BAR.format("passive_rms_m_per_V"), "m/V", along="frequency_hz", default=None
-    )
+    passive_rms_error_m_per_V: list[float] | None = bar("passive_rms_m_per_V", "m/V", along="frequency_hz")
     sensor_V_per_V: list[list[float]] | None = column(
         "voltage of the first sensor over that of the drive, real and imaginary; None without a sensor", "V/V",
         along="frequency_hz", parts=("sensor_re", "sensor_im"),
@@ -145,14 +135,12 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         default=None,
     )
     measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
-    wanted_error: float | None = column(BAR.format("wanted_hz, relative"), default=None)
+    wanted_error: float | None = bar("wanted_hz, relative")
     written: list[Any] = live(default_factory=list)  # files with made-up data
 
     @classmethod
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
         """Return the result of a solved response, with the error bars of its curves and peaks."""
-        import numpy as np
-
         from pipeline.models.forced import curve_errors
         from solvers.piezo.peak_errors import frequency_error
         from solvers.piezo.responses import circuit_shift
@@ -199,44 +187,33 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         own, other = self.wanted_peak, self.highest_peak.frequency_hz
         return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
 
-    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz", name="wanted_peak_hz")
+    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz")
     wanted_peak_nm_per_v = figure_at(
-        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", name="wanted_peak_nm_per_v",
-        error="wanted_peak.zone_error_nm_per_V",
-    )  # fmt: skip
-    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB", name="wanted_peak_db")
-    highest_peak_hz = figure_at(
-        "highest_peak.frequency_hz", "highest peak of the response", "Hz", name="highest_peak_hz"
+        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", error="wanted_peak.zone_error_nm_per_V"
     )
+    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB")
+    highest_peak_hz = figure_at("highest_peak.frequency_hz", "highest peak of the response", "Hz")
     highest_peak_nm_per_v = figure_at(
-        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", name="highest_peak_nm_per_v",
-        error="highest_peak.zone_error_nm_per_V",
-    )  # fmt: skip
-    highest_peak_db = figure_at(
-        "highest_peak.confinement_db", "confinement at the highest", "dB", name="highest_peak_db"
+        "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", error="highest_peak.zone_error_nm_per_V"
     )
-    measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz", name="measured_hz")
+    highest_peak_db = figure_at("highest_peak.confinement_db", "confinement at the highest", "dB")
+    measured_hz = figure_at("measured.sweep.frequency_hz", "measured resonance", "Hz")
     measured_shift_hz = figure_at(
-        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", name="measured_shift_hz",
-        is_difference=True, is_signed=True,
-    )  # fmt: skip
-    measured_quality_factor = figure_at(
-        "measured.sweep.quality_factor", "measured quality factor", name="measured_quality_factor"
+        "measured.sweep.frequency_shift_hz", "measured less computed", "Hz", is_difference=True, is_signed=True
     )
-    measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB", name="measured_db")
-    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed", name="measured_mac")
+    measured_quality_factor = figure_at("measured.sweep.quality_factor", "measured quality factor")
+    measured_db = figure_at("measured.map.confinement_db", "measured confinement", "dB")
+    measured_mac = figure_at("measured.map.mac_operating", "MAC, measured to computed")
 
     # -- words and pictures
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the curves around the peak, the peaks, what was measured and which files were written."""
-        from pipeline.records.reading import filled, reading_table
-
         rows = [[*row.values()] for row in self.to_rows()]
         near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
         whose = "wanted mode" if self.wanted_peak else "zone"
         yield f"{self.model}, {self.dof} degrees of freedom; around the peak of the {whose}, per volt of drive:"
-        yield reading_table(*filled(tuple(self.to_rows()[0]), near))
+        yield reading.reading_table(*reading.filled(tuple(self.to_rows()[0]), near))
         yield from self.peaks()
         yield from self.measured.lines(self.expected_error) if self.measured else ()
         yield from (f"wrote {path}" for path in self.written)
@@ -250,8 +227,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the rms of zone and passive face per volt over frequency, the peaks marked."""
-        from pipeline.plots import style
-
         self._draw_curve(ax, "zone_rms", color=style.BLUE, label="zone")
         self._draw_curve(ax, "passive_rms", color=style.VERMILION, ls="--", label="passive face")
         wanted, highest = self.wanted_peak, self.highest_peak
@@ -266,8 +241,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def _draw_curve(self, ax: Axes, name: str, **look: Any) -> None:
         """Draw a curve, and a band between the ends of its bars; down to BAND of it where they are longer than itself."""
-        import numpy as np
-
         if getattr(self, f"{name}_m_per_V") is None:
             return
         tone, values = self.array("frequency_hz") / KHZ, self.array(f"{name}_m_per_V") / NM
@@ -280,7 +253,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     def pictures(self) -> list[ReportFigure]:
         """Return the curves with the operating deflection shape at the peak where its field is there, and the comparison."""
         from pipeline.measured.pictures import report_figure
-        from pipeline.plots import style
 
         shape = self.arrays.get("response_uz")
         count = 1 + (self.sensor_V_per_V is not None) + (shape is not None)
@@ -291,17 +263,11 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         if shape is not None:
             self._draw_shape(panels[-1, 0], self.arrays["response_xy"], shape)
         own = style.ReportFigure("response", "Response per volt of drive", self._alt(), drawn, vector=shape is None)
-        return (
-            [own, report_figure(self.measured, self.arrays, self.plate_design)]
-            if self.measured and self.plate_design
-            else [own]
-        )
+        if self.measured and self.plate_design:
+            return [own, report_figure(self.measured, self.arrays, self.plate_design)]
+        return [own]
 
     def _draw_sensor(self, ax: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         tone, volts = self.array("frequency_hz") / KHZ, self.array("sensor_V_per_V") @ np.array([1.0, 1j])
         ax.semilogy(tone, np.abs(volts), color=style.GREEN)
         title = f"Sensor patch {self.sensors[0]}, open circuit"
@@ -313,10 +279,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         phase.spines["right"].set_visible(True)
 
     def _draw_shape(self, ax: Axes, points: FloatArray, shape: Any) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-
         turned = shape * np.exp(-1j * np.angle(shape[np.argmax(np.abs(shape))]))
         limit = np.abs(shape).max() / NM
         x, y = np.unique(points[:, 0]), np.unique(points[:, 1])
@@ -329,9 +291,6 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         ax.figure.colorbar(image, cax=ax.inset_axes((1.05, 0.0, 0.05, 1.0)), label="u_z (nm/V)")
 
     def _alt(self) -> str:
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import level, with_bar
-
         peak = self.peak
         whose = "the wanted mode peaks" if self.wanted_peak else "the zone peaks highest"
         level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
@@ -383,24 +342,15 @@ class Response(
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 
-    def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches."""
-        case.require_plate(command="response")
-        super().check(case)
-
     @classmethod
     def in_study(cls) -> Response:
         """Return the question that also writes the plate's mode table."""
         return _InStudies()
 
     def plan(self, case: Case) -> Plan:
-        """Plan the forced response."""
-        from pipeline.planning.plan import plan_of, response_step
-
-        return plan_of(case, response_step(case, hz(self.band_kHz), self.points))
+        return plans.plan_of(case, plans.response_step(case, hz(self.band_kHz), self.points))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ResponseResult:
-        """Compute the curves and peaks, and compare them with what was measured."""
         from pipeline.measured.comparison import compare
         from pipeline.models.forced import gridded, solve_response
         from pipeline.records.record import DesignRecord
@@ -505,8 +455,6 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
     noise: float = option(default=0.01, at_least=0.0, at_most=1.0, metavar="R", help="rms of that noise over the peak")
 
     def _write(self, case: Case, solved: SolvedResponse, run: Run) -> list[Path]:
-        from pathlib import Path
-
         from pipeline.measured.synthetic import write
 
         return write(case, solved, Path(self.synthetic_data or "."), run.asked_by or repr(self), self.seed, self.noise)
@@ -514,9 +462,6 @@ class SyntheticResponse(Response, instead_of="response", by="synthetic_data"):
 
 def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run) -> None:
     """Log the widest error bar, the peak and what opening the patches does; warn where a figure is not what it seems."""
-    from pipeline.quantity import figure as in_digits
-    from pipeline.quantity import frequency
-
     run.info(solved.widest_bar.text())
     solved.widest_bar.warn(case, run)
     run.info(next(result.peaks()))
@@ -528,9 +473,8 @@ def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run
             f"{in_digits(shift['coupling'])}"
         )
     if result.wanted_peak is None:
-        where = (
-            f"it lies at {frequency(result.wanted_hz)}" if result.wanted_hz else "no mode of the plate has its shape"
-        )
+        known = result.wanted_hz is not None
+        where = f"it lies at {frequency(result.wanted_hz)}" if known else "no mode of the plate has its shape"
         low, high = (end / KHZ for end in solved.forced.band_hz)
         run.warning(
             "NO_MODE",

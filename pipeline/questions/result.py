@@ -2,37 +2,41 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
+from pipeline.questions.hints import Axes, FloatArray, ReportFigure
+from pipeline.questions.late import np, reading, style
+from pipeline.records.frames import dataset, frame
 from pipeline.records.part import Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
-    import numpy as np
-    from matplotlib.axes import Axes
-
-    from pipeline.plots.style import ReportFigure
     from pipeline.records.record import DesignRecord
 
 SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
-Error = str | Callable[[Any], float | None]
 
 
+@dataclass(frozen=True)
 class Figure(Generic[T]):
     """A property that answers in one number: a column of every sweep, a headline of every report."""
 
-    def __init__(
-        self, of: Callable[[Any], T], heading: str, unit: str | None, name: str, error: Error, is_difference: bool,
-        is_signed: bool,
-    ) -> None:  # fmt: skip
-        self.of, self.heading, self.unit, self.name, self.error = of, heading, unit, name, error
-        self.is_difference, self.is_signed = is_difference, is_signed
-        self.__doc__ = of.__doc__
+    of: Callable[[Any], T]
+    heading: str  # with the unit, what readers of a table see
+    unit: str | None = ""  # None for words, "" for a number without unit
+    name: str = ""  # of its column in table.csv, where that is not its own
+    # the property, the place of the field, or a function of the result, with the half-width of its error bar: relative for a
+    # frequency, else in the unit
+    error: str | Callable[[Any], float | None] = ""
+    is_difference: bool = False  # whether it is a difference of frequencies, whose bar is in Hz
+    is_signed: bool = False  # whether it is written with its sign
 
     @overload
     def __get__(self, result: None, owner: type) -> Self: ...
@@ -42,27 +46,9 @@ class Figure(Generic[T]):
         return self if result is None else self.of(result)
 
 
-def figure(
-    heading: str, unit: str | None = "", *, name: str = "", error: Error = "", is_difference: bool = False,
-    is_signed: bool = False,
-) -> Callable[[Callable[[Any], T]], Figure[T]]:  # fmt: skip
-    """Declare a figure of a result: a property, None where it has no meaning.
-
-    Parameters
-    ----------
-    heading, unit
-        What readers of a table see; None for words, "" for a number without unit.
-    name
-        Its column in table.csv; the question's name and its own by default.
-    error
-        The property, the place of the field, or a function of the result, with the half-width of its error bar: relative for a
-        frequency, else in the unit.
-    is_difference
-        Whether it is a difference of frequencies, whose bar is in Hz.
-    is_signed
-        Whether it is written with its sign.
-    """
-    return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
+def figure(heading: str, unit: str | None = "", **about: Any) -> Callable[[Callable[[Any], T]], Figure[T]]:
+    """Declare a figure of a result by the words of `Figure`: a property, None where it has no meaning."""
+    return lambda of: Figure(of, heading, unit, **about)
 
 
 def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float = 1.0, **options: Any) -> Figure[Any]:
@@ -81,6 +67,17 @@ def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float =
         return scaled(getattr(part, about.error), scale) if about and about.error else None
 
     return figure(heading, unit, **{"error": bar} | options)(value)
+
+
+class stacked(property):
+    """A column of the main table as an array over its axes, as a property with a docstring; NaN for what is missing."""
+
+    def __init__(self, name: str, about: str) -> None:
+        super().__init__(lambda result: result.array(name), doc=about)
+
+    if TYPE_CHECKING:
+
+        def __get__(self, result: Any, owner: type | None = None) -> FloatArray: ...  # type: ignore[override]
 
 
 def scaled(value: Any, scale: float) -> Any:
@@ -144,19 +141,15 @@ class Result(Part):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the pictures of a report and of --out: what `draw` draws, unless a subclass has more."""
-        from pipeline.plots import style
-
         return [style.ReportFigure(self.question, self.title, " ".join(self.lines()), self.as_figure(), vector=True)]
 
     # what follows
 
     def reading(self, without: Axis = (), most: int = 0) -> str:
         """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
-        from pipeline.records.reading import reading_table
-
         rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
         step = max(1, len(rows) // most) if most else 1
-        return reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
+        return reading.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""
@@ -178,8 +171,6 @@ class Result(Part):
 
     def array(self, name: str) -> np.ndarray:
         """Return a column as an array over the main table's axes; NaN for what is missing."""
-        import numpy as np
-
         items: list[Part] = getattr(self, self.table) if self.table else [self]
         values = [getattr(item, name) for item in items]
         along = items[0].declared[name].along if items else ()
@@ -189,8 +180,6 @@ class Result(Part):
 
     def to_dataframe(self) -> Any:
         """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
-        from pipeline.records.frames import frame
-
         return frame(self.to_rows(), self.heading())
 
     def to_xarray(self) -> Any:
@@ -198,8 +187,6 @@ class Result(Part):
 
         Raises ImportError without pandas and xarray (`pip install 'antinode[tables]'`).
         """
-        from pipeline.records.frames import dataset
-
         rows = self.to_rows()
         held = [axis for axis in self.axes if rows and axis in rows[0]]
         return dataset(rows, held)
@@ -231,8 +218,6 @@ class Result(Part):
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw into matplotlib axes, new ones where none are given, and return them."""
-        from pipeline.plots import style
-
         with style.style():
             drawn: Axes = style.panels(3.6)[1] if ax is None else ax
             self.draw(drawn)
@@ -244,10 +229,6 @@ class Result(Part):
 
     def _repr_html_(self) -> str:
         """Return the result in words and its picture, for a notebook."""
-        import base64
-        import io
-        from html import escape
-
         out, words = io.BytesIO(), escape(repr(self))
         self.as_figure().savefig(out, format="png", dpi=110, bbox_inches="tight")
         data = base64.b64encode(out.getvalue()).decode()

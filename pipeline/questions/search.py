@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
+from pipeline.quantity import frequency, level, level_figure, level_with_bar, signed, with_bar
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import np, plans, reading, style
 from pipeline.questions.question import Question, Run, option
-from pipeline.questions.result import Result
-from pipeline.records.part import BAR, Part, column, live
+from pipeline.questions.result import Result, scaled
+from pipeline.records.part import Part, bar, column, live
 from pipeline.search.limits import Limits
-from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, Range, error_of
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, FidelityResult, Range, error_of
 from pipeline.units import GRAM, KHZ, MM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
     from pipeline.search.designs import Evaluation, Outcome, Settings
     from pipeline.search.space import Space
 
@@ -52,33 +51,12 @@ class Fidelity(Part):
     not_evaluated: int = column("designs that it could not evaluate")
 
 
-class FoundDesign(Part):
+class FoundDesign(FidelityResult):
     """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
 
-    fidelity: str = column("model that evaluated it: strip, column or plate")
     set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
-    frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error")
-    frequency_error: float | None = column(BAR.format("frequency_hz, relative"))
-    confinement_db: float | None = column("confinement", "dB", error="confinement_error_db")
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB")
-    extension_db: float | None = column(
-        "level of the zone over the plate beyond the rows", "dB", error="extension_error_db"
-    )
-    extension_error_db: float | None = column(BAR.format("extension_db"), "dB")
-    mac: float | None = column("modal assurance criterion with the target shape")
-    worst_db: float | None = column(
-        "least confinement with all heights as designed, too low and too high", "dB", error="worst_error_db"
-    )
-    worst_error_db: float | None = column(BAR.format("worst_db"), "dB")
-    band_khz: float | None = column("width of the band about the mode in which the rows take 10 dB", "kHz")
-    isolation_db: float | None = column(
-        "least level of a driven zone over another one", "dB", error="isolation_error_db"
-    )
-    isolation_error_db: float | None = column(BAR.format("isolation_db"), "dB")
-    gap_mm: float | None = column("distance of two zones' borders", "mm")
     mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
     violations: list[str] = column("limits that it breaks")
-    why_not: str | None = column("why it could not be evaluated; None where it was")
 
 
 class SearchResult(Result, table="evaluations", axes=("evaluation",)):
@@ -104,13 +82,13 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
     )
     gain_khz: float | None = column("gain of a goal that is a band; None for others", "kHz")
     gain_mm: float | None = column("how much closer the zones lie where the goal is their gap; None for others", "mm")
-    gain_error_db: float | None = column(BAR.format("gain_db"), "dB")
+    gain_error_db: float | None = bar("gain_db", "dB")
     tradeoff: list[FoundDesign] = column(
         "designs that no other beats in goal, frequency and mass at once, the best first"
     )
     evaluations: list[FoundDesign] = column("every design that was evaluated")
     solid: dict[str, FoundDesign] | None = column(
-        "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid", default=None
+        "`base` and `best` by solid meshes of the whole plate; None without --verify-with solid"
     )
     file: str = live(default="CASE")  # of the design as given
 
@@ -191,23 +169,15 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the best designs as a table, the gain, and the words to repeat it."""
-        from pipeline.quantity import frequency, level, level_with_bar, signed, with_bar
-        from pipeline.records.reading import filled, reading_table
-
         keeping = [each for each in self._of(PLATE) if getattr(each, self._value) is not None and not each.violations]
         keeping.sort(key=lambda each: getattr(each, self._value), reverse=self._unit not in LESS)
         names = [name for name, each in FoundDesign.declared.items() if each.unit or name in ("frequency_error", "mac")]
         names.remove("mass_kg")
-        rows = [
-            [
-                *each.set.values(),
-                *(getattr(each, name) for name in names),
-                None if each.mass_kg is None else each.mass_kg / GRAM,
-            ]
-            for each in keeping[:SHOWN]
-        ]
+        figures = [[getattr(each, name) for name in names] for each in keeping[:SHOWN]]
+        grams = [scaled(each.mass_kg, GRAM) for each in keeping[:SHOWN]]
+        rows = [[*one.set.values(), *own, mass] for one, own, mass in zip(keeping, figures, grams, strict=False)]
         yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
-        yield reading_table(*filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
+        yield reading.reading_table(*reading.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
         yield f"as given: {self._said(self.base)}"
         gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
         text = ""
@@ -222,8 +192,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         yield f"repeat it: antinode {command} {self.file} " + " ".join(f"--set {part}" for part in self.repeat)
 
     def __repr__(self) -> str:
-        from pipeline.quantity import level, signed
-
         gain = "" if self.gain_db is None else f", {signed(level(self.gain_db))}"
         return f"<antinode.Search: {len(self.evaluations)} evaluations, best {self.best_values}{gain}>"
 
@@ -239,8 +207,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the goal over what was varied, and against frequency and mass."""
-        from pipeline.plots import style
-
         drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
         self.draw(left)
         self._tradeoff(right)
@@ -257,15 +223,11 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _points(self, listed: list[FoundDesign], keys: list[Varied]) -> Any:
         """Rows of the keys' values and of the goal's, of the evaluated designs."""
-        import numpy as np
-
         known = [each for each in listed if getattr(each, self._value) is not None]
         return np.array([[*(self._number(each, key) for key in keys), getattr(each, self._value)] for each in known]).T
 
     def _shown_keys(self) -> list[Varied]:
         """One or two keys; of several those that the cheapest model's goal follows most (rank correlation)."""
-        import numpy as np
-
         if len(self.vary) <= 2:
             return self.vary
         from scipy.stats import spearmanr
@@ -278,10 +240,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _line(self, axes: Any, key: Varied) -> None:
         """Draw the goal over one key, by every model."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         looks = {STRIP: (style.GREY, "", "-"), COLUMN: (style.SKY, "s", ""), PLATE: (style.BLUE, "o", "")}
         for fidelity, (colour, marker, line) in looks.items():
             points = self._points(self._of(fidelity), [key])
@@ -296,10 +254,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _map(self, axes: Any, keys: list[Varied]) -> None:
         """Draw the goal over two keys: the strips as a ground, computed designs as points of the same colours."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         strips, columns, plates = (self._points(self._of(name), keys) for name in (STRIP, COLUMN, PLATE))
         low = min(0.0, float(np.percentile(strips[2], 5))) if strips.size else 0.0
         high = max(float(np.percentile(strips[2], 99)) if strips.size else 1.0, *plates[2], low + 1.0)
@@ -319,10 +273,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     def _tradeoff(self, axes: Any) -> None:
         """Draw the goal against frequency, coloured by mass; designs that no other beats are connected."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         value = self._value
         for fidelity, look in ((COLUMN, {"marker": "s", "s": 12, "alpha": 0.6}), (PLATE, {"marker": "o", "s": 36})):
             listed = [each for each in self._of(fidelity) if getattr(each, value) is not None and not each.violations]
@@ -346,8 +296,6 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         axes.legend(fontsize=7)
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency, level_figure
-
         base, best = (getattr(design, self._value) for design in (self.base, self.best))
         where = ", ".join(f"{key.key} = {self._number(self.best, key):g}" for key in self.vary)
         was = "" if base is None else f"; as given, {level_figure(base)}"
@@ -440,8 +388,6 @@ class Search(
         return Settings(self.goal, limits, self.evaluations)
 
     def plan(self, case: Case) -> Plan:
-        """Plan how many designs each model evaluates."""
-        from pipeline.planning.plan import Step, plan_of
         from pipeline.search.fidelity import MODELS
         from pipeline.search.optimiser import budget_of
 
@@ -449,8 +395,8 @@ class Search(
         numbers = {"strips": budget.strips, "columns": budget.columns, "plates": budget.plates}
         counts = ", ".join(f"{most} {name}" for name, most in numbers.items() if most)
         looks = f"at most {counts} over {', '.join(each.key for each in self.vary)}; then the design as given and the best one"
-        step = Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
-        return plan_of(case, step)
+        step = plans.Step(self.name, f"best {self.goal}", MODELS[PLATE], "", (), looks, (), budget.left_out, numbers)
+        return plans.plan_of(case, step)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> SearchResult:
         """Evaluate designs by cheap models first, and the best ones by assembled plates."""
@@ -465,14 +411,11 @@ def _design(space: Space, each: Evaluation) -> FoundDesign:
     own = {
         variable.name: variable.written(value) for variable, value in zip(space.variables, each.values, strict=False)
     }
-    about = {"mass_kg": each.mass_kg, "violations": list(each.violations), "why_not": each.result.why_not or None}
-    return FoundDesign.of(each.result, set=own, **about)
+    return FoundDesign.of(each.result, set=own, mass_kg=each.mass_kg, violations=each.violations)
 
 
 def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
     """Solve both designs by the whole plate as a solid mesh."""
-    from dataclasses import replace
-
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
 
     solved = {}

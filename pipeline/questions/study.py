@@ -28,7 +28,6 @@ IN_ORDER = (  # a case answers one after another: a later one may go on from an 
     *("modes", "bands", "attenuation", "broadband", "response", "tolerance", "touch", "hybrid", "travel", "crosstalk"),
     *("live", "board", "predesign", "zone_modes", "pillar_modes", "geometry", "tet_modes"),
 )
-OF_ANY_ZONES = ("crosstalk", "geometry")  # asked of plates of several zones, too
 
 
 def questions() -> list[Question[Any]]:
@@ -57,7 +56,7 @@ def chosen(query: Iterable[str]) -> list[Question[Any]]:
 def check(case: Case, query: Iterable[str]) -> None:
     """Raise InputError for a case that lacks what its questions need."""
     asked = chosen(query)
-    case.require_plate(command="a study", several=all(each.name in OF_ANY_ZONES for each in asked))
+    case.require_plate(command="a study", several=all(each.of_any_zones for each in asked))
     for each in asked:
         if each.drives and each.needs:
             case.require(*each.needs, command=f"the measure {each.name}")
@@ -131,7 +130,7 @@ def _column(question: str, name: str, about: Figure[Any]) -> Column:
 
         return value
 
-    own, bar = about.name or f"{question}_{name}", at(about.error) if about.error else None
+    own, bar = about.name or name, at(about.error) if about.error else None
     return Column(own, about.heading, at(name), about.unit, bar, about.is_difference, about.is_signed)
 
 

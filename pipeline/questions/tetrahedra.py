@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from pipeline.models.mode_parts import CountRecord
 from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.hints import Case, Plan, Simplification
+from pipeline.questions.late import foresight, plans
 from pipeline.questions.question import Question, Run, Unanswered, ask
 from pipeline.questions.result import Result
 from pipeline.records.part import column
-
-if TYPE_CHECKING:
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.planning.simplifications import Simplification
 
 
 class TetModesResult(Result, axes=()):
@@ -49,16 +45,14 @@ class TetModes(
     """Compute the wanted mode of the plate meshed whole by tetrahedra."""
 
     def plan(self, case: Case) -> Plan:
-        """Plan the plate."""
-        from pipeline.planning import foresight
         from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
-        from pipeline.planning.plan import Step, plan_of
 
         name, mesh = "the same plate and cell by tetrahedra", "tetrahedra of order 2 from CAD"
         demand = foresight.of_meshed_whole(case, max(PLATE_ACCURACY, case.solve.accuracy), NEAR_COUNT)
         why = ("a cross-check by another mesh",)
-        return plan_of(
-            case, Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the wanted one", why, demand=demand)
+        return plans.plan_of(
+            case,
+            plans.Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the wanted one", why, demand=demand),
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TetModesResult:
@@ -92,11 +86,9 @@ class TetBands(Question[BandsResult], follows="tet_modes"):
 
     @classmethod
     def spared(cls, case: Case) -> Simplification | None:
-        """Return why there is no unit cell."""
         return Bands.spared(case)
 
     def compute(self, case: Case, plan: Plan, run: Run) -> BandsResult:
-        """Compute the corners."""
         corners = replace(case, solve=case.solve.but(mesh="tet"), bands=case.bands.but(points=1))
         alone = Run(run.log, detailed=False)
         result = ask(corners, Bands(), alone)

@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
 from pipeline.models.tolerance_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
-from pipeline.questions.question import Pair, Question, Run, hz, option
+from pipeline.quantity import figure, frequency, interval, level, percent, signed
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import confinement, np, plans, style
+from pipeline.questions.question import Declared, Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
 from pipeline.units import KHZ, NM
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
     from pipeline.models.tolerance import VariedPlates
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too small
 ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
@@ -68,24 +66,19 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         default=None,
     )
 
-    mean_hz = figure_at(
-        "peak_hz.mean", "peak, pillars unlike: mean", "Hz", name="tolerance_peak_hz", error="peak_hz.relative"
-    )
-    spread_hz = figure_at(
-        "peak_hz.deviation", "its spread", "Hz", name="tolerance_peak_spread_hz", is_difference=True,
+    tolerance_peak_hz = figure_at("peak_hz.mean", "peak, pillars unlike: mean", "Hz", error="peak_hz.relative")
+    tolerance_peak_spread_hz = figure_at(
+        "peak_hz.deviation", "its spread", "Hz", is_difference=True,
         error=lambda result: result.peak_hz and result.peak_hz.spread_error(result.counted),
     )  # fmt: skip
-    mean_db = figure_at(
-        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", name="tolerance_db",
-        error="confinement_db.deviation",
-    )  # fmt: skip
-    spread_db = figure_at(
-        "confinement_db.deviation", "its spread", "dB", name="tolerance_spread_db",
+    tolerance_db = figure_at(
+        "confinement_db.mean", "confinement, pillars unlike: mean", "dB", error="confinement_db.deviation"
+    )
+    tolerance_spread_db = figure_at(
+        "confinement_db.deviation", "its spread", "dB",
         error=lambda result: result.confinement_db and result.confinement_db.spread_error(result.counted),
     )  # fmt: skip
-    worst_db = figure_at(
-        "confinement_db.lowest", "the worst", "dB", name="tolerance_worst_db", error="confinement_db.deviation"
-    )
+    tolerance_worst_db = figure_at("confinement_db.lowest", "the worst", "dB", error="confinement_db.deviation")
 
     @property
     def counted(self) -> int:
@@ -109,7 +102,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         yield from self.summary()
 
     def _varied(self) -> str:
-        from pipeline.quantity import figure, percent
         from pipeline.search.fidelity import column_level_error_db
 
         if self.frequency_error is None:
@@ -123,7 +115,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def summary(self) -> Iterator[str]:
         """Yield the statistics: frequencies and levels with the digits that their spread allows."""
-        from pipeline.quantity import figure, frequency, interval, level, signed
         from solvers.variation.cells import CHECKED
         from solvers.variation.samples import CUT
 
@@ -153,16 +144,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw each plate's peak and its driven confinement there, the nominal plate marked."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from solvers.measures.confinement import CONFINED_DB
-
         both = [(one.peak_hz, one.confinement_db) for one in (self.nominal, *self.samples) if one.peak_hz is not None]
         tone, decibels = np.reshape(np.array(both, dtype=float), (-1, 2)).T
         ax.plot(tone[1:] / KHZ, decibels[1:], "o", ms=4, color=style.BLUE, label="samples")
         ax.plot(tone[:1] / KHZ, decibels[:1], "*", ms=11, color="black", label="nominal plate")
-        ax.axhline(CONFINED_DB, color=style.GREY, ls="--", lw=0.9, label=f"confined from {CONFINED_DB:g} dB")
+        least = confinement.CONFINED_DB
+        ax.axhline(least, color=style.GREY, ls="--", lw=0.9, label=f"confined from {least:g} dB")
         ax.set(xlabel="peak (kHz)", ylabel="confinement at the peak (dB)")
         if spread := self.confinement_db:
             own = spread.deviation or 0.0
@@ -173,8 +160,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return curves over frequency, where there are any, and each plate's peak with its confinement."""
-        from pipeline.plots import style
-
         curves = self.arrays.get("tolerance_curves")
         drawn = [self._draw_curves] * (curves is not None) + [self.draw] * bool(self.confinement_db)
         figure, panels = style.panels(0.4 + 2.6 * len(drawn), len(drawn), 1, squeeze=False)
@@ -186,11 +171,6 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         return [style.ReportFigure("tolerance", title, self._alt(), figure, vector=True)]
 
     def _draw_curves(self, ax: Axes) -> None:
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import frequency
-
         tone, curves = self.arrays["tolerance_hz"] / KHZ, np.asarray(self.arrays["tolerance_curves"]) / NM
         for number, curve in enumerate(curves[1:]):
             ax.semilogy(tone, curve, color=style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
@@ -205,16 +185,12 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
 
     def _levels(self, to_worst: str) -> str:
         """Mean, spread and least of the samples' confinement, with the digits that the spread allows."""
-        from pipeline.quantity import level
-
         found = self.confinement_db
         assert found is not None
         mean, worst = (level(each, found.deviation) for each in (found.mean, found.lowest))
         return f"{mean}, spread {found.spread(self.counted, 'dB')}{to_worst}worst {worst}"
 
     def _alt(self) -> str:
-        from pipeline.quantity import frequency
-
         alike = self.frequency_error is not None
         plates = "plates whose pillars are all off by the same" if alike else "plates whose pillars differ"
         peak, tone = self.peak_hz, self.nominal.peak_hz
@@ -231,7 +207,23 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         return f"<antinode.Tolerance: {len(self.samples)} samples>"
 
 
+class _Drawn(Declared):
+    """Plates drawn with deviations."""
+
+    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
+    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
+
+    def asked_of(self, case: Case) -> Case:
+        """Return the case with as many samples and the seed that are asked for."""
+        given = case.tolerance
+        if given is None:
+            return case
+        changed = {"samples": self.samples or given.samples, "seed": self.seed or given.seed}
+        return replace(case, tolerance=given.but(**changed))
+
+
 class Tolerance(
+    _Drawn,
     Question[ToleranceResult],
     needs=("tolerance",),
     drives=True,
@@ -247,12 +239,6 @@ class Tolerance(
     """
 
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
-    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
-    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
-
-    def asked_of(self, case: Case) -> Case:
-        """Return the case with as many samples and the seed that are asked for."""
-        return _drawn(case, self.samples, self.seed)
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or without deviations."""
@@ -260,13 +246,9 @@ class Tolerance(
         case.require("tolerance", "pillar", command="tolerance")
 
     def plan(self, case: Case) -> Plan:
-        """Plan plates whose pillars differ."""
-        from pipeline.planning.plan import plan_of, tolerance_step
-
-        return plan_of(case, tolerance_step(case, hz(self.band_kHz)))
+        return plans.plan_of(case, plans.tolerance_step(case, hz(self.band_kHz)))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
-        """Compute the nominal plate and the samples."""
         from pipeline.models.tolerance import solve
         from pipeline.planning.model_choice import driven_band_hz
         from solvers.variation.samples import CUT
@@ -288,7 +270,7 @@ class Tolerance(
         return result.with_arrays(arrays)
 
 
-class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alike"):
+class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", by="alike"):
     """Compute how far peak (Hz) and confinement (dB) move when all pillars of a plate are off by the same.
 
     The plates of a batch are answered from the bases of `antinode explore`, by one column of cells each.
@@ -303,12 +285,6 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
         default=False,
         help="all pillars of a plate off by the same, plates of a batch apart: answered from the bases of antinode explore",
     )
-    samples: int | None = option(default=None, at_least=1, at_most=MAX_SAMPLES, help=SAMPLES)
-    seed: int | None = option(default=None, at_least=1, at_most=MAX_SEED, help="of the draw (default: the case's, 1)")
-
-    def asked_of(self, case: Case) -> Case:
-        """Return the case with as many samples and the seed that are asked for."""
-        return _drawn(case, self.samples, self.seed)
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or without deviations of their sizes."""
@@ -317,20 +293,16 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
         check(case)
 
     def plan(self, case: Case) -> Plan:
-        """Plan a column of cells for each plate."""
         from pipeline.explore.alike import FIXED
-        from pipeline.planning.plan import plain_step, plan_of
 
         assert case.tolerance
-        step = plain_step(
+        step = plans.plain_step(
             "tolerance", f"{case.tolerance.samples} plates of a batch", "a column of parametric cells each"
         )
-        return plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
+        return plans.plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
-        """Answer the nominal plate and the samples from the bases."""
         from pipeline.explore.alike import solve
-        from pipeline.records.record import DesignRecord
         from solvers.variation.samples import CUT
 
         nominal, samples, error = solve(case, run)
@@ -346,20 +318,11 @@ class AlikeTolerance(Question[ToleranceResult], instead_of="tolerance", by="alik
             space_check={},
             frequency_error=error,
             **statistics(nominal, samples),
-        ).with_arrays({}, DesignRecord.of_design(case.design))
-
-
-def _drawn(case: Case, samples: int | None, seed: int | None) -> Case:
-    given = case.tolerance
-    if given is None:
-        return case
-    return replace(case, tolerance=given.but(samples=samples or given.samples, seed=seed or given.seed))
+        )
 
 
 def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: Run) -> None:
     """Log the statistics; warn of plates whose mode lies outside the band or is lost, and of a space that is too small."""
-    from pipeline.quantity import figure
-
     said = list(result.summary())
     for line in said:
         run.info(line)

@@ -4,25 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, signed, with_bar
+from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
+from pipeline.questions.late import fields, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
-from pipeline.questions.result import Figure, Result, figure_at, scaled
+from pipeline.questions.result import Result, figure_at, scaled
 from pipeline.records.part import column
 from pipeline.units import MM, UM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
-
-
-def _driven(state: str, field: str, name: str, heading: str, unit: str, scale: float = 1.0) -> Figure[Any]:
-    """Declare a figure of a way of driving the plate; None where it cannot be."""
-    return figure_at(f"by_state.{state}.{field}", heading, unit, name=name, scale=scale)
 
 
 class TouchResult(Result, table="states", axes=("state",)):
@@ -58,37 +49,29 @@ class TouchResult(Result, table="states", axes=("state",)):
         """The states by their names."""
         return {state.state: state for state in self.states}
 
-    shift_hz = figure_at(
-        "mode.shift_hz", "detuning by the finger", "Hz", name="touch_shift_hz", is_difference=True, is_signed=True
-    )
-    quality_factor = figure_at("mode.quality_factor", "quality factor under the finger", name="touch_quality_factor")
-    share = figure_at("mode.share", "share of the wanted mode under the finger", name="touch_share")
-    free_um = _driven("free", "finger_m", "free_um", "amplitude at the finger, free", "um", UM)
-    free_db = _driven("free", "confinement_db", "free_db", "confinement, free", "dB")
-    free_mW = _driven("free", "drawn_mW_at_1um", "free_mw_at_1um", "power at 1 um, free", "mW")
-    free_V = _driven("free", "drive_V_at_1um", "free_v_at_1um", "drive at 1 um, free", "V")
-    touched_um = _driven("touched", "finger_m", "touched_um", "amplitude at the finger, touched", "um", UM)
-    touched_db = _driven("touched", "confinement_db", "touched_db", "confinement, touched", "dB")
-    touched_mW = _driven("touched", "drawn_mW_at_1um", "touched_mw_at_1um", "power at 1 um, touched", "mW")
-    touched_V = _driven("touched", "drive_V_at_1um", "touched_v_at_1um", "drive at 1 um, touched", "V")
-    shaped_um = _driven("shaped", "finger_m", "shaped_um", "amplitude at the finger, shaped", "um", UM)
-    shaped_db = _driven("shaped", "confinement_db", "shaped_db", "confinement, shaped", "dB")
-    shaped_mW = _driven("shaped", "drawn_mW_at_1um", "shaped_mw_at_1um", "power at 1 um, shaped", "mW")
-    shaped_V = _driven("shaped", "drive_V_at_1um", "shaped_v_at_1um", "drive at 1 um, shaped", "V")
-    friction_low = _driven(
-        "touched", "friction_low", "touch_friction_low", "friction at the low gap over that at rest", ""
-    )
-    friction_high = _driven(
-        "touched", "friction_high", "touch_friction_high", "friction at the high gap over that at rest", ""
-    )
-    needed_V = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V", name="touch_needed_v")
+    touch_shift_hz = figure_at("mode.shift_hz", "detuning by the finger", "Hz", is_difference=True, is_signed=True)
+    touch_quality_factor = figure_at("mode.quality_factor", "quality factor under the finger")
+    touch_share = figure_at("mode.share", "share of the wanted mode under the finger")
+    free_um = figure_at("by_state.free.finger_m", "amplitude at the finger, free", "um", scale=UM)
+    free_db = figure_at("by_state.free.confinement_db", "confinement, free", "dB")
+    free_mw_at_1um = figure_at("by_state.free.drawn_mW_at_1um", "power at 1 um, free", "mW")
+    free_v_at_1um = figure_at("by_state.free.drive_V_at_1um", "drive at 1 um, free", "V")
+    touched_um = figure_at("by_state.touched.finger_m", "amplitude at the finger, touched", "um", scale=UM)
+    touched_db = figure_at("by_state.touched.confinement_db", "confinement, touched", "dB")
+    touched_mw_at_1um = figure_at("by_state.touched.drawn_mW_at_1um", "power at 1 um, touched", "mW")
+    touched_v_at_1um = figure_at("by_state.touched.drive_V_at_1um", "drive at 1 um, touched", "V")
+    shaped_um = figure_at("by_state.shaped.finger_m", "amplitude at the finger, shaped", "um", scale=UM)
+    shaped_db = figure_at("by_state.shaped.confinement_db", "confinement, shaped", "dB")
+    shaped_mw_at_1um = figure_at("by_state.shaped.drawn_mW_at_1um", "power at 1 um, shaped", "mW")
+    shaped_v_at_1um = figure_at("by_state.shaped.drive_V_at_1um", "drive at 1 um, shaped", "V")
+    touch_friction_low = figure_at("by_state.touched.friction_low", "friction at the low gap over that at rest", "")
+    touch_friction_high = figure_at("by_state.touched.friction_high", "friction at the high gap over that at rest", "")
+    touch_needed_v = figure_at("loop.needed_V", "drive that holds the sensor's amplitude", "V")
 
     # -- words
 
     def lines(self) -> Iterator[str]:
         """Yield the finger, the mode under it, each state, the loop's drive, and why figures are missing."""
-        from pipeline.quantity import figure as in_digits
-
         real, imaginary = self.impedance_N_s_m
         place = ", ".join(in_digits(each / MM, 0.0) for each in self.at_m)
         yield (
@@ -103,8 +86,6 @@ class TouchResult(Result, table="states", axes=("state",)):
         yield from self.unknown
 
     def __repr__(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         amplitudes = [f"{s.state} {in_digits(s.finger_m / UM, scaled(s.finger_error_m, UM))} um" for s in self.states]
         return f"<antinode.Touch: {', '.join(amplitudes)}>"
 
@@ -112,10 +93,6 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def draw(self, ax: Axes) -> None:
         """Draw the amplitude under the finger at each place, the free plate's nodes as lines; without a map the states'."""
-        import numpy as np
-
-        from pipeline.plots import fields, style
-
         if self.map is None:
             sizes = [state.finger_m / UM for state in self.states]
             ax.barh([state.state for state in self.states], sizes, color=style.BLUE)
@@ -131,8 +108,6 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return amplitude and friction under the finger over its place, the drive of the loop; without a map the states."""
-        from pipeline.plots import fields, style
-
         if self.map is None:
             return super().pictures()
         count = 1 + (self.map.friction is not None) + (self.map.needed_V is not None)
@@ -148,11 +123,6 @@ class TouchResult(Result, table="states", axes=("state",)):
         return [style.ReportFigure("tactile", "Tactile map", self._alt(self.map), drawn)]
 
     def _alt(self, places: TouchMapRecord) -> str:
-        import numpy as np
-
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import with_bar
-
         touched = np.array(places.touched_m) / UM
         i, j = np.unravel_index(int(np.argmax(touched)), touched.shape)
         there = f"({in_digits(places.x_m[i] / MM)}, {in_digits(places.y_m[j] / MM)}) mm"
@@ -167,14 +137,10 @@ class TouchResult(Result, table="states", axes=("state",)):
 
 
 def _tone(places: TouchMapRecord) -> str:
-    from pipeline.quantity import frequency
-
     return frequency(places.frequency_hz, places.frequency_error)
 
 
 def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
-    from pipeline.quantity import frequency_with_bar, signed, with_bar
-
     before = frequency_with_bar(mode.free_hz, mode.free_error)
     under = frequency_with_bar(mode.frequency_hz, mode.frequency_error)
     shift = signed(with_bar(mode.shift_hz, mode.shift_error_hz, "Hz"))
@@ -188,8 +154,6 @@ def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
 
 
 def _state_in_words(state: TouchStateRecord) -> str:
-    from pipeline.quantity import frequency_with_bar, level_with_bar, with_bar
-
     level = ""
     if state.confinement_db is not None:
         level = f", {level_with_bar(state.confinement_db, state.confinement_error_db)} above the passive face"
@@ -207,8 +171,6 @@ def _state_in_words(state: TouchStateRecord) -> str:
 
 
 def _loop_in_words(loop: LoopRecord) -> str:
-    from pipeline.quantity import with_bar
-
     limit = "no limit is given" if loop.limit_V is None else f"the limit is {loop.limit_V:g} V"
     verdict = ": the amplifier saturates" if loop.saturates else ""
     needed = with_bar(loop.needed_V, loop.needed_error_V, "V")
@@ -236,29 +198,19 @@ class Touch(
         default=True, flag="map", help="the finger at every place of the touch face, too (--no-map leaves that out)"
     )
 
-    def check(self, case: Case) -> None:
-        """Raise InputError for a case without patches or a finger."""
-        case.require_plate(command="touch")
-        super().check(case)
-
     def plan(self, case: Case) -> Plan:
         """Plan a finger on the driven plate: it moves every symmetry class."""
-        from pipeline.planning import simplifications
-        from pipeline.planning.plan import plan_of, response_step
-
-        step, touch = response_step(case, hz(self.band_kHz), 1), case.touch
+        step, touch = plans.response_step(case, hz(self.band_kHz), 1), case.touch
         assert touch is not None and case.patches is not None
         left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
         places = ", and at every place of a map" * self.mapped
         looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
         classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
         about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}
-        return plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
+        return plans.plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TouchResult:
-        """Put the case's finger on its plate."""
         from pipeline.models.touch import solve
-        from pipeline.records.record import DesignRecord
 
         forced = run.solved.get("forced")
         meshes = [] if forced else run.meshes
@@ -268,4 +220,4 @@ class Touch(
                 run.info(line)
         for reason in result.unknown:
             run.warning("NOT_TOLD", reason)
-        return result.with_arrays({}, DesignRecord.of_design(case.design))
+        return result

@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from math import pi
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.quantity import figure as in_digits
+from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, percent, with_bar
+from pipeline.questions.hints import Axes, Case, ComplexArray, Plan, ReportFigure
+from pipeline.questions.late import fields, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, scaled
-from pipeline.records.part import BAR, column
+from pipeline.records.part import bar, column
 from pipeline.units import MM, UM
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from geometry.elements import ComplexArray
-    from pipeline.case.model import Case
-    from pipeline.planning.plan import Plan
-    from pipeline.plots.style import ReportFigure
 
 
 class TravelResult(Result, axes=("x_m",)):
@@ -67,22 +63,18 @@ class TravelResult(Result, axes=("x_m",)):
     inner_sections: int | None = column(
         "how many of the sections lie between the plate's ends, where nothing flows", default=None
     )
-    frequency_error: float | None = column(BAR.format("frequency_hz, relative"), default=None)
-    twr_error: float | None = column(BAR.format("twr"), default=None)
-    alone_twr_error: float | None = column(BAR.format("alone_twr"), default=None)
-    best_twr_error: float | None = column(BAR.format("best_twr"), default=None)
-    wavenumber_error_per_m: float | None = column(BAR.format("wavenumber_per_m"), "rad/m", default=None)
-    confinement_error_db: float | None = column(BAR.format("confinement_db"), "dB", default=None)
-    drive_error_V_at_1um: float | None = column(BAR.format("drive_V_at_1um"), "V", default=None)
-    lost_error_W: float | None = column(BAR.format("lost_W"), "W", default=None)
-    flow_error_W: list[float | None] | None = column(BAR.format("flow_W"), "W", along="flow_x_m", default=None)
-    patches_error_W: list[float | None] | None = column(BAR.format("patches_W"), "W", along="patch", default=None)
-    standing_flow_error_W: list[float | None] | None = column(
-        BAR.format("standing_flow_W"), "W", along="flow_x_m", default=None
-    )
-    field_error_m: list[float | None] | None = column(
-        BAR.format("the size of field_m"), "m", along="x_m", name="size_error_m", default=None
-    )
+    frequency_error: float | None = bar("frequency_hz, relative")
+    twr_error: float | None = bar("twr")
+    alone_twr_error: float | None = bar("alone_twr")
+    best_twr_error: float | None = bar("best_twr")
+    wavenumber_error_per_m: float | None = bar("wavenumber_per_m", "rad/m")
+    confinement_error_db: float | None = bar("confinement_db", "dB")
+    drive_error_V_at_1um: float | None = bar("drive_V_at_1um", "V")
+    lost_error_W: float | None = bar("lost_W", "W")
+    flow_error_W: list[float | None] | None = bar("flow_W", "W", along="flow_x_m")
+    patches_error_W: list[float | None] | None = bar("patches_W", "W", along="patch")
+    standing_flow_error_W: list[float | None] | None = bar("standing_flow_W", "W", along="flow_x_m")
+    field_error_m: list[float | None] | None = bar("the size of field_m", "m", along="x_m", name="size_error_m")
     shear: ShearRecord | None = column("what a finger at rest on the wave feels; None without a finger", default=None)
     board: list[PlayedPattern] | PlayFault | None = column(
         "what the emulated board made of the table; None where it was not run", default=None
@@ -92,8 +84,6 @@ class TravelResult(Result, axes=("x_m",)):
     @property
     def field(self) -> ComplexArray:
         """u_z along the zone's centre line, complex (points,) in m."""
-        import numpy as np
-
         return np.asarray(np.array(self.field_m) @ np.array([1.0, 1j]))
 
     @property
@@ -102,22 +92,19 @@ class TravelResult(Result, axes=("x_m",)):
         errors = self.flow_error_W or [None] * len(self.flow_W)
         return max(zip(self.flow_W, errors, self.flow_x_m, strict=True), key=lambda each: abs(each[0]))
 
-    wave_hz = figure_at("frequency_hz", "travelling wave", "Hz", name="travel_hz")
-    ratio = figure_at("twr", "travelling-wave ratio", name="travel_twr")
-    best_ratio = figure_at("best_twr", "the same with any voltages", name="travel_best_twr")
-    level_db = figure_at("confinement_db", "confinement, travelling", "dB", name="travel_db")
-    drive_V = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V", name="travel_v_per_um")
+    travel_hz = figure_at("frequency_hz", "travelling wave", "Hz")
+    travel_twr = figure_at("twr", "travelling-wave ratio")
+    travel_best_twr = figure_at("best_twr", "the same with any voltages")
+    travel_db = figure_at("confinement_db", "confinement, travelling", "dB")
+    travel_v_per_um = figure_at("drive_V_at_1um", "drive for 1 um, travelling", "V")
 
-    @figure(
-        "power along the zone for 1 um", "mW", name="travel_mw",
-        error=lambda wave: scaled(wave.largest_flow_W[1], 1e-3),
-    )  # fmt: skip
-    def flow_mW(self) -> float | None:
+    @figure("power along the zone for 1 um", "mW", error=lambda wave: scaled(wave.largest_flow_W[1], 1e-3))
+    def travel_mw(self) -> float | None:
         """The largest of the flows; None where patches straddle every section."""
         return None if self.inner_sections == 0 else 1e3 * self.largest_flow_W[0]
 
-    crest_mm_s = figure_at(
-        "shear.fastest_m_s", "crests under the finger", "mm/s", name="travel_crest_mm_s", scale=MM,
+    travel_crest_mm_s = figure_at(
+        "shear.fastest_m_s", "crests under the finger", "mm/s", scale=MM,
         error=lambda wave: wave.shear and scaled(wave.shear.fastest_error_m_s, 1e-3),
     )  # fmt: skip
 
@@ -130,9 +117,6 @@ class TravelResult(Result, axes=("x_m",)):
 
     def lines(self) -> Iterator[str]:
         """Yield the modes, the ratios, drive and power, the finger, and what the board played."""
-        from pipeline.quantity import figure as in_digits
-        from pipeline.quantity import frequency_with_bar, level_with_bar, percent, with_bar
-
         modes = [f"(0, {m.nodal_lines}) at {frequency_with_bar(m.frequency_hz, m.frequency_error)}" for m in self.modes]
         tone = frequency_with_bar(self.frequency_hz, self.frequency_error)
         yield f"modes {' and '.join(modes)}, held a quarter period apart at {tone}"
@@ -163,25 +147,16 @@ class TravelResult(Result, axes=("x_m",)):
             )
 
     def __repr__(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         return f"<antinode.Travel: {self._tone}, travelling-wave ratio {in_digits(self.twr, self.twr_error)}>"
 
     @property
     def _tone(self) -> str:
-        from pipeline.quantity import frequency
-
         return frequency(self.frequency_hz, self.frequency_error)
 
     # -- pictures
 
     def draw(self, ax: Axes) -> None:
         """Draw u_z along the zone's centre line at six moments of a period, the envelope, and the window shaded."""
-        import numpy as np
-
-        from pipeline.plots import style
-        from pipeline.quantity import figure as in_digits
-
         x, field = np.array(self.x_m) / MM, self.field / UM
         for step in range(6):
             ax.plot(x, (field * np.exp(1j * np.pi * step / 3.0)).real, color=style.SKY, lw=0.7)
@@ -194,10 +169,6 @@ class TravelResult(Result, axes=("x_m",)):
 
     def pictures(self) -> list[ReportFigure]:
         """Return the wave with the power that flows with it beside that of patches in phase, and the finger on it."""
-        import numpy as np
-
-        from pipeline.plots import style
-
         drawn, (wave, flow) = style.panels(5.4, 2, 1, sharex=True)
         self.draw(wave)
         powers = {"held a quarter period apart": self.flow_W, "all patches in phase": self.standing_flow_W}
@@ -214,8 +185,6 @@ class TravelResult(Result, axes=("x_m",)):
         ]
 
     def _alt(self) -> str:
-        from pipeline.quantity import figure as in_digits
-
         modes = " and ".join(f"(0, {mode.nodal_lines})" for mode in self.modes)
         flow = f"at most {in_digits(1e3 * self.largest_flow_W[0])} mW flow along the zone for 1 um rms"
         if self.inner_sections == 0:
@@ -226,8 +195,6 @@ class TravelResult(Result, axes=("x_m",)):
 
 def _of_shear(shear: ShearRecord) -> str:
     """Return the finger on the wave in words."""
-    from pipeline.quantity import with_bar
-
     ends = [
         (max((abs(each) for row in values for each in row if each is not None), default=None), error)
         for values, error in ((shear.shear_low, shear.shear_low_error), (shear.shear_high, shear.shear_high_error))
@@ -241,19 +208,13 @@ def _of_shear(shear: ShearRecord) -> str:
 
 def _drawn_shear(shear: ShearRecord, width_m: float | None) -> ReportFigure:
     """Draw the speed of the crests under a finger over its place, and the net shear at least and at most."""
-    import numpy as np
-
-    from pipeline.plots import fields as places
-    from pipeline.plots import style
-    from pipeline.quantity import with_bar
-
-    fields: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}
+    shown: dict[str, Any] = {"crests along x (mm/s)": 1e3 * np.array(shear.crest_m_s)}
     for name, values in (("at least", shear.shear_low), ("at most", shear.shear_high)):
         if values is not None:
-            fields[f"net shear over friction at rest, {name}"] = values
-    drawn, panels = places.panels(len(fields), width_m)
-    for axes, (label, values) in zip(panels, fields.items(), strict=True):
-        places.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
+            shown[f"net shear over friction at rest, {name}"] = values
+    drawn, panels = fields.panels(len(shown), width_m)
+    for axes, (label, values) in zip(panels, shown.items(), strict=True):
+        fields.field(axes, shear.x_m, shear.y_m, values, label.partition(",")[0], label.capitalize())
     fastest = with_bar(1e3 * shear.fastest_m_s, scaled(shear.fastest_error_m_s, 1e-3), "mm/s")
     alt = f"Crests under {shear.fingertip} on the travelling wave: at most {fastest} along x"
     return style.ReportFigure("shear", "A finger on the travelling wave", alt, drawn)
@@ -286,7 +247,6 @@ class Travel(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without patches that listen and two that drive, or with fewer than two nodal lines."""
-        case.require_plate(command="travel")
         super().check(case)
         patches, lines = case.patches, case.design.nodal_lines
         assert patches is not None
@@ -302,31 +262,28 @@ class Travel(
             raise InputError(f"{case.source or case.name}: {text}" for text in said)
 
     def plan(self, case: Case) -> Plan:
-        """Plan two modes held a quarter period apart."""
-        from pipeline.planning.plan import plan_of, response_step
-
-        step, lines = response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
+        step, lines = plans.response_step(case, hz(self.band_kHz), 1), case.design.nodal_lines
         looks = f"the modes (0, {lines}) and (0, {lines - 1}) or (0, {lines + 1}), held at a frequency between theirs"
         looks += ", and a finger at places along the wave" if case.touch else ""
-        return plan_of(case, replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks))
+        return plans.plan_of(
+            case, replace(step, measure="travel", name="a wave that travels in the zone", looks_for=looks)
+        )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
-        """Hold the pair that travels best."""
         return self._computed(case, run, is_played=False)
 
     def _computed(self, case: Case, run: Run, is_played: bool) -> TravelResult:
         from pipeline.board import played
         from pipeline.models import travelling
-        from pipeline.records.record import DesignRecord
 
         values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
         outcome = played.board_outcome(wave, run, run.folder, is_played)
         result = TravelResult(**values, **outcome, others=self.others)
         run.report(result)
-        return result.with_arrays({}, DesignRecord.of_design(case.design))
+        return result
 
 
-class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel", by="board"):
+class PlayedTravel(Travel, instead_of="travel", by="board"):
     """Hold two modes of the zone a quarter period apart, and play the table on the emulated six-channel board.
 
     The frequencies in Hz and the ratios that the image reaches stand in `board`. It takes a minute.
@@ -340,13 +297,9 @@ class PlayedTravel(Travel, needs=("patches",), drives=True, instead_of="travel",
     board: bool = option(default=False, help="play the table on the emulated six-channel board (takes a minute)")
 
     def plan(self, case: Case) -> Plan:
-        """Plan the wave, and one run of the image."""
-        from pipeline.planning.plan import plain_step
-
         whole = super().plan(case)
-        board = plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
+        board = plans.plain_step(self.name, "the six-channel image on the emulated board", "the firmware's image")
         return replace(whole, steps=(*whole.steps, board))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TravelResult:
-        """Hold the pair that travels best, and play it."""
         return self._computed(case, run, is_played=True)

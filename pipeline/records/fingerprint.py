@@ -8,11 +8,11 @@ import platform
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import lru_cache
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
 from pipeline.paths import ROOT
+from pipeline.records.part import plain
 
 COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
 TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes of a record
@@ -22,8 +22,7 @@ SHOWING = (
     *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report")),
     "pipeline/active/plots*.py",
     *(f"pipeline/records/{name}.py" for name in ("outputs", "run_log", "study", "tables")),
-    *(f"pipeline/batch/{name}.py" for name in ("job", "journal", "lock", "peak_memory")),
-    *(f"pipeline/batch/{name}.py" for name in ("progress", "runner", "script_study")),
+    *(f"pipeline/batch/{name}.py" for name in ("job", "peak_memory", "progress", "runner", "script_study")),
 )
 COMPUTING_PACKAGES = ("numpy", "scipy", "cadquery", "cadquery-ocp", "pytetwild", "meshio", "trimesh", "rslab")
 
@@ -44,21 +43,6 @@ class Fingerprint:
             if old.get(name) != self.versions.get(name):
                 return f"{name} was {old.get(name, 'absent')}, is {self.versions.get(name, 'absent')}"
         return None
-
-
-def plain(value: Any) -> Any:
-    """The value in JSON's own types: numpy scalars and arrays, tuples and paths resolved, NaN and infinity null."""
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return plain(value.tolist())
-    if isinstance(value, Path):
-        return value.as_posix()
-    if isinstance(value, float) and not isfinite(value):
-        return None
-    return value
 
 
 def canonical_json(value: Any) -> str:

@@ -6,7 +6,6 @@ import csv
 import errno
 import io
 import os
-import stat
 import sys
 import tempfile
 from argparse import Namespace
@@ -58,16 +57,9 @@ def _same_place(places: Mapping[str, str | None]) -> list[str]:
         if not place or is_standard_output(place):
             continue
         other = first.setdefault(os.path.realpath(place), option)
-        if other != option and not stat.S_ISCHR(_mode(place)):
+        if other != option and not Path(place).is_char_device():
             lines.append(f"{option} = {place}: {other} writes this file, too; name another one")
     return lines
-
-
-def _mode(place: str) -> int:
-    try:
-        return Path(place).stat().st_mode
-    except OSError:
-        return 0
 
 
 def check_files(option: str, places: Iterable[str | Path]) -> None:

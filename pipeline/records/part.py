@@ -11,6 +11,7 @@ from dataclasses import MISSING, FrozenInstanceError, dataclass, field, fields, 
 from functools import cache
 from itertools import product
 from math import isfinite
+from pathlib import Path
 from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
 ABOUT = "about"
@@ -23,51 +24,35 @@ Axis = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Column:
-    """What a field means, its unit, the axes that its lists run along, and how it stands in tables.
-
-    name: of its column in tables, its own by default. error: the field with the half-width of its error bar. parts: names of
-    the columns that hold the entries of a last axis of its own, such as the real and the imaginary part. table: whether
-    it does. spread: of a part, whether its own columns do.
-    """
+    """What a field means, for the reference and for xarray's attributes, and how it stands in tables."""
 
     about: str
     unit: str = ""
-    along: Axis = ()
-    name: str = ""
-    error: str = ""
-    parts: Axis = ()
-    table: bool = True
-    spread: bool = False
+    along: Axis = ()  # axes of its lists, the slowest first; a field named like its axis holds the axis's own values
+    name: str = ""  # of its column in tables, where that is not its own
+    error: str = ""  # the field with the half-width of its error bar
+    parts: Axis = ()  # columns of the entries of one more axis, such as the real and the imaginary part
+    table: bool = True  # whether it stands in tables
+    spread: bool = False  # of a part: whether its own columns stand in the table
 
 
 def column(
-    about: str, unit: str = "", *, along: str | Axis = (), name: str = "", error: str = "", parts: Axis = (),
-    table: bool = True, spread: bool = False, default: Any = MISSING, default_factory: Any = MISSING,
-) -> Any:  # fmt: skip
-    """Declare a field of a part.
-
-    Parameters
-    ----------
-    about, unit
-        What it is, for the reference and for xarray's attributes.
-    along
-        Axes of its lists, the slowest first. A field that is named like its axis holds the axis's own values.
-    name
-        Name of its column in tables, where that differs from the field's.
-    error
-        The field that holds the half-width of its error bar.
-    parts
-        Names in tables of the entries of one more axis, such as the real and the imaginary part.
-    table
-        Whether it stands in tables.
-    spread
-        Of a part: whether its own columns stand in the table.
-    default, default_factory
-        As `dataclasses.field` takes them: None for what some models do not have.
-    """
+    about: str,
+    unit: str = "",
+    *,
+    along: str | Axis = (),
+    default: Any = MISSING,
+    default_factory: Any = MISSING,
+    **more: Any,
+) -> Any:
+    """Declare a field of a part by the words of `Column`; default, default_factory: as `dataclasses.field` takes them."""
     axes = (along,) if isinstance(along, str) else along
-    given = {"default": default} if default_factory is MISSING else {"default_factory": default_factory}
-    return field(**given, metadata={ABOUT: Column(about, unit, axes, name, error, parts, table, spread)})
+    return field(default=default, default_factory=default_factory, metadata={ABOUT: Column(about, unit, axes, **more)})
+
+
+def bar(of: str, unit: str = "", **options: Any) -> Any:
+    """Declare the half-width of the error bar of a field, None without an estimate. Options as `column` takes them."""
+    return column(BAR.format(of), unit, **{"default": None} | options)
 
 
 def live(*, default: Any = None, default_factory: Any = MISSING) -> Any:
@@ -91,7 +76,7 @@ class Frozen:
 # -- parts -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(column, live))
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(bar, column, live))
 class Part:
     """A part of a result: frozen fields of plain values. NaN becomes None, arrays lists, complex numbers pairs."""
 
@@ -164,8 +149,10 @@ def plain(given: Any) -> Any:
         return [plain(given.real), plain(given.imag)]
     if is_dataclass(given):
         return {each.name: plain(getattr(given, each.name)) for each in fields(given)}
+    if isinstance(given, Path):
+        return given.as_posix()
     if isinstance(given, Mapping):
-        return {key: plain(value) for key, value in given.items()}
+        return {str(key): plain(value) for key, value in given.items()}
     return [plain(each) for each in given] if isinstance(given, Sequence) else given
 
 

@@ -176,12 +176,6 @@ class MeshRecord(Part):
     volume_error: float | None = None
 
 
-class BoardFault(Part):
-    """The fault in which the image ended."""
-
-    fault: str
-
-
 class PlanStep(Open):
     """A computation: what it looks for, by which model and mesh, and why so; its numbers beside."""
 

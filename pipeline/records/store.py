@@ -13,20 +13,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from geometry import files
 from pipeline.errors import CommandError
-from pipeline.records.fingerprint import Fingerprint, file_hash, input_hash, plain
+from pipeline.records.fingerprint import Fingerprint, file_hash, input_hash
+from pipeline.records.part import plain
 
 if TYPE_CHECKING:
     import numpy as np
 
 FIELDS = "fields.npz"  # every mode in full: written on demand only
-INPUT, RECORD, ARRAYS, TIMING, MANIFEST, RUN_LOG = (
-    "input.json",
-    "record.json",
-    "arrays.npz",
-    "timing.json",
-    "files.json",
-    "run.mess",
-)
+INPUT, RECORD, ARRAYS = "input.json", "record.json", "arrays.npz"
+TIMING, MANIFEST, RUN_LOG = "timing.json", "files.json", "run.mess"
 TEMPORARY = files.PART
 UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
 SCHEMA = 4  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
@@ -154,15 +149,15 @@ def finish(folder: Path, record: dict[str, Any], timing: dict[str, Any]) -> None
 
 def seal(folder: Path, record: dict[str, Any]) -> None:
     """Write files.json (size and sha256 of each file) and, last, record.json with the proof of both."""
-    listed, kept = manifest(folder), plain({key: value for key, value in record.items() if key != PROOF})
+    listed = manifest(folder)
     write_json(folder / MANIFEST, listed)
-    write_json(folder / RECORD, {**kept, PROOF: _proof(kept, listed)})
+    write_sealed(folder / RECORD, record, listed)
 
 
-def write_sealed(path: Path, value: dict[str, Any]) -> None:
-    """Write a JSON object with the proof of its content."""
+def write_sealed(path: Path, value: dict[str, Any], listed: Any = None) -> None:
+    """Write a JSON object with the proof of its content, and of the files that are listed beside it."""
     kept = plain({key: item for key, item in value.items() if key != PROOF})
-    write_json(path, {**kept, PROOF: _proof(kept, None)})
+    write_json(path, {**kept, PROOF: _proof(kept, listed)})
 
 
 def read_sealed(path: Path) -> dict[str, Any]:
@@ -225,7 +220,9 @@ def _proven_bytes(folder: Path, name: str, listed: dict[str, Any]) -> bytes:
         data = (folder / name).read_bytes()
     except OSError as error:
         raise BadRecord(f"{name} is missing") from error
-    if name not in listed or hashlib.sha256(data).hexdigest() != listed[name]["sha256"]:
+    if name not in listed:
+        raise BadRecord(f"{name} is not a file that the case wrote")
+    if hashlib.sha256(data).hexdigest() != listed[name]["sha256"]:
         raise BadRecord(f"{name} is unreadable (its content is not what was written)")
     return data
 
@@ -236,7 +233,8 @@ def why_recompute(folder: Path, payload: dict[str, Any], fingerprint: Fingerprin
         return "not finished before" if (folder / INPUT).exists() else "new"
     try:
         record, listed = _proven(folder)
-        _check_files(folder, listed)
+        for name in {*listed, *(name for name in (ARRAYS, FIELDS) if (folder / name).exists())}:
+            _proven_bytes(folder, name, listed)
     except BadRecord as error:
         return str(error)
     if record.get("input_hash") != input_hash(payload):
@@ -245,15 +243,3 @@ def why_recompute(folder: Path, payload: dict[str, Any], fingerprint: Fingerprin
     if changed:
         return changed
     return "it failed before" if record.get("status") == "FAILED" else None
-
-
-def _check_files(folder: Path, listed: dict[str, Any]) -> None:
-    for name, proof in listed.items():
-        path = folder / name
-        if not path.is_file():
-            raise BadRecord(f"{name} is missing")
-        if path.stat().st_size != proof["bytes"] or file_hash(path) != proof["sha256"]:
-            raise BadRecord(f"{name} is unreadable (its content is not what was written)")
-    for name in (ARRAYS, FIELDS):
-        if name not in listed and (folder / name).exists():
-            raise BadRecord(f"{name} is not a file that the case wrote")

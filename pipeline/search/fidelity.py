@@ -5,25 +5,34 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from math import ceil, floor, inf
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from geometry.errors import GeometryError, MeshError
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import WarningLog
+from pipeline.models import driven_zones, modes, parametric
+from pipeline.models.broadband import broadband
+from pipeline.models.cell_cache import CellCache
+from pipeline.models.live_column import LiveCell, live_modes
+from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import of_case, with_defaults
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
-from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP
+from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult
 from pipeline.units import KHZ, MM
-
-if TYPE_CHECKING:
-    from solvers.measures.confinement import DrivenZones
+from solvers.analytic.predesign import free_kx_per_m
+from solvers.errors import SolverError
+from solvers.measures.confinement import DrivenZones, measure_profile
+from solvers.plates.assembled import Reductions
+from solvers.plates.column import Column
+from solvers.plates.strip import strip_modes, strip_zones
 
 MODELS = {
     STRIP: "thin strip across the plate, pillars as beams on lines",
@@ -42,33 +51,6 @@ NEAREST = 30  # modes of the solid about it
 PEAKS = 2  # frequencies over a band of zones: their peaks are found without
 BAND_POINTS = 101  # frequencies over the wanted mode's window that tell a band's ends
 GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
-
-
-@dataclass(frozen=True)
-class FidelityResult:
-    """The wanted mode of one design at one fidelity; None where it has none, and then the reason.
-
-    With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
-
-    frequency_error (relative) and the errors in dB are half-widths of error bars; `warnings` holds (id, text) of the solve.
-    """
-
-    fidelity: str
-    frequency_hz: float | None
-    confinement_db: float | None
-    extension_db: float | None
-    mac: float | None
-    why_not: str = ""
-    frequency_error: float | None = None
-    confinement_error_db: float | None = None
-    warnings: tuple[tuple[str, str], ...] = ()
-    worst_db: float | None = None
-    band_khz: float | None = None
-    isolation_db: float | None = None
-    gap_mm: float | None = None
-    extension_error_db: float | None = None
-    worst_error_db: float | None = None
-    isolation_error_db: float | None = None
 
 
 def frequency_slack(fidelity: str, nodal_lines: int) -> float:
@@ -119,9 +101,6 @@ def _taller(case: Case, change_m: float) -> Case:
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
     """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
-    from solvers.errors import SolverError
-    from solvers.plates.strip import strip_modes, strip_zones
-
     design = case.design
     try:
         solved = strip_modes(design.one_zone, *mesh_rules.wanted_window_hz(design), softness)
@@ -130,7 +109,7 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
             return alone
         return _of_zones(alone, strip_zones(design, *_about(alone.frequency_hz), case.quality_factor, softness), design)
     except SolverError as error:
-        return FidelityResult(STRIP, None, None, None, None, str(error))
+        return FidelityResult(fidelity=STRIP, why_not=str(error))
 
 
 def evaluate(
@@ -158,8 +137,6 @@ def evaluate(
 
 def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
     """Width of the band about a frequency in which the rows take 10 dB or more from a flexural wave, kHz."""
-    from pipeline.models.broadband import broadband
-
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
@@ -167,33 +144,21 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
 
 
 def kept_cell(case: Case) -> Any:
-    """The parametric cell where an explorer has made it; imported when asked for."""
-    from pipeline.models import parametric
-
+    """The parametric cell where an explorer has made it."""
     return parametric.kept_cell(case) if case.design.zones == 1 else None
 
 
 def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    from geometry.errors import GeometryError, MeshError
-    from solvers.errors import SolverError
-
     solve = {COLUMN: _by_column, PLATE: _by_plate, SOLID: _by_plate}[fidelity]
     if fidelity == PLATE and case.design.zones > 1:
         solve = _by_zones
     try:
         return solve(case, fidelity, near_hz)
     except (SolverError, MeshError, GeometryError, InputError) as error:
-        return FidelityResult(fidelity, None, None, None, None, " ".join(str(error).split()))
+        return FidelityResult(fidelity=fidelity, why_not=" ".join(str(error).split()))
 
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
-    from pipeline.models.cell_cache import CellCache
-    from pipeline.models.live_column import LiveCell, live_modes
-    from solvers.analytic.predesign import free_kx_per_m
-    from solvers.measures.confinement import measure_profile
-    from solvers.plates.assembled import Reductions
-    from solvers.plates.column import Column
-
     design = case.design
     low, high = mesh_rules.wanted_window_hz(design)
     cell, kx = kept_cell(case), free_kx_per_m(design)
@@ -225,24 +190,20 @@ def _of_zones(alone: FidelityResult, driven: DrivenZones, design: Design) -> Fid
 
 def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
-    from pipeline.models.driven_zones import solve
-    from pipeline.models.zone_parts import worst_of
-
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = solve(case, log, band_hz, PEAKS).zones
+    zones = driven_zones.solve(case, log, band_hz, PEAKS).zones
     lowest = min(zones, key=lambda zone: zone.peak_hz)
     loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
     level, level_error = worst_of(zones)
     return FidelityResult(
-        fidelity,
-        lowest.peak_hz,
-        None if loudest.passive_db is None else -loudest.passive_db,
-        None,
-        min((zone.mac for zone in zones if zone.mac is not None), default=None),
+        fidelity=fidelity,
+        frequency_hz=lowest.peak_hz,
+        confinement_db=None if loudest.passive_db is None else -loudest.passive_db,
+        mac=min((zone.mac for zone in zones if zone.mac is not None), default=None),
         frequency_error=lowest.peak_error,
         confinement_error_db=loudest.passive_error_db,
-        warnings=tuple(log.warnings),
+        warnings=log.warnings,
         isolation_db=None if level is None else -level,
         isolation_error_db=level_error,
         gap_mm=case.design.zone_gap_m / MM,
@@ -251,21 +212,18 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
 
 def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
     if not len(frequency_hz):
-        return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted symmetry in the window")
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted symmetry in the window")
     at = level.wanted.index
     if at is None:
-        return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
-    confinement, extension, mac = (
-        None if value != value else float(value)
-        for value in (level.confinement_db[at], level.extension_db[at], level.mac[at])
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted shape in the window")
+    names = ("confinement_db", "extension_db", "mac")
+    return FidelityResult(
+        fidelity=fidelity, frequency_hz=frequency_hz[at], **{name: getattr(level, name)[at] for name in names}
     )
-    return FidelityResult(fidelity, float(frequency_hz[at]), confinement, extension, mac)
 
 
 def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     """Solve the assembled plate as `antinode modes` does, or the solid about a frequency."""
-    from pipeline.models import modes
-
     solve = case.solve.but(model="auto")
     if fidelity == SOLID:
         solve = case.solve.but(model="solid", accuracy=max(SOLID_ACCURACY, case.solve.accuracy))
@@ -277,11 +235,15 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     part_modes = modes.solve_modes(case, request, log)
     row, bar = part_modes.wanted_row, part_modes.bar
     if row is None:
-        return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
-    measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
-    errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
-    extension_error = bar.extension_db if bar else None
-    return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings), extension_error_db=extension_error)
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted shape in the window")
+    return FidelityResult.of(
+        row,
+        fidelity=fidelity,
+        frequency_error=bar and bar.frequency,
+        confinement_error_db=bar and bar.confinement_db,
+        extension_error_db=bar and bar.extension_db,
+        warnings=log.warnings,
+    )
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
@@ -307,20 +269,16 @@ class EvaluationCache:
     """Evaluations as JSON under the hash of question and computing sources."""
 
     def __init__(self, folder: Path = RESULTS / ".search") -> None:
-        self._files, self.reused = Cache(folder), 0
+        self._files = Cache(folder)
 
     def get(self, question: dict[str, Any]) -> FidelityResult | None:
         """Return the evaluation made before by the same code, or None."""
         content = self._files.read(self._name(question))
-        if content is None:
-            return None
-        plain = json.loads(content)
-        self.reused += 1
-        return FidelityResult(**plain | {"warnings": tuple((id, text) for id, text in plain["warnings"])})
+        return None if content is None else FidelityResult(**json.loads(content))
 
     def put(self, question: dict[str, Any], result: FidelityResult) -> None:
         """Keep an evaluation; where the disk is full it is computed again in the next run."""
-        self._files.write(self._name(question), json.dumps(fingerprint.plain(asdict(result))).encode())
+        self._files.write(self._name(question), json.dumps(result.values() | {"warnings": result.warnings}).encode())
 
     def _name(self, question: dict[str, Any]) -> str:
         salted = {"question": question, "code": fingerprint.current().code_hash}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import atan2, degrees
 from typing import TYPE_CHECKING
 
+from pipeline.quantity import figure, frequency, level
 from pipeline.records.part import Part, column
 from pipeline.units import KHZ, MM
 
@@ -26,7 +27,6 @@ class Limits(Part):
     def of_design(self, design: Design) -> list[tuple[str, float]]:
         """Limits that the geometry alone violates: in words, and by how much (relative)."""
         from geometry.cad.printing import SUPPORT_DEG, features
-        from pipeline.quantity import figure
 
         violations = []
         half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
@@ -52,8 +52,6 @@ class Limits(Part):
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
         """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
-        from pipeline.quantity import figure, frequency
-
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
@@ -64,8 +62,6 @@ class Limits(Part):
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
         """The limit on a driven zone's level over the others, in the same way."""
-        from pipeline.quantity import level
-
         least = self.isolation_db
         if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
             return []

@@ -246,9 +246,8 @@ class _Search:
             point[loose] = shares
             return -self._tried(self.space.values(point), fidelity).penalised_objective
 
-        first = (
-            FIRST_STEP if fidelity == COLUMN or not self.columns else FIRST_STEP / 2.0
-        )  # a column has been there already
+        been = self.columns and fidelity != COLUMN  # a column has been there already
+        first = FIRST_STEP / 2.0 if been else FIRST_STEP
         options = {"initial_simplex": _simplex(origin[loose], first), "xatol": FINEST, "fatol": 1e-2, "maxfev": 500}
         try:
             minimize(worse, origin[loose], method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(loose), options=options)
@@ -285,7 +284,7 @@ class _Search:
         try:
             case = self.space.case(values, more)
         except InputError as error:
-            nothing = FidelityResult(fidelity, None, None, None, None, error.lines[0])
+            nothing = FidelityResult(fidelity=fidelity, why_not=error.lines[0])
             return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
 
         def evaluated(each: Case) -> FidelityResult:

@@ -88,17 +88,13 @@ class Space:
         """The point of the unit cube at values."""
         return np.array([variable.share(value) for variable, value in zip(self.variables, values, strict=True)])
 
-    def settings(self, values: Sequence[float | int]) -> list[tuple[str, Any]]:
-        """The keys and values that make a design."""
-        return _settings(self.variables, values)
-
     def overrides(self, values: Sequence[float | int]) -> list[str]:
         """The --set texts that make a design."""
-        return [_text(*each) for each in self.settings(values)]
+        return [_text(*each) for each in _settings(self.variables, values)]
 
     def case(self, values: Sequence[float | int] = (), more: Sequence[Override] = ()) -> Case:
         """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
-        return _other(self.base, [*(self.settings(values) if values else ()), *more])
+        return _other(self.base, [*(_settings(self.variables, values) if values else ()), *more])
 
     def own_values(self) -> tuple[float | int, ...] | None:
         """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""

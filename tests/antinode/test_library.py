@@ -16,13 +16,12 @@ import pytest
 
 import antinode
 from antinode import sweeps
-from pipeline.batch import runner
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import load_case
 from pipeline.cli import explore
 from pipeline.cli.main import main
 from pipeline.questions.search import Search
-from tests.helpers import synthetic
+from tests.helpers import fake_study, synthetic
 from tests.helpers.at_once import sweep_here
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -336,7 +335,7 @@ def test_a_worker_that_dies_costs_a_script_without_a_guard_one_case(tmp_path: Pa
     assert done.stdout.splitlines() == ["['OK', 'FAILED', 'OK'] [True, None, True]", "['OK', 'OK', 'OK']"]
     assert "CASE_FAILED: case pitch_mm=5 failed: the worker process was lost: ended by SIGKILL" in done.stderr
     assert (tmp_path / "runs.txt").read_text() == "x"
-    entries = runner.read(tmp_path / "two words")[0]
+    entries = fake_study.journal(tmp_path / "two words")
     assert [each["case"] for each in entries if each["event"] == "started"][3:] == ["pitch_mm=5"]
 
 

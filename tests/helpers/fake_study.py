@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import signal
 import sys
@@ -62,6 +63,11 @@ class TwoWords(Exception):
 
 def raises_what_cannot_be_loaded():
     raise TwoWords("one", "other")
+
+
+def journal(folder):
+    """Entries of a study's journal."""
+    return [json.loads(line) for line in (folder / "journal.jsonl").read_text().splitlines()]
 
 
 def jobs(count, seconds=0.02, fates=None):

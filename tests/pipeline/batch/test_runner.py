@@ -133,7 +133,7 @@ def test_cases_that_would_not_fit_into_memory_wait(tmp_path: Path):
     huge = 2 * psutil.virtual_memory().total
     jobs = [replace(job, forecaster=lambda: Forecast(huge)) for job in fake_study.jobs(3)]
     assert run(tmp_path, jobs).exit_code == 0
-    events = [(entry["event"], entry.get("case")) for entry in runner.read(tmp_path)[0] if "case" in entry]
+    events = [(entry["event"], entry.get("case")) for entry in fake_study.journal(tmp_path) if "case" in entry]
     assert events == [(event, f"value={i}") for i in range(3) for event in ("started", "finished")]  # one at a time
 
 
@@ -152,7 +152,7 @@ def test_only_cases_next_in_line_are_forecast(tmp_path: Path):
 def test_cases_of_the_same_parts_are_not_begun_side_by_side(tmp_path: Path):
     cases = fake_study.jobs(6, seconds=0.3)
     run(tmp_path, [replace(case, parts="ab"[i // 3]) for i, case in enumerate(cases)])
-    entries = runner.read(tmp_path)[0]
+    entries = fake_study.journal(tmp_path)
     begun = [entry["case"] for entry in entries if entry["event"] == "started"]
     assert begun[:2] == ["value=0", "value=3"]  # the second of the first parts would have made them once more
     assert sorted(begun) == [f"value={i}" for i in range(6)]
@@ -216,10 +216,9 @@ def test_progress_says_counts_and_can_be_silent(tmp_path: Path, here: ThreadPool
     runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
     said = stream.getvalue()
     assert "3 cases, 3 to compute" in said and "[3/3] value=2: OK" in said
-    (tmp_path / "journal.jsonl").open("a").write('{"torn')
     stream = io.StringIO()
     runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(stream=stream))
-    assert "3 already computed, 0 to compute" in stream.getvalue() and "torn" in stream.getvalue()
+    assert "3 already computed, 0 to compute" in stream.getvalue()
     stream = io.StringIO()
     runner.run_study(jobs, fake_study.compute, tmp_path, options, Progress(quiet=True, stream=stream))
     assert stream.getvalue() == ""
@@ -293,7 +292,7 @@ def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_pat
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert [path.parent.name for path in tmp_path.glob("*/record.json")] == ["value=0"]
-    assert runner.read(tmp_path)[0][-1]["event"] == "interrupted"
+    assert fake_study.journal(tmp_path)[-1]["event"] == "interrupted"
     for name in ("value=1", "value=2"):
         assert (tmp_path / name / "run.mess").read_text().endswith("--- DIAGNOSTIC JOB : <S>_INTERRUPTED\n")
 
@@ -353,7 +352,7 @@ def test_a_lost_scheduler_fails_no_case_and_the_next_run_goes_on(tmp_path: Path,
         lost = run(tmp_path, jobs, executor=pool)
     assert lost.failed == () and lost.exit_code == 3
     assert set(lost.given_up) <= set(lost.undone) == {"value=2", "value=3", "value=4"} and lost.given_up
-    assert {"executor_lost", "end"} <= {entry["event"] for entry in runner.read(tmp_path)[0]}
+    assert {"executor_lost", "end"} <= {entry["event"] for entry in fake_study.journal(tmp_path)}
     statuses = Counter(case.record.status for case in records_study.read_study(tmp_path).cases)
     assert statuses == {"OK": 2, "MISSING": 3}
     again = run(tmp_path, jobs, executor=here)

@@ -152,12 +152,6 @@ def test_paired_values_may_repeat_while_their_pairs_do_not(tmp_path: Path, where
     ]
 
 
-def test_the_old_name_of_the_base_s_measures_is_refused_with_the_new_one(study):
-    head = '[study]\ncase = "three-rows.toml"\nmeasure = ["modes"]\nonce = ["parts"]\n'
-    (line,) = lines_of(study("", head))
-    assert 'study.once = ["parts"]: this key is now named study.base_measure' in line
-
-
 def test_paired_sweeps_are_bounded_as_grids_are(study, monkeypatch):
     monkeypatch.setattr(study_file, "MAX_CASES", 3)
     path = study('[sweep]\nzip = true\n"array.pitch_mm" = [4, 5, 6, 7]\n"array.rows" = [1, 2, 3, 4]\n')

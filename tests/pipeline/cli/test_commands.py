@@ -226,37 +226,6 @@ def test_a_symmetry_class_is_named_by_its_letters(words: list[str], capsys: pyte
     assert f"class {words[-1][-2:]}" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("words", "new"),
-    [
-        (["modes", CASE, "--parity", "-+"], "--symmetry"),
-        (["modes", CASE, "--parity=++"], "--symmetry"),
-        (["modes", CASE, "--fields"], "--save-all-fields"),
-        (["run", "rows", "--fields"], "--save-all-fields"),
-        (["search", CASE, "--above", "25kHz"], "--min-frequency"),
-        (["search", CASE, "--half-wave", "20"], "--max-half-wavelength"),
-        (["search", CASE, "--feature", "0.4"], "--min-feature"),
-        (["search", CASE, "--confirm", "solid"], "--verify-with"),
-        (["active", "dq", "--within", "2ms"], "--settling-time"),
-        (["response", CASE, "--synthesise", "made"], "--synthetic-data"),
-    ],
-)
-def test_an_option_by_its_former_name_is_refused_with_the_new_one(
-    words: list[str], new: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main.main(words)
-    text = lines(capsys.readouterr().err)
-    assert ended.value.code == 2 and len(text) == 1 and new in text[0]
-    assert new in help_of(words[: 1 + (words[0] == "active")], capsys)
-
-
-def help_of(command: list[str], capsys: pytest.CaptureFixture[str]) -> str:
-    with pytest.raises(SystemExit):
-        main.main([*command, "--help"])
-    return capsys.readouterr().out
-
-
 @pytest.mark.parametrize("given", ["abc", "-1", "1.5", ""])
 def test_a_limit_of_threads_that_is_none_is_wrong_input(
     given: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

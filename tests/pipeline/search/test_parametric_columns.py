@@ -23,7 +23,7 @@ def test_a_kept_cell_answers_columns_within_their_slack(tmp_path: Path, monkeypa
     meshed = evaluate(case, COLUMN, None, cache)
     monkeypatch.setattr(parametric, "_loaded", lambda materials, foot: model)
     live = evaluate(case, COLUMN, None, cache)
-    assert cache.reused == 0 and live != meshed
+    assert live != meshed
     page = explorer.estimate(case)  # both at the wavenumber between free ends
     assert (live.frequency_hz, live.confinement_db) == (page["frequency_hz"], page["confinement_db"])
     assert meshed.frequency_hz is not None

@@ -62,7 +62,9 @@ def fake(case, fidelity: str, near_hz: float | None = None, cache: object = None
     height, pitch = 1e3 * case.design.pillar.height_m, 1e3 * case.design.pitch_x_m
     top = 6.16 if fidelity == STRIP else 6.56
     clamped = 20.0 - 30.0 * (height - top) ** 2 - 4.0 * (pitch - 4.75) ** 2
-    return FidelityResult(fidelity, 5e3 * height, clamped, clamped - 1.0, 0.95)
+    return FidelityResult(
+        fidelity=fidelity, frequency_hz=5e3 * height, confinement_db=clamped, extension_db=clamped - 1.0, mac=0.95
+    )
 
 
 def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
@@ -221,7 +223,9 @@ def test_the_widest_band_ranks_columns_and_plates(monkeypatch: pytest.MonkeyPatc
         assert banded and fidelity != STRIP
         one, other = (1e3 * pillar.height_m for pillar in case.design.row_pillars)
         width = 4.0 + (abs(one - other) if abs(one - other) < 0.6 else -1.0)
-        return FidelityResult(fidelity, 30e3, 12.0, 11.0, 0.95, band_khz=width)
+        return FidelityResult(
+            fidelity=fidelity, frequency_hz=30e3, confinement_db=12.0, extension_db=11.0, mac=0.95, band_khz=width
+        )
 
     put(monkeypatch, banded)
     space = read_space(CASE, ["array.heights_mm=[6.0,6.0]", "array.rows=2"], ["array.heights_mm=5.6:6.6"])
@@ -242,7 +246,9 @@ def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> N
         assert case.design.pillar == first and case.design.row_pillars[2].height_m == pytest.approx(
             first.height_m - 0.3e-3
         )
-        return FidelityResult(COLUMN, 34e3, 20.0 - 30.0 * (1e3 * first.height_m - 6.2) ** 2, None, 0.9)
+        return FidelityResult(
+            fidelity=COLUMN, frequency_hz=34e3, confinement_db=20.0 - 30.0 * (1e3 * first.height_m - 6.2) ** 2, mac=0.9
+        )
 
     result = worst(case, 0.2e-3, evaluated)
     assert result.worst_db == pytest.approx(20.0 - 30.0 * 0.3**2)
@@ -256,7 +262,7 @@ def test_the_worst_case_is_the_least_of_three_plates_with_all_heights_off() -> N
         return replace(evaluated(case), confinement_error_db=3.0 if is_low else 0.1)
 
     assert worst(case, 0.2e-3, barred).worst_error_db == pytest.approx(17.3 - 16.7)
-    nothing = FidelityResult(COLUMN, None, None, None, None)
+    nothing = FidelityResult(fidelity=COLUMN)
     assert worst(case, 0.2e-3, lambda each: nothing).worst_db is None
 
 
@@ -352,7 +358,7 @@ def test_pillars_that_hexahedra_do_not_follow_go_from_strips_to_plates(
 
 def test_of_designs_that_no_other_beats() -> None:
     def one(goal: float, hertz: float, mass: float) -> Evaluation:
-        result = FidelityResult(PLATE, hertz, goal, None, 0.9)
+        result = FidelityResult(fidelity=PLATE, frequency_hz=hertz, confinement_db=goal, mac=0.9)
         return Evaluation((goal,), result, goal, mass, (), goal, goal)
 
     listed = [one(10, 30e3, 0.1), one(12, 29e3, 0.1), one(9, 29e3, 0.1), one(9, 29e3, 0.05)]
@@ -364,7 +370,7 @@ def test_a_judgement_is_kept_by_question(tmp_path: Path, monkeypatch: pytest.Mon
 
     def solved(case, fidelity: str, near_hz: float | None) -> FidelityResult:
         query.append(f"{1e3 * case.design.pillar.height_m:g} {fidelity} {near_hz}")
-        return FidelityResult(fidelity, 3e4, 12.0, 13.0, 0.9)
+        return FidelityResult(fidelity=fidelity, frequency_hz=3e4, confinement_db=12.0, extension_db=13.0, mac=0.9)
 
     monkeypatch.setattr(fidelity, "_solved", solved)
     cache, case = EvaluationCache(tmp_path), load_case(CASE)

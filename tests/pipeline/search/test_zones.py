@@ -50,7 +50,12 @@ def faked(monkeypatch: pytest.MonkeyPatch, db_a_row: dict[str, float]) -> None:
     def evaluated(case: Case, fidelity: str, near_hz: Any = None, cache: Any = None) -> FidelityResult:
         rows = case.design.shared_rows
         return FidelityResult(
-            fidelity, 30e3, 15.0, None, 0.9, isolation_db=db_a_row[fidelity] * rows, gap_mm=1e3 * case.design.zone_gap_m
+            fidelity=fidelity,
+            frequency_hz=30e3,
+            confinement_db=15.0,
+            mac=0.9,
+            isolation_db=db_a_row[fidelity] * rows,
+            gap_mm=1e3 * case.design.zone_gap_m,
         )
 
     monkeypatch.setattr(optimiser, "evaluate", evaluated)
