@@ -20,12 +20,13 @@ from geometry.hex.boxes import hex_mesh, plate_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.mesh import split_hexahedra
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
-from studies import scenes
 from studies.benchmarks import in_a_process, timed
+from studies.extremes import box
 
 MODULE = "studies.benchmarks.factorisations"
 ALUMINIUM = MATERIALS["aluminium"]
@@ -49,7 +50,8 @@ def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array
 
 def cube(cuts: int) -> sp.csc_array:
     """A free cube of quadratic tetrahedra."""
-    return _shifted(SolidModel(scenes.cube(cuts), {"body": ALUMINIUM}, (), False), None)
+    mesh = split_hexahedra(box((1e-2,) * 3, (cuts,) * 3, 2))
+    return _shifted(SolidModel(mesh, {"body": ALUMINIUM}, (), False), None)
 
 
 PROBLEMS: dict[str, Callable[[], sp.csc_array]] = {
