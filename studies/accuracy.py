@@ -192,10 +192,7 @@ def conclude(records: list[dict[str, Any]]) -> Page:
         Section("The planner's meshes beside the lower envelope", (ENVELOPE,), [_envelope(records, known)]),
         Section("References", words, [Table("references", headings, rows)]),
     ]
-    for part, quantities in QUANTITIES.items():
-        for quantity in quantities:
-            if quantity in known:
-                sections.append(_section(part, quantity, records, known[quantity]))
+    sections += [_section(part, quantity, records, known[quantity]) for part, quantity in _followed(known)]
     if CONFINEMENT in known:
         sections.append(_confinement_section(records, known[CONFINEMENT]))
     return Page(sections)
@@ -228,13 +225,11 @@ def _section(part: str, quantity: str, records: list[dict[str, Any]], reference:
     points = _measured(part, quantity, records, reference)
     rows = []
     for record, error in points:
-        measured = record.get("measured") or {}
-        peak = measured.get("peak_bytes")
+        measured = record.get("measured")
+        spent = (measured["seconds"], measured["peak_bytes"] / 1e6) if measured else (None, None)
         value = (record.get("values") or {}).get(quantity)
         reason = record.get("refused") or ("" if record["status"] == "OK" else record["diagnosis"])
-        mesh_level = name(record["parameters"]["mesh_level"])
-        megabytes = None if peak is None else peak / 1e6
-        rows.append([mesh_level, record.get("dof"), value, error, measured.get("seconds"), megabytes, reason])
+        rows.append([name(record["parameters"]["mesh_level"]), record.get("dof"), value, error, *spent, reason])
     headings = ("model", "dofs", "value (Hz)", "relative error", "time (s)", "memory (MB)", "note")
     table = Table(quantity.replace(" ", "_"), headings, rows)
     uncertainty = reference[1] / abs(reference[0])
@@ -242,30 +237,28 @@ def _section(part: str, quantity: str, records: list[dict[str, Any]], reference:
     return Section(NAMES[quantity], (), [table], report_figures)
 
 
+def _followed(known: dict[str, tuple[float, float]]) -> list[tuple[str, str]]:
+    """Part and name of every quantity that has a reference."""
+    return [(part, quantity) for part, own in QUANTITIES.items() for quantity in own if quantity in known]
+
+
 def _cheapest(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
-    rows = []
-    for part, quantities in QUANTITIES.items():
-        for quantity in quantities:
-            if quantity not in known:
-                continue
-            row: list[Any] = [NAMES[quantity]]
-            measured = _measured(part, quantity, records, known[quantity])
-            for target in TARGETS:
-                row.append(_best(measured, target, known[quantity][1] / abs(known[quantity][0])))
-            rows.append(row)
+    rows: list[list[Any]] = []
+    for part, quantity in _followed(known):
+        measured, (value, spread) = _measured(part, quantity, records, known[quantity]), known[quantity]
+        rows.append([NAMES[quantity], *(_best(measured, target, spread / abs(value)) for target in TARGETS)])
     return Table("cheapest", ("quantity", *(f"within {100 * t:g} %" for t in TARGETS)), rows)
 
 
 def _envelope(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> Table:
     rows: list[list[Any]] = []
-    for part, quantities in QUANTITIES.items():
-        for quantity in [each for each in quantities if each in known and not ladder.ZONE.get(each)]:
-            measured = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
-            for record, error in measured:
-                mesh_level = record["parameters"]["mesh_level"]
-                if not _planned(part, mesh_level):
-                    continue
-                own = record["measured"]["seconds"]
+    for part, quantity in _followed(known):
+        if ladder.ZONE.get(quantity):
+            continue
+        measured = [(r, abs(e)) for r, e in _measured(part, quantity, records, known[quantity]) if e is not None]
+        for record, error in measured:
+            mesh_level, own = record["parameters"]["mesh_level"], record["measured"]["seconds"]
+            if _planned(part, mesh_level):
                 least = min(other["measured"]["seconds"] for other, theirs in measured if theirs <= error)
                 rows.append([NAMES[quantity], name(mesh_level), error, own, own / least])
     return Table("envelope", ("quantity", "mesh", "relative error", "time (s)", "over the envelope"), rows)
@@ -299,27 +292,22 @@ def _family(mesh_level: dict[str, Any]) -> str:
     return element + graded
 
 
-def _point(measured: dict[str, Any], error: float) -> tuple[float, float, float]:
+def _point(record: dict[str, Any], error: float) -> tuple[float, float, float]:
     """Seconds, megabytes, relative error."""
+    measured = record["measured"]
     return measured["seconds"], max(measured["peak_bytes"] / 1e6, 0.1), max(abs(error), 1e-7)
-
-
-def _chosen_point(record: dict[str, Any], error: float | None) -> tuple[float, float, float] | None:
-    """The same of a mesh that `solve.accuracy` may choose; None of any other."""
-    given, measured = record["parameters"], record.get("measured")
-    if error is None or not measured or not _planned(given["part"], given["mesh_level"]):
-        return None
-    return _point(measured, error)
 
 
 def _picture(quantity: str, compared: list[Any], uncertainty: float) -> style.ReportFigure:
     figure = style.new_figure(style.WIDTH_IN, 3.6)
     left, right = figure.subplots(1, 2, sharey=True)
     families: dict[str, list[tuple[float, float, float]]] = {}
+    chosen = []
     for record, error in compared:
-        measured = record.get("measured")
-        if error is not None and measured:
-            families.setdefault(_family(record["parameters"]["mesh_level"]), []).append(_point(measured, error))
+        if error is not None and record.get("measured"):
+            part, mesh_level = record["parameters"]["part"], record["parameters"]["mesh_level"]
+            families.setdefault(_family(mesh_level), []).append(_point(record, error))
+            chosen += [_point(record, error)] if _planned(part, mesh_level) else []
     for index, (family, points) in enumerate(families.items()):
         seconds, memory, errors = np.array(sorted(points)).T
         look = {
@@ -334,7 +322,6 @@ def _picture(quantity: str, compared: list[Any], uncertainty: float) -> style.Re
         axes.set_xlabel(label)
         axes.grid(True)
         axes.axhspan(1e-7, max(uncertainty, 1e-7), color=style.GREY, alpha=0.25, lw=0)
-    chosen = [point for record, error in compared if (point := _chosen_point(record, error))]
     for axes, column, legend in ((left, 0, CHOSEN), (right, 1, None)) if chosen else ():
         places, errors = [point[column] for point in chosen], [point[2] for point in chosen]
         axes.plot(places, errors, "o", label=legend, color="black", markersize=9.0, markerfacecolor="none")

@@ -130,13 +130,7 @@ def points() -> dict[str, FloatArray]:
 
 def band_values(rows: dict[str, FloatArray]) -> Values:
     """The quantities followed: the pillars' bending at M and Gamma, the first band at X, the edges of the gap."""
-    return {
-        "bending at M": float(rows["M"][:2].mean()),
-        "bending at G": float(rows["G"][3:5].mean()),
-        "first at X": float(rows["X"][0]),
-        "gap lower edge": float(rows["M"][5]),
-        "gap upper edge": float(rows["G"][6]),
-    }
+    return {quantity: float(rows[point][bands].mean()) for quantity, (point, bands) in FOLLOWED.items()}
 
 
 def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
@@ -169,10 +163,13 @@ def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, A
 
 
 POINTS = {"G": (1, 1), "X": (-1, 1), "M": (-1, -1)}  # phases over one pitch
-FOLLOWED = {"bending at M": ("M", 0), "bending at G": ("G", 3), "first at X": ("X", 0)} | {
-    "gap lower edge": ("M", 5),
-    "gap upper edge": ("G", 6),
-}  # band numbers from 0
+FOLLOWED = {  # point and bands from 0, whose mean is taken
+    "bending at M": ("M", slice(0, 2)),
+    "bending at G": ("G", slice(3, 5)),
+    "first at X": ("X", slice(0, 1)),
+    "gap lower edge": ("M", slice(5, 6)),
+    "gap upper edge": ("G", slice(6, 7)),
+}
 
 
 def _quarter_cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
@@ -183,9 +180,10 @@ def _quarter_cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     places = _classes_of_quantities()
     mesh = check(hex_mesh(cell_boxes(design(), settings(mesh_level), True), mesh_level["order"]))
     system = assemble(mesh, materials())
-    values = {}
-    for quantity, (symmetry, point, index) in places.items():
-        values[quantity] = float(_standing(system, symmetry, point, index + 1)[index])
+    values = {
+        quantity: float(_standing(system, symmetry, point, index + 1)[index])
+        for quantity, (symmetry, point, index) in places.items()
+    }
     return values, 3 * len(mesh.nodes)
 
 
@@ -209,11 +207,8 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
         )
         for point in POINTS
     }
-    places = {}
-    for quantity, (point, band) in FOLLOWED.items():
-        _, symmetry, index = quantities[point][band]
-        places[quantity] = (symmetry, point, index)
-    return places
+    found = {quantity: (point, quantities[point][bands.start]) for quantity, (point, bands) in FOLLOWED.items()}
+    return {quantity: (symmetry, point, index) for quantity, (point, (_, symmetry, index)) in found.items()}
 
 
 def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:

@@ -10,7 +10,7 @@ import csv
 import re
 import sys
 import tomllib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
@@ -20,6 +20,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from pipeline.paths import ROOT
+from pipeline.records.outputs import markdown
 from pipeline.records.store import write_atomic
 
 PAGE = ROOT / "docs" / "licences.md"
@@ -123,26 +124,23 @@ def extras() -> dict[str, list[Requirement]]:
 
 def closure(requirements: Iterable[Requirement]) -> set[str]:
     """The canonical names of all packages that these ask for, directly or not. Raises NotInstalled."""
-    names: set[str] = set()
-    waiting: list[tuple[str, str]] = [
-        (canonicalize_name(need.name), extra) for need in requirements for extra in ("", *need.extras)
-    ]
-    seen = set()
+    seen: set[tuple[str, str]] = set()
+    waiting = [pair for need in requirements for pair in _with_extras(need)]
     while waiting:
-        name, extra = waiting.pop()
-        if (name, extra) in seen:
-            continue
-        seen.add((name, extra))
-        names.add(name)
-        waiting += list(_needs(name, extra))
-    return names
+        name, extra = pair = waiting.pop()
+        if pair not in seen:
+            seen.add(pair)
+            needs = map(Requirement, _distribution(name).requires or [])
+            there = (
+                need for need in needs if need.marker is None or need.marker.evaluate(ENVIRONMENT | {"extra": extra})
+            )
+            waiting += [each for need in there for each in _with_extras(need)]
+    return {name for name, _ in seen}
 
 
-def _needs(name: str, extra: str) -> Iterator[tuple[str, str]]:
-    for line in _distribution(name).requires or []:
-        need = Requirement(line)
-        if need.marker is None or need.marker.evaluate(ENVIRONMENT | {"extra": extra}):
-            yield from ((canonicalize_name(need.name), more) for more in ("", *need.extras))
+def _with_extras(need: Requirement) -> list[tuple[str, str]]:
+    """A package by its canonical name, alone and with each extra asked for."""
+    return [(canonicalize_name(need.name), extra) for extra in ("", *need.extras)]
 
 
 @cache
@@ -220,39 +218,24 @@ def lists() -> str:
     names = {extra: closure(needs) - always for extra, needs in requirements.items()}
     packages = {name: package(name, versions) for name in sorted(always.union(*names.values()))}
     homes = {name: [extra for extra, own in names.items() if name in own] for name in packages}
-    own = [_listed(f"Extra `{extra}`, beside these", packages, distribution) for extra, distribution in names.items()]
-    return "\n".join(
-        [
-            _reciprocal(list(packages.values()), homes),
-            _inside(list(packages.values())),
-            _listed("Always installed", packages, always),
-            *own,
-        ]
-    )
+    sections = [
+        _table("Declared: terms beyond a notice", ("family", "package", "version", "declares", "installed"), (
+            (family, one.name, one.version, one.declared, ", ".join(f"`{extra}`" for extra in homes[name]) or "always")
+            for family, _ in FAMILIES for name, one in packages.items() if one.family == family
+        )),
+        _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), (
+            (one.name, *inside) for one in packages.values() for inside in one.inside
+        )),
+    ]  # fmt: skip
+    named = {"Always installed": always} | {f"Extra `{extra}`, beside these": own for extra, own in names.items()}
+    for title, own in named.items():
+        rows = ((packages[name].name, packages[name].version, packages[name].declared) for name in sorted(own))
+        sections.append(_table(title, ("package", "version", "declares"), rows))
+    return "\n".join(sections)
 
 
-def _reciprocal(packages: list[Package], homes: dict[str, list[str]]) -> str:
-    rows = []
-    for name, _ in FAMILIES:
-        for one in (one for one in packages if one.family == name):
-            where = ", ".join(f"`{extra}`" for extra in homes[one.name]) or "always"
-            rows.append((name, one.name, one.version, one.declared, where))
-    return _table("Declared: terms beyond a notice", ("family", "package", "version", "declares", "installed"), rows)
-
-
-def _inside(packages: list[Package]) -> str:
-    rows = [(one.name, *inside) for one in packages for inside in one.inside]
-    return _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), rows)
-
-
-def _listed(title: str, packages: dict[str, Package], names: Iterable[str]) -> str:
-    rows = [(packages[name].name, packages[name].version, packages[name].declared) for name in sorted(names)]
-    return _table(title, ("package", "version", "declares"), rows)
-
-
-def _table(title: str, head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    lines = [head, ("---",) * len(head), *rows]
-    return "\n".join([f"## {title}", "", *(f"| {' | '.join(line)} |" for line in lines), ""])
+def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    return f"## {title}\n\n{markdown(head, rows)}"
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -2,7 +2,7 @@
 
 Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES), the lone pillars and chapters 1 and 3 are
 computed here. A study that was not run is named in the page instead of its figures. The outlook stands on studies of its own
-(OUTLOOK); its picture is drawn beside the page. `--only NAME ...` writes the outlook's sections of these studies anew, and
+(WISHES); their pictures are drawn beside the page. `--only NAME ...` writes the outlook's sections of these studies anew, and
 leaves the rest of the page as it is.
 """
 
@@ -13,7 +13,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,8 +47,6 @@ if TYPE_CHECKING:
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "thesis-reproduction.md"
 STUDIES = ("rows", "extension", "periodicity", "prototype", "height", "cell")
-OUTLOOK = ("graded", "graded-heights")
-PICTURE = PAGE.parent / "pictures" / "graded-rows.svg"
 ACTIVE = ("mason", "pillar", "beam", "shaping", "dq")
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
@@ -63,25 +60,7 @@ Ours come from meshes whose error is known (`docs/verification.md`), and none wa
 formulas are not what is built here, `docs/thesis-errata.md` has the derivation. "agrees" means within {near:.0%}, or the
 same verdict; the models of `antinode active` judge by the digits that the text gives.
 """
-TOUCH_FIGURE = "pictures/touch-power.svg"
-TOUCH_HEADINGS = (
-    *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
-    *("power in phase", "power shaped"),
-)
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
-
-OUTLOOK_INTRODUCTION = """
-## Outlook: broadband rows
-
-The thesis wishes for a passive confinement over more than a narrow band. Three rows that differ in height (`[array]
-heights_mm`) against three alike, same footprint and pitch, 25 mm of plate beyond: what they take from a flexural wave at the
-wanted wavenumber, and how the wanted mode fares on the finite plate and where all heights are off by the same
-(`antinode broadband`; studies {studies}).
-"""
-OUTLOOK_HEADINGS = (
-    "heights from the zone outwards (mm)", "10 dB taken from a wave about the wanted mode", "least taken there, off its ends",
-    "taken at 34.6 kHz", "wanted mode, finite plate", "taken at the wanted mode, heights -0.4 to +0.4 mm",
-)  # fmt: skip
 CENTRE_HZ = 34.6e3  # of the band of three rows of 6.2 mm
 OFF_MM = 0.41
 EDGE_HZ = 200.0  # two points of the studies' grid: at the ends it is 10 dB by definition
@@ -89,16 +68,19 @@ EDGE_HZ = 200.0  # two points of the studies' grid: at the ends it is 10 dB by d
 Row = tuple[str, str, str, str]
 
 
+def stored(folder: Path, name: str) -> list[Record]:
+    """The records of a study; none where it is not stored."""
+    try:
+        return [case.record for case in read_study(folder / name).cases]
+    except BadRecord:
+        return []
+
+
 def plates(folder: Path) -> tuple[list[Row], list[str]]:
     """Figures that the studies' records answer, and the studies that are not stored."""
-    records: list[Record] = []
-    missing = []
-    for name in STUDIES:
-        try:
-            records += [case.record for case in read_study(folder / name).cases]
-        except BadRecord:
-            missing.append(name)
-    return [_row(entry) for entry in compare(records)], missing
+    records = {name: stored(folder, name) for name in STUDIES}
+    entries = compare([record for own in records.values() for record in own])
+    return [_row(entry) for entry in entries], [name for name, own in records.items() if not own]
 
 
 def _row(entry: dict[str, Any]) -> Row:
@@ -130,17 +112,11 @@ def pillars() -> list[Row]:
             hex_mesh(pillar_boxes(pillar, settings), settings.order), ladder.materials(), ("touch",), True
         )
         ours = min(modes_near(model.pencil(symmetry), 0.0, 1).frequency_hz[0] for symmetry in model.symmetries) / 1e3
+        what, figure, words = "foot clamped", ours, f"{ours:.2f} kHz"
         if height_mm == max(PILLARS_MM):
-            beam = float(pillar_frequencies_hz(pillar, "euler")[0]) / 1e3
-            words = f"{beam:.2f} kHz by beam theory, {ours:.2f} in three dimensions"
-            rows.append(
-                (f"pillar {height_mm} mm, analytic", f"{thesis_khz:g} kHz", words, verdict_of(thesis_khz, beam))
-            )
-        else:
-            words = f"{ours:.2f} kHz"
-            rows.append(
-                (f"pillar {height_mm} mm, foot clamped", f"{thesis_khz:g} kHz", words, verdict_of(thesis_khz, ours))
-            )
+            what, figure = "analytic", float(pillar_frequencies_hz(pillar, "euler")[0]) / 1e3
+            words = f"{figure:.2f} kHz by beam theory, {ours:.2f} in three dimensions"
+        rows.append((f"pillar {height_mm} mm, {what}", f"{thesis_khz:g} kHz", words, verdict_of(thesis_khz, figure)))
     return rows
 
 
@@ -158,25 +134,11 @@ def heights_mm(record: Record) -> tuple[float, ...]:
     return tuple(1e3 * pillar.height_m for pillar in design.graded_pillars or [design.pillar] * design.rows)
 
 
-def outlook(folder: Path) -> str:
-    """What rows that differ hold against rows alike: a table, the picture beside the page, and studies that are not stored."""
-    stored: dict[str, list[Record]] = {}
-    for name in OUTLOOK:
-        with suppress(BadRecord):
-            stored[name] = [case.record for case in read_study(folder / name).cases if case.record.of(BroadbandResult)]
-    page = OUTLOOK_INTRODUCTION.format(studies=", ".join(OUTLOOK))
-    if plates := stored.get("graded"):
-        rows = [_of_rows(record, stored.get("graded-heights", [])) for record in plates]
-        page += "\n" + outputs.markdown(OUTLOOK_HEADINGS, rows)
-        page += f"\n![What equal and graded rows hold over frequency](pictures/{PICTURE.name})\n"
-    missing = [name for name in OUTLOOK if not stored.get(name)]
-    return page + (f"\nNot stored: {', '.join(missing)} (`antinode run NAME`).\n" if missing else "")
-
-
-def _of_rows(record: Record, others: list[Record]) -> list[str]:
+def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
     """A design's line; `others` holds it with every height off by as much."""
     broad, wanted, own = record.of(BroadbandResult), record.wanted, heights_mm(record)
-    assert broad
+    if broad is None:
+        return None
     levels = {
         off: held.taken_db(wanted.frequency_hz)
         for other in others
@@ -185,14 +147,14 @@ def _of_rows(record: Record, others: list[Record]) -> list[str]:
     both_ends = levels and min(levels) < 0.02 - OFF_MM and max(levels) > OFF_MM - 0.02
     band = broad.stopped_hz
     inner = [p.taken_db for p in broad.points if band and band[0] + EDGE_HZ <= p.frequency_hz <= band[1] - EDGE_HZ]
-    return [
+    return (
         ", ".join(f"{height:g}" for height in own),
         f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz, {(band[1] - band[0]) / 1e3:.1f} kHz wide" if band else "none",
         f"{min(inner):.1f} dB" if inner else "none",
         f"{broad.taken_db(CENTRE_HZ):.1f} dB",
         f"{wanted.frequency_hz / 1e3:.2f} kHz, {wanted.confinement_db:.1f} dB" if wanted else "none",
         f"{min(levels.values()):.1f} to {max(levels.values()):.1f} dB" if both_ends else "not stored",
-    ]
+    )
 
 
 def _off_mm(heights: tuple[float, ...], own: tuple[float, ...]) -> float | None:
@@ -202,42 +164,19 @@ def _off_mm(heights: tuple[float, ...], own: tuple[float, ...]) -> float | None:
     return changes[0] if alike else None
 
 
-def draw_outlook(folder: Path) -> Path | None:
-    """The picture: both designs' levels over frequency. None where the study is not stored."""
-    try:
-        records = [case.record for case in read_study(folder / "graded").cases if case.record.of(BroadbandResult)]
-    except BadRecord:
-        return None
-    with style.style():
-        figure, axes = style.panels(3.8)
-        for record, colour in zip(records[:2], (style.GREY, style.BLUE), strict=False):
-            held = record.of(BroadbandResult)
-            points = held.points if held else []
-            tone = [point.frequency_hz / 1e3 for point in points]
-            name = ", ".join(f"{height:g}" for height in heights_mm(record))
-            axes.plot(tone, [point.taken_db for point in points], color=colour, label=f"rows of {name} mm")
-        axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"{CONFINED_DB:g} dB")
-        axes.set(xlabel="frequency (kHz)", ylabel="taken from a flexural wave (dB)", ylim=(0.0, 60.0))
-        axes.legend()
-        with written_whole(PICTURE) as temporary:
-            figure.savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
-    return PICTURE
-
-
-def finger(folder: Path) -> str:
-    """What a finger leaves of the plates of the study `touch`, with its figure; nothing while the study is not stored."""
-    try:
-        records = [case.record for case in read_study(folder / "touch").cases]
-    except BadRecord:
-        return ""
-    known = [(_touched_design(record), touch) for record in records if (touch := record.of(TouchResult))]
-    _power_by_design(known, PAGE.parent / TOUCH_FIGURE)
-    words = "amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger"
-    figure = f"![Power drawn for 1 um under the finger, by design]({TOUCH_FIGURE})"
-    rows = outputs.markdown(TOUCH_HEADINGS, [_touched_row(design, touch) for design, touch in known])
-    return (
-        f"\n## Outlook: what a finger feels\n\nNot of the thesis: {words} (`antinode run touch`).\n\n{rows}\n{figure}\n"
-    )
+def _by_frequency(records: list[Record]) -> Figure:
+    """What the rows of the first two designs take over frequency."""
+    figure, axes = style.panels(3.8)
+    for record, colour in zip(records[:2], (style.GREY, style.BLUE), strict=False):
+        held = record.of(BroadbandResult)
+        points = held.points if held else []
+        tone = [point.frequency_hz / 1e3 for point in points]
+        name = ", ".join(f"{height:g}" for height in heights_mm(record))
+        axes.plot(tone, [point.taken_db for point in points], color=colour, label=f"rows of {name} mm")
+    axes.axhline(CONFINED_DB, color=style.GREEN, lw=0.9, ls="--", label=f"{CONFINED_DB:g} dB")
+    axes.set(xlabel="frequency (kHz)", ylabel="taken from a flexural wave (dB)", ylim=(0.0, 60.0))
+    axes.legend()
+    return figure
 
 
 def _touched_design(record: Record) -> str:
@@ -245,27 +184,30 @@ def _touched_design(record: Record) -> str:
     return f"{rows} {'row' if rows == 1 else 'rows'}, {record.sweep.get('touch.impedance')}"
 
 
-def _power_by_design(known: list[tuple[str, TouchResult]], place: Path) -> None:
-    """Write a figure: power at 1 um under the finger of each design, all patches in phase and with shaped voltages."""
-    with style.style():
-        figure, axes = style.panels(2.8)
-        looks = ((-0.2, "touched", "in phase", style.BLUE), (0.2, "shaped", "shaped for contrast", style.VERMILION))
-        for offset, name, label, colour in looks:
-            states = [touch.state(name) for _, touch in known]
-            powers = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
-            axes.bar([i + offset for i, _ in powers], [power for _, power in powers], 0.38, color=colour, label=label)
-        axes.set_xticks(range(len(known)), [design.replace(", ", ",\n") for design, _ in known])
-        axes.set(ylabel="power at 1 µm (mW)", yscale="log")
-        axes.legend()
-        figure.savefig(place, format="svg", bbox_inches="tight", metadata={"Date": None})
+def _by_power(records: list[Record]) -> Figure:
+    """Power at 1 um under the finger of each design, all patches in phase and with shaped voltages."""
+    figure, axes = style.panels(2.8)
+    looks = ((-0.2, "touched", "in phase", style.BLUE), (0.2, "shaped", "shaped for contrast", style.VERMILION))
+    for offset, name, label, colour in looks:
+        states = [touch and touch.state(name) for touch in (record.of(TouchResult) for record in records)]
+        powers = [(i, s.drawn_mW_at_1um) for i, s in enumerate(states) if s and s.drawn_mW_at_1um is not None]
+        axes.bar([i + offset for i, _ in powers], [power for _, power in powers], 0.38, color=colour, label=label)
+    axes.set_xticks(range(len(records)), [_touched_design(record).replace(", ", ",\n") for record in records])
+    axes.set(ylabel="power at 1 µm (mW)", yscale="log")
+    axes.legend()
+    return figure
 
 
-def _touched_row(design: str, touch: TouchResult) -> tuple[str, ...]:
+def _of_touch(record: Record) -> tuple[str, ...] | None:
+    touch = record.of(TouchResult)
+    if touch is None:
+        return None
     states = [touch.state(name) for name in ("free", "touched", "shaped")]
     shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
     amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
     levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f} dB" for s in states]
-    return design, shift, *amplitudes, *levels, *(_watts(None if s is None else s.drawn_mW_at_1um) for s in states[1:])
+    watts = [_watts(None if s is None else s.drawn_mW_at_1um) for s in states[1:]]
+    return _touched_design(record), shift, *amplitudes, *levels, *watts
 
 
 def _watts(power_mw: float | None) -> str:
@@ -301,37 +243,30 @@ def _mode(record: Record) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish of the thesis' outlook that a study of ours answers, once the study is stored: its table, and its picture where
-    it has one.
+    """A wish of the thesis' outlook that a stored study of ours answers: its table, whose rows may look into another study, and
+    its picture.
     """
 
     study: str
     title: str
     words: str
     headings: tuple[str, ...]
-    row: Callable[[Record], tuple[str, ...] | None]
-    draw: Callable[[list[Record]], Figure] | None = None
+    row: Callable[..., tuple[str, ...] | None]
+    draw: Callable[[list[Record]], Figure]
+    other: str = ""
 
     def text(self, folder: Path) -> str:
         """The section, its picture drawn beside the page; nothing while the study is not stored."""
-        try:
-            records = [case.record for case in read_study(folder / self.study).cases]
-        except BadRecord:
-            return ""
-        rows = {row: record for record in records if (row := self.row(record))}
+        others = [stored(folder, self.other)] if self.other else []
+        rows = {row: record for record in stored(folder, self.study) if (row := self.row(record, *others))}
         if not rows:
-            return ""
-        body = outputs.markdown(self.headings, [*rows])
-        words = f"{self.words} (`antinode run {self.study}`)."
-        return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}" + self._picture([*rows.values()])
-
-    def _picture(self, records: list[Record]) -> str:
-        if self.draw is None:
             return ""
         picture = f"pictures/{self.study}.svg"
         with style.style(), written_whole(PAGE.parent / picture) as temporary:
-            self.draw(records).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
-        return f"\n![{self.title}]({picture})\n"
+            self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
+        words = f"{self.words} (`antinode run {self.study}`)."
+        body = outputs.markdown(self.headings, [*rows])
+        return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
 
 
 def _of_faces(record: Record) -> tuple[str, ...] | None:
@@ -454,6 +389,33 @@ def _picture_of(kind: type[Result]) -> Callable[[list[Record]], Figure]:
 
 WISHES = (
     Wish(
+        "graded",
+        "broadband rows",
+        "The thesis wishes for a passive confinement over more than a narrow band. Three rows that differ in height "
+        "(`[array] heights_mm`) against three alike, same footprint and pitch, 25 mm of plate beyond: what they take from a "
+        "flexural wave at the wanted wavenumber, and how the wanted mode fares on the finite plate and where all heights are "
+        "off by the same, as the study graded-heights has them",
+        (
+            *("heights from the zone outwards (mm)", "10 dB taken from a wave about the wanted mode"),
+            *("least taken there, off its ends", "taken at 34.6 kHz", "wanted mode, finite plate"),
+            "taken at the wanted mode, heights -0.4 to +0.4 mm",
+        ),
+        _of_graded,
+        _by_frequency,
+        "graded-heights",
+    ),
+    Wish(
+        "touch",
+        "what a finger feels",
+        "Not of the thesis: amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger",
+        (
+            *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
+            *("power in phase", "power shaped"),
+        ),
+        _of_touch,
+        _by_power,
+    ),
+    Wish(
         "glass",
         "heavy tips on a cover glass",
         "Not of the thesis: glass 0.7 mm thin, half a wave 15 mm long, nothing higher than 3 mm behind it. "
@@ -518,24 +480,21 @@ WISHES = (
 )
 
 
-def table(rows: list[Row]) -> str:
-    """A table in Markdown."""
-    return outputs.markdown(HEADINGS, rows)
-
-
 def text(folder: Path) -> str:
     """The page."""
     documents, missing = plates(folder)
     page = INTRODUCTION.format(studies=", ".join(STUDIES), near=NEAR)
-    page += "\n## Zone, pillars, cell and plates (chapter 2)\n\n" + table([*pillars(), *documents])
+    page += "\n## Zone, pillars, cell and plates (chapter 2)\n\n" + outputs.markdown(HEADINGS, [*pillars(), *documents])
     if missing:
         page += f"\nNot stored, hence not compared: {', '.join(missing)} (`antinode run NAME`).\n"
     chapters = {"mason": "circuit (chapter 1)", "pillar": "one pillar on a beam (chapter 3)"}
     chapters |= {"beam": "active beam (chapter 3)", "shaping": "shaping (chapter 3)", "dq": "closed loop (chapter 2)"}
     for model in ACTIVE:
-        page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + table(active(model))
-    wishes = "".join(wish.text(folder) for wish in WISHES)
-    return page + outlook(folder) + finger(folder) + wishes
+        page += f"\n## `antinode active {model}`: {chapters[model]}\n\n" + outputs.markdown(HEADINGS, active(model))
+    wishes = {wish.study: wish.text(folder) for wish in WISHES}
+    page += "".join(wishes.values())
+    absent = [name for name, section in wishes.items() if not section]
+    return page + (f"\nNot stored: {', '.join(absent)} (`antinode run NAME`).\n" if absent else "")
 
 
 def renewed(page: str, sections: list[str]) -> str:
@@ -554,14 +513,12 @@ def renewed(page: str, sections: list[str]) -> str:
 
 def _only(names: list[str], folder: Path) -> list[str]:
     """The sections of the outlook that stand on these studies. SystemExit for a study without one, or that is not stored."""
-    known: dict[str, Callable[[Path], str]] = {wish.study: wish.text for wish in WISHES}
-    known["touch"] = finger
-    sections = {}
-    for name in names:
-        sections[name] = known[name](folder) if name in known else ""
-        if not sections[name]:
+    known = {wish.study: wish for wish in WISHES}
+    sections = {name: known[name].text(folder) if name in known else "" for name in names}
+    for name, section in sections.items():
+        if not section:
             raise SystemExit(f"--only {name}: must be a stored study of {', '.join(known)}")
-    return list(dict.fromkeys(sections.values()))
+    return [*sections.values()]
 
 
 def main() -> int:
@@ -571,11 +528,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", default=[], metavar="NAME")
     arguments = parser.parse_args()
     folder = arguments.results
-    if arguments.only:
-        page = renewed(PAGE.read_text(), _only(arguments.only, folder))
-    else:
-        draw_outlook(folder)
-        page = text(folder)
+    page = renewed(PAGE.read_text(), _only(arguments.only, folder)) if arguments.only else text(folder)
     write_atomic(PAGE, page.encode())
     print(f"reproduction {PAGE}")
     return 0

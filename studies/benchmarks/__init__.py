@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-import json
+import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
+
+from pipeline.paths import ROOT
 
 
 def timed(action: Callable[[], Any], repeats: int) -> float:
@@ -20,12 +25,43 @@ def timed(action: Callable[[], Any], repeats: int) -> float:
     return best
 
 
-def in_a_process(module: str, *arguments: str) -> dict[str, Any]:
-    """The JSON object that `python -m module arguments` prints last. Raises RuntimeError with its last words."""
-    done = subprocess.run([sys.executable, "-m", module, *arguments], capture_output=True, text=True)
-    lines = done.stdout.splitlines()
-    if done.returncode or not lines:
-        words = (done.stderr or done.stdout).strip().splitlines()
-        raise RuntimeError(f"{module} {' '.join(arguments)}: {words[-1] if words else 'said nothing'}")
-    result: dict[str, Any] = json.loads(lines[-1])
-    return result
+@dataclass(frozen=True)
+class Ended:
+    """What a process printed and complained of; its processor time and that of every process that it waited for, s; the time
+    until it ended, s; the memory of the largest of them, bytes.
+    """
+
+    printed: str
+    complaints: str
+    seconds: float
+    wall: float
+    peak_bytes: int
+
+
+def ran(
+    *words: str,
+    root: Path = ROOT,
+    python: str = sys.executable,
+    check: bool = True,
+    environment: dict[str, str] | None = None,
+) -> Ended:
+    """Python with these words in the checkout at `root`, with an empty folder of results unless the environment names another.
+
+    RuntimeError with its last words where it fails, unless not to be checked.
+    """
+    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
+        outputs = Path(results, "stdout"), Path(results, "stderr")
+        own = os.environ | {"PYTHONPATH": str(root), "ANTINODE_RESULTS": f"{results}/results"} | (environment or {})
+        own.pop("PYTHONDONTWRITEBYTECODE", None)
+        with outputs[0].open("w") as out, outputs[1].open("w") as err:
+            begin = time.perf_counter()
+            with subprocess.Popen([python, *words], cwd=root, env=own, stdout=out, stderr=err) as process:
+                _, status, usage = os.wait4(process.pid, 0)
+                process.returncode = os.waitstatus_to_exitcode(status)
+            wall = time.perf_counter() - begin
+        printed, complaints = (output.read_text() for output in outputs)
+    if check and process.returncode:
+        last = (complaints or printed).split()[-30:]
+        raise RuntimeError(f"{' '.join(words)}: exit code {process.returncode}: {' '.join(last) or 'said nothing'}")
+    peak_bytes = usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return Ended(printed, complaints, usage.ru_utime + usage.ru_stime, wall, peak_bytes)

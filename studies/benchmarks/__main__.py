@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("cold_start", "assembly", "factorisations", "lanczos", "superelement", "bands", "page", "search", "auto")
+NAMES = ("cold_start", "factorisations", "lanczos", "bands")
 
 if __name__ == "__main__":
     for name in NAMES:

@@ -8,18 +8,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import resource
-import subprocess
-import sys
 import tempfile
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from geometry.elements import FloatArray
-from pipeline.paths import ROOT
+from studies.benchmarks import Ended, ran
 
 CASE = "studies/three-rows.toml"
 FINEST, ACCURACIES = 0.0005, (0.01, 0.003, 0.001, 0.0007)
@@ -31,36 +26,26 @@ OTHERS_HZ = {("G", 4): 39.67e3, ("G", 6): 108.45e3, ("G", 7): 175.83e3, ("G", 9)
 
 @dataclass(frozen=True)
 class Run:
-    """A command's wall time, s, and peak memory, bytes, and by corner its frequencies, Hz, and half-widths of their bars."""
+    """How a command ended, and by corner its frequencies, Hz, and half-widths of their bars."""
 
-    seconds: float
-    peak_bytes: int
+    cold: Ended
     frequencies_hz: dict[str, FloatArray]
     bars: dict[str, FloatArray]
 
 
 def run(accuracy: float) -> Run:
     """A fresh process from an empty folder of results, measured; one more, with the cell it kept, tells its figures."""
-    command = [sys.executable, "-m", "antinode", "bands", CASE, "--quiet", "--set", f"solve.accuracy={accuracy}"]
+    command = ("-m", "antinode", "bands", CASE, "--quiet", "--set", f"solve.accuracy={accuracy}")
     with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
-        own = os.environ | {"ANTINODE_RESULTS": results}
-        start = time.perf_counter()
-        with subprocess.Popen(command, cwd=ROOT, env=own, stdout=subprocess.DEVNULL) as process:
-            _, process.returncode, used = os.wait4(process.pid, 0)
-        seconds = time.perf_counter() - start
-        completed = subprocess.run(
-            [*command, "--json", "-"], cwd=ROOT, env=own, capture_output=True, text=True, check=True
-        )
-    corners = {point["label"]: point for point in json.loads(completed.stdout)["points"] if point["label"]}
+        own = {"ANTINODE_RESULTS": results}
+        cold = ran(*command, environment=own)
+        document = json.loads(ran(*command, "--json", "-", environment=own).printed)
+    corners = {point["label"]: point for point in document["points"] if point["label"]}
     frequencies, bars = (
         {label: np.array(point[name], dtype=float) for label, point in corners.items()}
         for name in ("frequencies_hz", "error")
     )
-    return Run(seconds, _bytes(used), frequencies, bars)
-
-
-def _bytes(used: resource.struct_rusage) -> int:
-    return used.ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+    return Run(cold, frequencies, bars)
 
 
 def errors(own_run: Run, finest: Run) -> tuple[float, float, float]:
@@ -90,10 +75,11 @@ def main() -> None:
     print(f"| {' | '.join((*columns, 'from another program', 'largest bar'))} |")
     print(f"|{'---|' * 7}", flush=True)
     for accuracy in (*given.accuracies, FINEST):
-        own_run = finest if accuracy == FINEST else run(accuracy)
-        own, others, bar = errors(own_run, finest)
+        one = finest if accuracy == FINEST else run(accuracy)
+        own, others, bar = errors(one, finest)
+        ratio = one.cold.wall / finest.cold.wall
         print(
-            f"| {accuracy} | {own_run.seconds:.1f} | {own_run.seconds / finest.seconds:.3f} | {own_run.peak_bytes / 1e6:.0f} "
+            f"| {accuracy} | {one.cold.wall:.1f} | {ratio:.3f} | {one.cold.peak_bytes / 1e6:.0f} "
             f"| {own:.3%} | {others:.3%} | {bar:.3%} |",
             flush=True,
         )

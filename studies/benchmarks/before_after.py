@@ -14,22 +14,19 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
 import pstats
 import subprocess
-import sys
 import tarfile
 import tempfile
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
 from pathlib import Path
 from statistics import median
 
 from pipeline.paths import ROOT
 from pipeline.records.store import write_atomic
 from studies import verification
+from studies.benchmarks import ran
 
 COMMIT = "73e5629"
 CASE = "studies/three-rows.toml"
@@ -68,54 +65,18 @@ def checkout(commit: str) -> Iterator[Path]:
         yield Path(folder)
 
 
-@dataclass(frozen=True)
-class Used:
-    """Processor time of a command and of every process that it waited for, s, the time until it ended, s, and the memory of
-    the largest of them, bytes.
-    """
-
-    seconds: float
-    wall: float
-    peak_bytes: int
-
-    @classmethod
-    def median(cls, runs: Sequence[Used]) -> Used:
-        """The median of each over some runs."""
-        seconds, wall, peak = (median(each) for each in zip(*map(astuple, runs), strict=True))
-        return cls(seconds, wall, int(peak))
-
-
-def used_by(root: Path, *arguments: str, **more: str) -> Used:
-    """What a command of the checkout at `root` takes with an empty results folder. CalledProcessError with what it said."""
-    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results, tempfile.TemporaryFile() as said:
-        own = {"PYTHONPATH": str(root), "ANTINODE_RESULTS": results, **more}
-        usual = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-        command = [sys.executable, *arguments]
-        begin = time.perf_counter()
-        with subprocess.Popen(command, cwd=root, env=usual | own, stdout=said, stderr=said) as process:
-            _, status, usage = os.wait4(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-        wall = time.perf_counter() - begin
-        if process.returncode:
-            said.seek(0)
-            raise subprocess.CalledProcessError(process.returncode, command, said.read())
-    return Used(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss * (1 if sys.platform == "darwin" else 1024))
-
-
-def shares(root: Path, command: tuple[str, ...]) -> dict[str, float]:
+def shares(command: tuple[str, ...]) -> dict[str, float]:
     """Share of a command's time by what was done, in one thread under the profiler; `rest` is Python and all else."""
     with tempfile.NamedTemporaryFile(suffix=".prof") as profile:
-        used_by(root, "-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, ANTINODE_THREADS="1")
+        ran("-m", "cProfile", "-o", profile.name, "-m", "antinode", *command, environment={"ANTINODE_THREADS": "1"})
         entries = pstats.Stats(profile.name).stats.items()  # type: ignore[attr-defined]
     spent = dict.fromkeys((*SHARES, "rest"), 0.0)
     for (file, _, function), (_, _, own, *_) in entries:
-        spent[_kind(f"{Path(file).name}:{function}")] += own
+        called = f"{Path(file).name}:{function}"
+        kind = next((kind for kind, marks in SHARES.items() if any(mark in called for mark in marks)), "rest")
+        spent[kind] += own
     total = sum(spent.values())
     return {name: part / total for name, part in spent.items()}
-
-
-def _kind(function: str) -> str:
-    return next((kind for kind, marks in SHARES.items() if any(mark in function for mark in marks)), "rest")
 
 
 def _head(columns: tuple[str, ...]) -> str:
@@ -151,18 +112,20 @@ def main(arguments: list[str] | None = None) -> None:
     with checkout(given.commit) as earlier:
         for name in given.tasks or [each for each in TASKS if each not in LONG + LATER]:
             pairs = [
-                [used_by(root, "-m", "antinode", *TASKS[name]) for root in (earlier, ROOT)]
+                [ran("-m", "antinode", *TASKS[name], root=root) for root in (earlier, ROOT)]
                 for _ in range(given.repeats)
             ]
-            before, after = map(Used.median, zip(*pairs, strict=True))
-            spent = (
-                ["-"] * (len(SHARES) + 1)
-                if name in LONG
-                else [f"{100.0 * part:.0f} %" for part in shares(ROOT, TASKS[name]).values()]
+            seconds, wall, peak = (
+                [median(getattr(each, figure) for each in side) for side in zip(*pairs, strict=True)]
+                for figure in ("seconds", "wall", "peak_bytes")
             )
-            memory = f"{after.peak_bytes / 1e6:.0f}"
-            rows[name] = f"| {' | '.join((name, *_beside(before.seconds, after.seconds), memory, *spent))} |"
-            print(rows[name], " | ".join(_beside(before.wall, after.wall)), "|", flush=True)
+            spent = (
+                [f"{part:.0%}".replace("%", " %") for part in shares(TASKS[name]).values()] if name not in LONG else []
+            )
+            spent = spent or ["-"] * (len(SHARES) + 1)
+            memory = f"{peak[1] / 1e6:.0f}"
+            rows[name] = f"| {' | '.join((name, *_beside(*seconds), memory, *spent))} |"
+            print(rows[name], " | ".join(_beside(*wall)), "|", flush=True)
     if given.write:
         lead = f"{LEAD.format(commit=given.commit)}\n\n{head}"
         write_atomic(verification.PAGE, verification.with_speed(verification.PAGE.read_text(), rows, lead).encode())

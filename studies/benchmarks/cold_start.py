@@ -6,12 +6,9 @@
 from __future__ import annotations
 
 import re
-import statistics
-import subprocess
-import sys
-import time
+from statistics import median
 
-from pipeline.paths import ROOT
+from studies.benchmarks import ran
 
 CASE = "studies/three-rows.toml"
 COMMANDS = (
@@ -27,20 +24,9 @@ SHOWN = 4
 LINE = re.compile(r"import time:\s*(\d+) \|\s*(\d+) \| ( *)(\S+)")
 
 
-def seconds(arguments: tuple[str, ...]) -> float:
-    """Median wall time of a fresh process, s."""
-    times = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        subprocess.run([sys.executable, "-m", "pipeline.cli.main", *arguments], cwd=ROOT, capture_output=True)
-        times.append(time.perf_counter() - start)
-    return statistics.median(times)
-
-
 def slowest(arguments: tuple[str, ...]) -> list[tuple[str, float]]:
     """The packages whose import took longest, with what they import themselves, ms (the interpreter's own accounting)."""
-    command = [sys.executable, "-X", "importtime", "-m", "pipeline.cli.main", *arguments]
-    entry = subprocess.run(command, cwd=ROOT, capture_output=True, text=True).stderr
+    entry = ran("-X", "importtime", "-m", "pipeline.cli.main", *arguments, check=False).complaints
     measured: dict[str, float] = {}
     for match in LINE.finditer(entry):
         name = match.group(4)
@@ -53,7 +39,8 @@ def main() -> None:
     """One line a command."""
     for arguments in COMMANDS:
         parts = ", ".join(f"{name} {spent:.0f} ms" for name, spent in slowest(arguments))
-        print(f"antinode {' '.join(arguments)}: {seconds(arguments):.2f} s ({parts})", flush=True)
+        seconds = median(ran("-m", "pipeline.cli.main", *arguments, check=False).wall for _ in range(REPEATS))
+        print(f"antinode {' '.join(arguments)}: {seconds:.2f} s ({parts})", flush=True)
 
 
 if __name__ == "__main__":

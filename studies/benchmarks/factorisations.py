@@ -20,12 +20,13 @@ from geometry.hex.boxes import hex_mesh, plate_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.mesh import split_hexahedra
 from pipeline.batch.peak_memory import peak_bytes, resident_bytes
 from solvers.fem.factor.choice import available
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import SolidModel
-from studies import scenes
-from studies.benchmarks import in_a_process, timed
+from studies.benchmarks import ran, timed
+from studies.extremes import box
 
 MODULE = "studies.benchmarks.factorisations"
 ALUMINIUM = MATERIALS["aluminium"]
@@ -49,7 +50,8 @@ def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array
 
 def cube(cuts: int) -> sp.csc_array:
     """A free cube of quadratic tetrahedra."""
-    return _shifted(SolidModel(scenes.cube(cuts), {"body": ALUMINIUM}, (), False), None)
+    mesh = split_hexahedra(box((1e-2,) * 3, (cuts,) * 3, 2))
+    return _shifted(SolidModel(mesh, {"body": ALUMINIUM}, (), False), None)
 
 
 PROBLEMS: dict[str, Callable[[], sp.csc_array]] = {
@@ -86,26 +88,6 @@ def one(path: Path, backend: str) -> dict[str, Any]:
     }
 
 
-def measure(problems: tuple[str, ...] = tuple(PROBLEMS)) -> dict[str, Any]:
-    """For each problem: degrees of freedom, stored entries, and what `one` returns for every backend, or the reason
-    it failed.
-    """
-    measured: dict[str, Any] = {}
-    for name in problems:
-        matrix = PROBLEMS[name]()
-        runs: dict[str, Any] = {}
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "matrix.npz"
-            sp.save_npz(path, matrix, compressed=False)
-            for backend in available():
-                try:
-                    runs[backend] = in_a_process(MODULE, str(path), backend)
-                except RuntimeError as fault:
-                    runs[backend] = {"failed": str(fault)}
-        measured[name] = {"dofs": matrix.shape[0], "entries": matrix.nnz, "runs": runs}
-    return measured
-
-
 def main() -> None:
     """Print the table; times in s, memory in MB over interpreter and matrix."""
     print(
@@ -115,20 +97,25 @@ def main() -> None:
         f"{'problem':11} {'DOFs':>8} {'with':8} {'first':>8} {'next':>8} {'ten':>7} {'at once':>7} "
         f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
-    for name in PROBLEMS:
-        measured = measure((name,))[name]
-        for backend, run in measured["runs"].items():
-            head = f"{name:11} {measured['dofs']:8d} {backend:8}"
-            if "failed" in run:
-                print(f"{head} {run['failed']}")
-                continue
-            megabytes = [run[key] / 1e6 for key in ("foreseen_bytes", "peak_bytes", "held_bytes")]
-            print(
-                f"{head} {run['first_s']:8.3f} {run['next_s']:8.3f} {run['ten_solves_s']:7.3f} "
-                f"{run['block_of_ten_s']:7.3f} {megabytes[0]:8.0f} {megabytes[1]:7.0f} {megabytes[2]:7.0f} "
-                f"{run['negative']:8d}",
-                flush=True,
-            )
+    with tempfile.TemporaryDirectory() as folder:
+        for name, problem in PROBLEMS.items():
+            matrix, path = problem(), Path(folder, "matrix.npz")
+            sp.save_npz(path, matrix, compressed=False)
+            for backend in available():
+                print(f"{name:11} {matrix.shape[0]:8d} {backend:8} {_figures(path, backend)}", flush=True)
+
+
+def _figures(path: Path, backend: str) -> str:
+    """The rest of a line, or why there is none."""
+    try:
+        run = json.loads(ran("-m", MODULE, str(path), backend).printed.splitlines()[-1])
+    except RuntimeError as fault:
+        return str(fault)
+    megabytes = [run[key] / 1e6 for key in ("foreseen_bytes", "peak_bytes", "held_bytes")]
+    return (
+        f"{run['first_s']:8.3f} {run['next_s']:8.3f} {run['ten_solves_s']:7.3f} {run['block_of_ten_s']:7.3f} "
+        f"{megabytes[0]:8.0f} {megabytes[1]:7.0f} {megabytes[2]:7.0f} {run['negative']:8d}"
+    )
 
 
 if __name__ == "__main__":

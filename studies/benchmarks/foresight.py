@@ -8,18 +8,11 @@ every shape.
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
-import tempfile
 from dataclasses import dataclass
 
-from pipeline.case.model import load_case
-from pipeline.case.quantities import parse_band, parse_frequency
-from pipeline.paths import ROOT
-from pipeline.planning import plan
-from pipeline.planning.model_choice import Request
-from pipeline.planning.resources import GIB, Demand
-from pipeline.questions.bands import Bands
+from pipeline.planning.resources import GIB
+from studies.benchmarks import ran
 
 MEASURED = """import sys, time
 from pipeline.batch import peak_memory
@@ -32,58 +25,46 @@ print(max(each[0] for each in told), sum(each[1] for each in told), peak_memory.
 sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'
-SCENES: dict[str, tuple[str, ...]] = {
-    "zone": ("modes", REFERENCE, "--part", "zone"),
-    "zone small": ("modes", SMALL, "--part", "zone"),
-    "zone thin": ("modes", REFERENCE, "--part", "zone", "--set", "plate.thickness_mm=0.5"),
-    "zone 3e-4": ("modes", REFERENCE, "--part", "zone", "--set", "solve.accuracy=3e-4", "--count", "40"),
-    "zone 12 lines": ("modes", SMALL, "--part", "zone", "--set", "zone.nodal_lines=12"),
-    "zone steel": (
-        *("modes", REFERENCE, "--part", "zone", "--set", "plate.thickness_mm=6", "--set", 'material="steel"'),
-        *("--set", "solve.accuracy=0.001"),
-    ),
-    "pillar slender": ("modes", REFERENCE, "--part", "pillar", "--set", "pillar.height_mm=40", "--count", "6"),
-    "plate small": ("modes", SMALL),
-    "plate": ("modes", REFERENCE),
-    "plate thin": ("modes", REFERENCE, "--set", "plate.thickness_mm=1"),
-    "plate pitch 10": ("modes", REFERENCE, "--set", "array.pitch_mm=10"),
-    "plate steel pillars": (
-        *("modes", REFERENCE, "--set", 'pillar.material="steel"', "--set", "solve.accuracy=0.001"),
-    ),
-    "solid small": ("modes", SMALL, "--set", "solve.model=solid"),
-    "solid bare": ("modes", REFERENCE, "--set", "solve.model=solid", "--set", "array.rows=0"),
-    "bands small": ("bands", SMALL),
-    "bands 1e-3": ("bands", REFERENCE, "--set", "bands.points=4", "--set", "solve.accuracy=0.001"),
-    "round pillar": ("modes", SMALL, "--part", "pillar", "--set", ROUND),
-}  # fmt: skip
-DRIVEN: dict[str, tuple[str, ...]] = {
-    "response": ("response", REFERENCE),
-    "response whole": (
-        "response",
-        SMALL,
-        "--set",
-        "patches={size_mm=[6.0,3.0,0.3],centres_mm=[[-9.0,2.0],[4.0,-1.0]]}",
-    ),
-    "tolerance": ("tolerance", "studies/prototype-plate.toml", "--set", "tolerance.height_mm=0.05", "--samples", "2"),
+SCENES = {
+    "zone": f"modes {REFERENCE} --part zone",
+    "zone small": f"modes {SMALL} --part zone",
+    "zone thin": f"modes {REFERENCE} --part zone --set plate.thickness_mm=0.5",
+    "zone 3e-4": f"modes {REFERENCE} --part zone --set solve.accuracy=3e-4 --count 40",
+    "zone 12 lines": f"modes {SMALL} --part zone --set zone.nodal_lines=12",
+    "zone steel": f'modes {REFERENCE} --part zone --set plate.thickness_mm=6 --set material="steel" --set solve.accuracy=0.001',
+    "pillar slender": f"modes {REFERENCE} --part pillar --set pillar.height_mm=40 --count 6",
+    "plate small": f"modes {SMALL}",
+    "plate": f"modes {REFERENCE}",
+    "plate thin": f"modes {REFERENCE} --set plate.thickness_mm=1",
+    "plate pitch 10": f"modes {REFERENCE} --set array.pitch_mm=10",
+    "plate steel pillars": f'modes {REFERENCE} --set pillar.material="steel" --set solve.accuracy=0.001',
+    "solid small": f"modes {SMALL} --set solve.model=solid",
+    "solid bare": f"modes {REFERENCE} --set solve.model=solid --set array.rows=0",
+    "bands small": f"bands {SMALL}",
+    "bands 1e-3": f"bands {REFERENCE} --set bands.points=4 --set solve.accuracy=0.001",
+    "round pillar": f"modes {SMALL} --part pillar --set {ROUND}",
+}
+DRIVEN = {
+    "response": f"response {REFERENCE}",
+    "response whole": f"response {SMALL} --set patches={{size_mm=[6.0,3.0,0.3],centres_mm=[[-9.0,2.0],[4.0,-1.0]]}}",
+    "tolerance": "tolerance studies/prototype-plate.toml --set tolerance.height_mm=0.05 --samples 2",
 }
 SILICONE = "{young_GPa=1.175e-4,poisson=0.46875,density_kg_m3=1300.0}"
 
 
-def _cell(
-    pillar: str, *more: str, thickness_mm: float = 1.0, pitch_mm: float = 10.0, count: int = 10
-) -> tuple[str, ...]:
+def _cell(pillar: str, *more: str, thickness_mm: float = 1.0, pitch_mm: float = 10.0, count: int = 10) -> str:
     """The command of a cell's bands, few wavevectors of them."""
     settings = (
         f"pillar={{{pillar}}}", f"plate.thickness_mm={thickness_mm}", f"array.pitch_mm={pitch_mm}", f"bands.count={count}",
         "bands.points=2", "bands.grid=2", "solve.accuracy=0.01", *more,
     )  # fmt: skip
-    return ("bands", SMALL, *(word for each in settings for word in ("--set", each)))
+    return " ".join(["bands", SMALL, *(f"--set {each}" for each in settings)])
 
 
 STUB, SQUAT = 'shape="round",diameter_mm=7.0,height_mm=10.0', 'shape="round",diameter_mm=7.0,height_mm=5.0'
 SOFT = f"{SQUAT},material={SILICONE}"
 NECK = f'shape="square",side_mm=6.0,height_mm=5.0,material={SILICONE}'
-CELLS: dict[str, tuple[str, ...]] = {
+CELLS = {
     "stub": _cell(STUB, thickness_mm=5.0, count=16),
     "stub fine": _cell(STUB, "solve.accuracy=0.003", thickness_mm=5.0, count=16),
     "stub PMMA": _cell(STUB, 'material="pmma"', thickness_mm=5.0),
@@ -109,28 +90,6 @@ CELLS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 
 
-def foreseen(name: str) -> Demand:
-    """What the plan of a scene foresees."""
-    command, path, *words = (SCENES | CELLS)[name]
-    given = {word: value for word, value in zip(words[::2], words[1::2], strict=True) if word != "--set"}
-    case = load_case(
-        ROOT / path, [value for word, value in zip(words[::2], words[1::2], strict=True) if word == "--set"]
-    )
-    if command == "bands":
-        planned = Bands().plan(case)
-    else:
-        near, band, count = given.get("--near"), given.get("--band"), given.get("--count")
-        request = Request(
-            given.get("--part", "plate"),
-            parse_band(band, "--band") if band else None,
-            parse_frequency(near, "--near") if near else None,
-            int(count) if count else None,
-        )
-        planned = plan.plan_of(case, plan.modes_step(case, request))
-    (demand,) = planned.demands.values()
-    return demand
-
-
 @dataclass(frozen=True)
 class Taken:
     """Memory in B and processor time in s that a command foresaw, finer meshes that it announced with it, and took."""
@@ -143,21 +102,8 @@ class Taken:
 
 def taken(name: str) -> Taken:
     """Run a scene's command with empty caches. RuntimeError where it fails."""
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "ANTINODE_RESULTS": folder, "PYTHONPATH": str(ROOT)}
-        command = [
-            sys.executable,
-            "-c",
-            MEASURED,
-            *(SCENES | DRIVEN | CELLS)[name],
-            "--quiet",
-            "--json",
-            f"{folder}/found.json",
-        ]
-        ended = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
-    if ended.returncode:
-        raise RuntimeError(f"{name}: exit code {ended.returncode}")
-    return Taken(*map(float, ended.stdout.split()[-4:]))
+    command = (SCENES | DRIVEN | CELLS)[name].split()
+    return Taken(*map(float, ran("-c", MEASURED, *command, "--quiet", "--json", os.devnull).printed.split()[-4:]))
 
 
 def main(names: list[str]) -> None:

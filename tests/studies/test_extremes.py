@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from geometry.mesh import split_hexahedra
-from studies import extremes, scenes
+from studies import extremes
 
 
 class Quiet:
@@ -50,5 +50,5 @@ def test_a_wrong_number_fails_its_case(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_the_flattest_angle_of_known_tetrahedra() -> None:
-    mesh = split_hexahedra(scenes.box((1.0, 1.0, 1.0), (1, 1, 1), 2))
+    mesh = split_hexahedra(extremes.box((1.0, 1.0, 1.0), (1, 1, 1), 2))
     assert extremes.smallest_dihedral(mesh) == pytest.approx(45.0)

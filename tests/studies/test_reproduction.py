@@ -55,10 +55,14 @@ def test_what_the_page_asks_to_run_is_a_study(name: str) -> None:
     assert load_study(name).name == name
 
 
-def test_the_outlook_names_what_is_not_stored_and_its_studies_are_there(tmp_path: Path) -> None:
-    assert "Not stored: graded, graded-heights" in reproduction.outlook(tmp_path)
-    assert reproduction.draw_outlook(tmp_path) is None
-    assert [load_study(name).name for name in reproduction.OUTLOOK] == list(reproduction.OUTLOOK)
+def test_the_page_names_the_wishes_that_are_not_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("pillars", "active"):
+        monkeypatch.setattr(reproduction, name, lambda *_: [])
+    page = reproduction.text(tmp_path)
+    assert page.endswith(
+        "Not stored: graded, touch, glass, hybrid, travelling, zones, faces, staggered (`antinode run NAME`).\n"
+    )
+    assert [load_study(name).name for name in ("graded", "graded-heights")] == ["graded", "graded-heights"]
 
 
 def test_heights_off_together_belong_to_one_design() -> None:
@@ -66,13 +70,9 @@ def test_heights_off_together_belong_to_one_design() -> None:
     assert reproduction._off_mm((6.1, 5.6), (6.2, 5.6)) is None is reproduction._off_mm((6.7, 6.1), (6.2, 5.6))
 
 
-def test_a_bar_in_a_cell_does_not_break_the_table() -> None:
-    assert "\\|t\\|2" in reproduction.table([("force", "|t|2", "0", "agrees")])
-
-
 def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A record with two states: what is known stands in the table, what is not says so; no zero is made of none."""
-    assert reproduction.finger(tmp_path) == "" and load_study("touch").name == "touch"
+    finger = next(wish for wish in reproduction.WISHES if wish.study == "touch")
     figures: dict[str, Any] = {name: 2e-7 if name.endswith("_m") else 0.5 for name in TouchStateRecord.declared}
     touched = TouchStateRecord(**{**figures, "state": "touched", "confinement_db": None, "drawn_mW_at_1um": 7.5})
     free = replace(touched, state="free", confinement_db=12.0, finger_m=9e-7)
@@ -92,9 +92,9 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
     )
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
     (tmp_path / "pictures").mkdir()
-    page = reproduction.finger(tmp_path)
+    page = finger.text(tmp_path)
     assert "| 2 rows, light | unknown | 0.9 um | 0.2 um | 12.0 dB | none | none | 7.5 mW | none |" in page
-    assert (tmp_path / reproduction.TOUCH_FIGURE).stat().st_size > 1000 and reproduction.TOUCH_FIGURE in page
+    assert (tmp_path / "pictures" / "touch.svg").stat().st_size > 1000 and "(pictures/touch.svg)" in page
 
 
 def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -128,7 +128,7 @@ def test_one_section_is_written_anew_and_the_rest_is_left(tmp_path: Path, monkey
     assert reproduction.renewed(page, []) == page
     for name in ("faces", "nothing"):
         monkeypatch.setattr("sys.argv", ["reproduction", "--results", str(tmp_path), "--only", name])
-        with pytest.raises(SystemExit, match=f"--only {name}: must be a stored study of glass, hybrid"):
+        with pytest.raises(SystemExit, match=f"--only {name}: must be a stored study of graded, touch, glass"):
             reproduction.main()
 
 

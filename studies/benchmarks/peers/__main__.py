@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -23,6 +21,7 @@ from typing import Any
 
 from pipeline.paths import ROOT
 from pipeline.records.store import write_atomic
+from studies.benchmarks import ran
 from studies.benchmarks.peers import evaluation
 from studies.benchmarks.peers.evaluation import Solution
 from studies.benchmarks.peers.scene import PARTS, task
@@ -122,17 +121,14 @@ def solve(row: Row, interpreter: str) -> Solution:
     """A row in a process of its own. RuntimeError with its last words."""
     module = "studies.benchmarks.peers"
     command = {
-        SCIKIT: [sys.executable, "-m", f"{module}.hexahedra", "scikit-fem"],
-        CALCULIX: [sys.executable, "-m", f"{module}.hexahedra", "calculix"],
-        NGSOLVE: [interpreter, str(FOLDER / "tetrahedra.py")],
-    }.get(row.program, [sys.executable, "-m", f"{module}.ours"])
-    with tempfile.TemporaryDirectory(prefix="antinode-results-") as results:
-        own = os.environ | ONE_THREAD | row.environment | {"ANTINODE_RESULTS": results}
-        given = [*command, json.dumps(task(row.part, row.settings))]
-        done = subprocess.run(given, cwd=ROOT, env=own, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError(f"{row.name}: {' '.join(done.stderr.split()[-30:])}")
-    return Solution(row.part, row.program, row.description, **json.loads(done.stdout.splitlines()[-1]))
+        SCIKIT: ["-m", f"{module}.hexahedra", "scikit-fem"],
+        CALCULIX: ["-m", f"{module}.hexahedra", "calculix"],
+        NGSOLVE: [str(FOLDER / "tetrahedra.py")],
+    }.get(row.program, ["-m", f"{module}.ours"])
+    python = interpreter if row.program == NGSOLVE else sys.executable
+    given = json.dumps(task(row.part, row.settings))
+    ended = ran(*command, given, python=python, environment=ONE_THREAD | row.environment)
+    return Solution(row.part, row.program, row.description, **json.loads(ended.printed.splitlines()[-1]))
 
 
 def kept(row: Row, interpreter: str, folder: Path | None) -> Solution:

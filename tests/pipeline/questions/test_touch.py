@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipeline.models import touch
 from pipeline.models.forced import forced_plate
 from pipeline.questions.touch import TouchResult
 from solvers.piezo.forced import ForcedPlate
-from studies.reproduction import _power_by_design
+from studies.reproduction import _by_power
 from tests.helpers.asked import touch_of
 from tests.helpers.scenes import three_patches
 
@@ -110,6 +111,6 @@ def test_the_map_holds_the_case_s_own_place_and_is_drawn_from_the_record(record:
     (figure,) = record.pictures()
     assert len(figure.figure.axes) == 3 and "places of the touch face" in figure.alt
     record.as_figure().savefig(tmp_path / "touch.svg")
-    _power_by_design([("one", record), ("two", record)], tmp_path / "power.svg")
+    _by_power(2 * [SimpleNamespace(sweep={}, of=lambda kind: record)]).savefig(tmp_path / "power.svg")
     assert all((tmp_path / name).stat().st_size > 1000 for name in ("touch.svg", "power.svg"))
     assert TouchResult.from_document(record.to_dict()) == record
