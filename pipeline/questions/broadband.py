@@ -206,4 +206,4 @@ class Broadband(
         """Compute what passes the rows of one column, and its forced motion, over frequency."""
         from pipeline.models.broadband import broadband
 
-        return BroadbandResult.of(broadband(case, run, hz(self.band_kHz), self.points))
+        return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points))

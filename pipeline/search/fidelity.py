@@ -163,7 +163,7 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
-    return sum(high - low for low, high in broad.stopped if low <= frequency_hz <= high) / KHZ
+    return sum(high - low for low, high in broad["stopped"] if low <= frequency_hz <= high) / KHZ
 
 
 def kept_cell(case: Case) -> Any:
@@ -230,7 +230,7 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
 
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = solve(case, log, band_hz, PEAKS).zones
+    zones = solve(case, log, band_hz, PEAKS, [])["zones"]
     lowest = min(zones, key=lambda zone: zone.peak_hz)
     loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
     level, level_error = worst_of(zones)
