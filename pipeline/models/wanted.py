@@ -41,6 +41,7 @@ class ModeRow(ModeRecord):
 
     column: int = live()
     extension_db: float | None = live()
+    extension_error_db: float | None = live()
     error_parts: dict[str, float] = live(default_factory=dict)
 
 

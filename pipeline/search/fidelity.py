@@ -275,13 +275,12 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
-    row, bar = part_modes.wanted_row, part_modes.bar
+    row = part_modes.wanted_row
     if row is None:
         return FidelityResult(fidelity, None, None, None, None, "no mode of the wanted shape in the window")
     measures = (row.frequency_hz, row.confinement_db, row.extension_db, row.mac)
-    errors = (bar.frequency, bar.confinement_db) if bar else (None, None)
-    extension_error = bar.extension_db if bar else None
-    return FidelityResult(fidelity, *measures, "", *errors, tuple(log.warnings), extension_error_db=extension_error)
+    errors = (row.error, row.confinement_error_db, tuple(log.warnings))
+    return FidelityResult(fidelity, *measures, "", *errors, extension_error_db=row.extension_error_db)
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
