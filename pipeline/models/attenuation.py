@@ -29,13 +29,11 @@ from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, stacked
 
-STEEPEST_DB = (
-    100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
-)
+# a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
+STEEPEST_DB = 100.0
 ROUNDING_DB = 1e-6
-CARRIED = (
-    0.01  # change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
-)
+# change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
+CARRIED = 0.01
 
 
 @one_thread()

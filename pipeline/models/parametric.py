@@ -152,9 +152,8 @@ PATHS = {True: "GXMG", False: "GXMYG"}  # around the irreducible Brillouin zone,
 INTERVALS, BANDS = 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
-FINE_ENOUGH = (
-    0.015  # of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
-)
+# of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
+FINE_ENOUGH = 0.015
 
 
 @dataclass(frozen=True)
