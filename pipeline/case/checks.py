@@ -121,18 +121,12 @@ def check_tip(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     section, width, most = section_mm(file, form), file.zone.width_mm, limits.MAX_SLENDERNESS
     for name, given, other in (("tip.side_mm", side, section), ("tip.height_mm", height, side)):
         if other and not 1.0 / most <= given / other <= most:
-            yield (
-                name,
-                given,
-                f"must be from {other / most:g} to {other * most:g}, {1.0 / most:g} to {most:g} times {other:g}",
-            )
+            text = f"must be from {other / most:g} to {other * most:g}, {1.0 / most:g} to {most:g} times {other:g}"
+            yield name, given, text
     for name, pitch in _given_pitches(file):
         if pitch - side < limits.MIN_GAP * side:
-            yield (
-                "tip.side_mm",
-                side,
-                f"tips touch: must be below array.{name} = {pitch:g} by {limits.MIN_GAP:g} of itself",
-            )
+            text = f"tips touch: must be below array.{name} = {pitch:g} by {limits.MIN_GAP:g} of itself"
+            yield "tip.side_mm", side, text
     if width and section and file.array.rows != 0 and 2.0 * (side - section) >= width:
         allowed = (
             f"must be below {section + width / 2.0:g}: a tip may reach over a quarter of zone.width_mm = {width:g}"
@@ -169,11 +163,8 @@ def check_pillar_on_plate(file: Tables, form: PillarShape | None) -> Iterator[Di
     rows, length, pitch = file.array.rows, file.zone.length_mm, file.array.pitch_x_mm
     if rows and length and pitch and 2.0 * rows * (length / pitch + 1.0) > limits.MAX_PILLARS:
         count = int(2.0 * rows * (length / pitch + 1.0))
-        yield (
-            "array.rows",
-            rows,
-            f"{count} pillars: no more than {limits.MAX_PILLARS} can be assembled (rows x columns)",
-        )
+        text = f"{count} pillars: no more than {limits.MAX_PILLARS} can be assembled (rows x columns)"
+        yield "array.rows", rows, text
 
 
 def check_nodal_lines(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -200,11 +191,8 @@ def check_row_fits(file: Tables, form: PillarShape | None) -> Iterator[Diagnosti
         yield "zone.length_mm", length, f"pillar row outside the plate: must be at least the footprint {footprint:g} mm"
     rows, pitch = file.array.rows or 0, file.array.pitch_x_mm
     if file.array.stagger and rows > 1 and length and pitch and footprint and length < pitch + footprint:
-        yield (
-            "array.stagger",
-            True,
-            f"a shifted row holds no pillar: zone.length_mm must be at least {pitch + footprint:g}",
-        )
+        text = f"a shifted row holds no pillar: zone.length_mm must be at least {pitch + footprint:g}"
+        yield "array.stagger", True, text
 
 
 def _whole_width(file: Tables, form: PillarShape | None) -> list[float]:
@@ -223,23 +211,19 @@ def check_thickness(file: Tables, form: PillarShape | None) -> Iterator[Diagnost
     sides = [file.zone.length_mm, file.array.pitch_x_mm, file.array.pitch_y_mm, *_whole_width(file, form)]
     longest = max((side for side in sides if side is not None), default=None)
     if thickness is not None and longest is not None and longest / thickness > THINNEST:
-        yield (
-            "plate.thickness_mm",
-            thickness,
+        text = (
             f"plate thinner than the mesher can hold: must be at least {longest / THINNEST:g} mm "
-            f"(the longest side {longest:g} mm over {THINNEST:g})",
+            f"(the longest side {longest:g} mm over {THINNEST:g})"
         )
+        yield "plate.thickness_mm", thickness, text
 
 
 def check_not_a_block(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     """The plate is thinner than its zone is wide; else a unit was mistaken."""
     thickness, width = file.plate.thickness_mm, file.zone.width_mm
     if thickness is not None and width is not None and thickness > width:
-        yield (
-            "plate.thickness_mm",
-            thickness,
-            f"must be at most zone.width_mm = {width:g}: a plate, not a block (lengths are in mm)",
-        )
+        text = f"must be at most zone.width_mm = {width:g}: a plate, not a block (lengths are in mm)"
+        yield "plate.thickness_mm", thickness, text
 
 
 def check_rows(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
@@ -455,8 +439,5 @@ def check_zones(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     if gap < span - SAME_MM:
         yield "zone.gap_mm", gap, f"must be at least {span:g}, which {shared} rows take"
     elif shared % 2 and gap > span + SAME_MM:
-        yield (
-            "zone.shared_rows",
-            shared,
-            f"must be even where the gap {gap:g} mm leaves room: half stand at each border",
-        )
+        text = f"must be even where the gap {gap:g} mm leaves room: half stand at each border"
+        yield "zone.shared_rows", shared, text

@@ -429,7 +429,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     from pipeline.models import modes
 
     solved = modes.solve_modes(case, of_case(case), log)
-    row, bar = solved.wanted_row, solved.bar
+    row = solved.wanted_row
     if row is None:
         return {"why_not": "no mode of the wanted shape in the window"}
     return {
@@ -437,6 +437,6 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
         "status": solved.wanted.status if solved.wanted else "none",
         "confinement_db": row.confinement_db,
         "extension_db": row.extension_db,
-        "frequency_error": bar.frequency if bar else None,
-        "confinement_error_db": bar.confinement_db if bar else None,
+        "frequency_error": row.error,
+        "confinement_error_db": row.confinement_error_db,
     }

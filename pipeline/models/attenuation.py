@@ -29,35 +29,19 @@ from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, stacked
 
-STEEPEST_DB = (
-    100.0  # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
-)
+# a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
+STEEPEST_DB = 100.0
 ROUNDING_DB = 1e-6
-CARRIED = (
-    0.01  # change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
-)
-
-
-@dataclass(frozen=True)
-class SolvedAttenuation:
-    """Complex bands over frequency at one wavenumber along the zone; errors are those of the cell's bands, relative."""
-
-    model: str
-    kx_per_m: float
-    pitch_y_m: float
-    rows: int
-    expected_error: float | None
-    reduction_error: float | None
-    points: list[AttenuationPoint]
-    meshes: list[MeshRecord]
+# change of a wavenumber, relative to it or one a pitch, that boundary functions of one degree less may bring
+CARRIED = 0.01
 
 
 @one_thread()
 def solve(
     case: Case, choice: ModelChoice, log: Log, band_hz: tuple[float, float], kx: float, points: int,
-    model: LatticeModel | None = None,
-) -> SolvedAttenuation:  # fmt: skip
-    """Compute the complex bands of the case's row over a band of frequencies.
+    meshes: list[MeshRecord], model: LatticeModel | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Compute the complex bands of the case's row over a band of frequencies; columns of `AttenuationResult` by name.
 
     Parameters
     ----------
@@ -71,14 +55,17 @@ def solve(
         The frequencies, spread evenly.
     kx
         Wavenumber along the zone, rad/m.
+    meshes
+        To which the cell's meshes are added.
     model
         The reduced cell of the case's bands, where there is one already.
     """
-    meshes: list[MeshRecord] = []
     (low, high), rows = band_hz, case.design.rows
+    own: list[MeshRecord] = []
     cells = (
-        _staggered(case, choice, log, high) if case.design.stagger else _in_line(case, choice, log, high, meshes, model)
+        _staggered(case, choice, log, high) if case.design.stagger else _in_line(case, choice, log, high, own, model)
     )
+    meshes += own
     row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
     with log.step(f"{points} frequencies"):
         samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
@@ -87,8 +74,15 @@ def solve(
         error = None if expected is None else expected + cells.reduction_error
         samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)
     _log_converted(samples, kx, lambda tone: _through(row.waves(tone).stiffness, bare, rows, tone), error, log)
-    pitch_y_m = case.design.pitch_y_m
-    return SolvedAttenuation(cells.name, kx, pitch_y_m, rows, expected, cells.reduction_error, samples, meshes)
+    return {
+        "model": cells.name,
+        "kx_per_m": kx,
+        "pitch_y_m": case.design.pitch_y_m,
+        "rows": rows,
+        "expected_error": expected,
+        "reduction_error": cells.reduction_error,
+        "points": samples,
+    }
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -42,8 +43,8 @@ def broadband(
     points: int = POINTS,
     accuracy: float | None = None,
     with_bars: bool = True,
-) -> SolvedBroadband:
-    """One column of the case's cells at the wanted wavenumber: what passes its rows, and its forced motion, over frequency.
+) -> dict[str, Any]:
+    """Columns of `BroadbandResult` by name: one column of the case's cells at the wanted wavenumber, over frequency.
 
     InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
     """
@@ -70,49 +71,23 @@ def broadband(
     confined = stretches(tones, driven.confinement_db)
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
     errors_of = partial(end_errors, samples, widest)
-    return SolvedBroadband(
-        model=f"column of superelements hex{order}",
-        kx_per_m=case.kx_wanted_per_m,
-        rows=design.rows,
-        wanted_hz=wanted_hz,
-        wanted_db=wanted_db,
-        wanted_error=wanted_error,
-        wanted_error_db=wanted_bar,
-        frequency_error=widest,
-        confined_hz=_about(confined, wanted_hz),
-        stopped_hz=_about(stopped, wanted_hz),
-        confined=confined,
-        stopped=stopped,
-        confined_error=list(map(errors_of, confined)),
-        stopped_error=list(map(errors_of, stopped)),
-        points=samples,
-    )
-
-
-@dataclass(frozen=True)
-class SolvedBroadband:
-    """What the rows hold over frequency, as `pipeline.questions.broadband` declares it."""
-
-    model: str
-    kx_per_m: float
-    rows: int
-    wanted_hz: float | None
-    wanted_db: float | None
-    wanted_error: float | None
-    wanted_error_db: float | None
-    frequency_error: float | None
-    confined_hz: Stretch | None
-    stopped_hz: Stretch | None
-    confined: list[Stretch]
-    stopped: list[Stretch]
-    confined_error: list[tuple[float | None, float | None]]
-    stopped_error: list[tuple[float | None, float | None]]
-    points: list[BroadbandPoint]
-
-    @property
-    def stopped_width_hz(self) -> float:
-        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
-        return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
+    return {
+        "model": f"column of superelements hex{order}",
+        "kx_per_m": case.kx_wanted_per_m,
+        "rows": design.rows,
+        "wanted_hz": wanted_hz,
+        "wanted_db": wanted_db,
+        "wanted_error": wanted_error,
+        "wanted_error_db": wanted_bar,
+        "frequency_error": widest,
+        "confined_hz": _about(confined, wanted_hz),
+        "stopped_hz": _about(stopped, wanted_hz),
+        "confined": confined,
+        "stopped": stopped,
+        "confined_error": list(map(errors_of, confined)),
+        "stopped_error": list(map(errors_of, stopped)),
+        "points": samples,
+    }
 
 
 def end_errors(

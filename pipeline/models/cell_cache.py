@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from math import isqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -14,14 +14,10 @@ from geometry.elements import FloatArray
 from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
 from pipeline.records.cache import Cache
-from solvers.fem.assembly import Scale
-from solvers.superelement.cell import Cell, Expansion, Further, MeshError
-from solvers.superelement.interface import Interface
+from solvers.superelement.cell import Cell
 from solvers.variation.cells import CellFamily, nodes_of
 
 MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
-PARTS = {"scale": Scale, "interface": Interface, "mesh_error": MeshError, "further": Further}
-PARTS |= dict.fromkeys(("touch", "skin", "bare"), Expansion)
 OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
 
 
@@ -54,37 +50,52 @@ class CellCache(ArrayCache):
     def get(self, key: str) -> Cell | None:
         """Return the cell kept under this key by the same code, or None."""
         flat = self.load(key)
-        return None if flat is None else _unpacked(flat)
+        return None if flat is None else unpacked(Cell, flat)
 
     def put(self, key: str, cell: Cell) -> None:
         """Keep a cell."""
-        self.keep(key, _packed(cell))
+        self.keep(key, packed(cell))
 
 
-def _packed(cell: Cell) -> dict[str, Any]:
-    flat: dict[str, Any] = {}
-    for field in fields(cell):
-        value = getattr(cell, field.name)
-        if value is None:
-            continue
-        if field.name in PARTS:
-            inner = {f.name: getattr(value, f.name) for f in fields(value)}
-            flat |= {f"{field.name}.{name}": v for name, v in inner.items() if v is not None}
-        else:
-            flat[field.name] = value
-    return flat
+def packed(value: Any, name: str = "") -> dict[str, Any]:
+    """What a dataclass holds, its own dataclasses and tuples of them included, by dotted names; nothing for None."""
+    if is_dataclass(value):
+        parts = {field.name: getattr(value, field.name) for field in fields(value)}
+    elif isinstance(value, tuple) and value and is_dataclass(value[0]):
+        parts = {str(number): part for number, part in enumerate(value)}
+    else:
+        return {} if value is None else {name: value}
+    return {key: own for part in parts for key, own in packed(parts[part], f"{name}.{part}".lstrip(".")).items()}
 
 
-def _unpacked(flat: dict[str, Any]) -> Cell:
-    plain = {name: value for name, value in flat.items() if "." not in name}
-    for name, kind in PARTS.items():
-        inner = {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
-        if inner:  # a cell of tetrahedra has no coarser mesh
-            plain[name] = kind(**{key: value.item() if value.ndim == 0 else value for key, value in inner.items()})
-    plain["size_m"] = tuple(float(v) for v in plain["size_m"])
-    plain["mesh_dof"] = int(plain["mesh_dof"])
-    plain["dropped_hz"] = float(plain["dropped_hz"])
-    return Cell(**plain)
+def unpacked(kind: Any, flat: dict[str, Any]) -> Any:
+    """What `packed` made of a dataclass of this kind; parts that are not there keep their defaults."""
+    if "" in flat:
+        value = flat[""]
+        return tuple(value.tolist()) if get_origin(kind) is tuple else value.item() if value.ndim == 0 else value
+    kind = next((each for each in get_args(kind) if is_dataclass(each)), kind)  # X of X | None and of tuple[X, ...]
+    parts: dict[str, dict[str, Any]] = {}
+    for key, own in flat.items():
+        part, _, rest = key.partition(".")
+        parts.setdefault(part, {})[rest] = own
+    if "0" in parts:
+        return tuple(unpacked(kind, parts[str(number)]) for number in range(len(parts)))
+    hints = get_type_hints(kind)
+    return kind(**{part: unpacked(hints[part], own) for part, own in parts.items()})
+
+
+def triangles(matrices: FloatArray) -> FloatArray:
+    """The upper triangles (..., n (n + 1) / 2) of symmetric matrices (..., n, n)."""
+    return matrices[..., *np.triu_indices(matrices.shape[-1])]
+
+
+def symmetric(upper: FloatArray) -> FloatArray:
+    """The symmetric matrices (..., n, n) of upper triangles, in double precision."""
+    size = isqrt(2 * upper.shape[-1])
+    rows, columns = np.triu_indices(size)
+    matrices = np.empty((*upper.shape[:-1], size, size))
+    matrices[..., rows, columns] = matrices[..., columns, rows] = upper
+    return matrices
 
 
 class MatrixCache(ArrayCache):
@@ -93,17 +104,11 @@ class MatrixCache(ArrayCache):
     def get(self, key: str) -> FloatArray | None:
         """Return the matrix kept under this key by the same code, or None."""
         flat = self.load(key)
-        if flat is None:
-            return None
-        upper = flat["upper"]
-        size = isqrt(2 * len(upper))
-        matrix = np.zeros((size, size))
-        matrix[np.triu_indices(size)] = upper
-        return matrix + np.triu(matrix, 1).T
+        return None if flat is None else symmetric(flat["upper"])
 
     def put(self, key: str, matrix: FloatArray) -> None:
         """Keep a matrix."""
-        self.keep(key, {"upper": matrix[np.triu_indices(len(matrix))]})
+        self.keep(key, {"upper": triangles(matrix)})
 
 
 class ParametricCellCache(ArrayCache):
@@ -115,9 +120,9 @@ class ParametricCellCache(ArrayCache):
         if flat is None:
             return None
         reach, stiffness, mass, *missed = (flat.pop(name) for name in OWN)
-        return CellFamily(_unpacked(flat), reach, nodes_of(reach), stiffness, mass, (missed[0], missed[1]))
+        return CellFamily(unpacked(Cell, flat), reach, nodes_of(reach), stiffness, mass, (missed[0], missed[1]))
 
     def put(self, key: str, family: CellFamily) -> None:
         """Keep a family."""
         own = dict(zip(OWN, (family.reach_m, family.stiffness, family.mass, *family.missed), strict=True))
-        self.keep(key, _packed(family.cell) | own)
+        self.keep(key, packed(family.cell) | own)

@@ -96,8 +96,8 @@ def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> mod
 
 def _own_bar(part_modes: modes.PartModes) -> float:
     """What the tetrahedra's own stresses tell that the frequency may be off by; all that such a mesh may where they do not."""
-    own_bar = part_modes.bar.frequency if part_modes.bar else None
-    return excess(PLATE_TETRAHEDRA) if own_bar is None else own_bar
+    row = part_modes.wanted_row
+    return excess(PLATE_TETRAHEDRA) if row is None or row.error is None else row.error
 
 
 def _agrees(tet_hz: float, hex_hz: float, bar: float, own: float, log: Log) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,18 +22,6 @@ from solvers.measures.wanted_mode import SIMILAR
 from solvers.threads import one_thread
 
 
-@dataclass(frozen=True)
-class SolvedZones:
-    """The plate, its zones by ascending y, and the frequencies that their curves go over."""
-
-    model: str
-    dof: int
-    shared_rows: int
-    gap_m: float
-    frequency_hz: list[float]
-    zones: list[DrivenZone]
-
-
 def check_zones(case: Case) -> None:
     """Raise InputError for patches that do not drive each zone with the others' at 0 V."""
     patches, design = case.patches, case.design
@@ -50,16 +38,12 @@ def check_zones(case: Case) -> None:
 
 
 def solve(
-    case: Case,
-    log: Log,
-    band_hz: tuple[float, float] | None,
-    points: int,
-    meshes: list[MeshRecord] | None = None,
+    case: Case, log: Log, band_hz: tuple[float, float] | None, points: int, meshes: list[MeshRecord],
     is_announced: bool = False,
-) -> SolvedZones:
+) -> dict[str, Any]:  # fmt: skip
     """Drive each zone at its own peak and measure every zone, there and at so many frequencies of a band.
 
-    InputError as `check_zones` and `forced_plate`.
+    Returns columns of `CrosstalkResult` by name. InputError as `check_zones` and `forced_plate`.
     """
     case.require("patches", command="crosstalk")
     check_zones(case)
@@ -91,14 +75,14 @@ def solve(
                 )
             )
             _warn_of_shape(zone, driven[-1], log)
-    return SolvedZones(
-        model=f"{forced.plate.name} with {patches.count} patches",
-        dof=sum(group.pencil.dof for group in forced.plate.groups),
-        shared_rows=design.shared_rows,
-        gap_m=design.zone_gap_m,
-        frequency_hz=frequencies.tolist(),
-        zones=driven,
-    )
+    return {
+        "model": f"{forced.plate.name} with {patches.count} patches",
+        "dof": sum(group.pencil.dof for group in forced.plate.groups),
+        "shared_rows": design.shared_rows,
+        "gap_m": design.zone_gap_m,
+        "frequency_hz": frequencies.tolist(),
+        "zones": driven,
+    }
 
 
 def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:

@@ -21,7 +21,6 @@ from pipeline.models.mode_parts import CountRecord, WantedRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.error_bar import ErrorBar
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
     MEASURED,
@@ -46,6 +45,7 @@ from pipeline.planning.refinement import (
 )
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
+from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
@@ -68,9 +68,10 @@ PASSES = 4  # meshed or reduced anew for what was found, at most
 class PartModes:
     """Modes of a part in ascending order, with the model and the eigenvectors behind them.
 
-    reduction_error and expected_error (by the mesh) are those of any mode, relative; `bar` is the wanted mode's. `wanted` is
-    None where the question has no meaning: another symmetry class, a lone pillar, a mesh without touch face. more_in_mesh:
-    how many more modes than were counted the meshes behind a reduced plate have at most up to the count's upper end.
+    reduction_error and expected_error (by the mesh) are those of any mode, relative; `errors` those of each class's columns,
+    None where none was asked for. `wanted` is None where the question has no meaning: another symmetry class, a lone pillar,
+    a mesh without touch face. more_in_mesh: how many more modes than were counted the meshes behind a reduced plate have at
+    most up to the count's upper end.
     """
 
     part: str
@@ -83,7 +84,7 @@ class PartModes:
     meshes: list[MeshRecord]
     reduction_error: float | None = None
     expected_error: float | None = None
-    bar: ErrorBar | None = None
+    errors: dict[str | None, ModeErrors] | None = None
     wanted: Wanted | None = None
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # to a band that holds no mode
@@ -116,6 +117,11 @@ class PartModes:
         low, high = min(self.count.low_hz, part_modes.low_hz), max(self.count.high_hz, part_modes.high_hz)
         return replace(self, rows=tuple(rows), count=Count(low, high, len(rows), len(rows)))
 
+    def mesh_error(self, row: ModeRow) -> float | None:
+        """Half-width of a frequency's bar by the mesh; None where nothing tells it."""
+        own = (self.errors or {}).get(row.symmetry)
+        return None if own is None or np.isnan(own.mesh[row.column]) else float(own.mesh[row.column])
+
     def index(self, row: ModeRow | None) -> int | None:
         """Return a mode's place among `rows`; None where it is not there."""
         places = (
@@ -141,10 +147,7 @@ class PartModes:
         share, error = self._pillar_share(row) if self.part == "plate" else (None, None)
         return self.wanted.record(
             index=self.index(row),
-            extension_db=row.extension_db,
-            frequency_error=self.bar.frequency if self.bar else None,
-            confinement_error_db=self.bar.confinement_db if self.bar else None,
-            extension_error_db=self.bar.extension_db if self.bar else None,
+            frequency_error=row.error,
             pillar_energy_share=share,
             pillar_energy_share_error=error,
         )
@@ -154,7 +157,7 @@ class PartModes:
         assert self.wanted is not None
         own, mixing = partial(self.model.pillar_share, row.symmetry), calibration.mixing()
         vectors, siblings = self.vectors[row.symmetry], list(self.wanted.rows)
-        half = self.bar.frequency if self.bar else None
+        half = row.error
         if half is None or mixing is None or row not in siblings:
             return float(own(vectors[:, [row.column]])[0]), None
         place = siblings.index(row)
@@ -197,40 +200,36 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         simplifications.log_all((*choice.left_out, unpatched, others), log)
     if query.part != "pillar" and (short := short_wave(case.design)):
         log.warning("SHORT_WAVE", short)
-    (part_modes, errors), choice = _within_reach(case, query, choice, log)
+    part_modes, choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
-    estimate = _error_estimate(part_modes, errors)
+    estimate = _error_estimate(part_modes)
     for again in range(DEEPER):
         finer = refine_reduction(choice, estimate, case, log) if estimate else None
         if finer is None or (again and not _is_deeper(finer, choice)):
             break
         with refused(log):
-            (part_modes, errors), choice = _solved(case, query, finer, log), finer
+            part_modes, choice = _solved(case, query, finer, log), finer
         if choice is not finer:
             break
-        estimate = _error_estimate(part_modes, errors)
-    choice, (part_modes, errors) = on_finer_meshes(
-        (choice, (part_modes, errors)),
-        lambda solved: (_decisive(*solved), 0.0),
+        estimate = _error_estimate(part_modes)
+    choice, part_modes = on_finer_meshes(
+        (choice, part_modes),
+        lambda solved: (_decisive(solved), 0.0),
         lambda finer: _solved(case, query, finer, log),
         lambda finer: foresight.of_modes(case, finer, with_search(case, query)),
         case,
         log,
     )
-    estimate = _error_estimate(part_modes, errors)
+    estimate = _error_estimate(part_modes)
     if estimate:
         log.info(
             f"overestimated by truncation, as what it leaves out tells: the wanted mode {percent(estimate.total)}, "
             f"any mode {percent(estimate.worst)} at most"
         )
         warn(estimate.total, case, log)
-    by_mesh = [_mesh_error(row, errors) for row in part_modes.all_rows(query.search)]
-    expected = error_bar.log_mesh_error(choice, case, log, largest(np.array(by_mesh, dtype=float)))
-    part_modes = _with_errors(choice, part_modes, errors)
-    bar = _bar(case, choice, part_modes, errors)
-    part_modes = replace(part_modes, bar=bar)
+    expected = error_bar.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
     return replace(
-        _with_level_bars(case, part_modes),
+        _with_level_bars(case, _with_errors(part_modes)),
         reduction_error=estimate.worst if estimate else None,
         expected_error=expected,
     )
@@ -242,21 +241,26 @@ def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:
     return own is not None and other is not None and other.interface.through > own.interface.through
 
 
-def _decisive(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> float | None:
+def _decisive(part_modes: PartModes) -> float | None:
     """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the wanted mode's."""
     row = part_modes.wanted_row if isinstance(part_modes.model, PlateModel) else None
     rows = (row,) if row else part_modes.rows
-    return largest(np.array([_mesh_error(each, errors) for each in rows], dtype=float))
+    return _by_the_mesh(part_modes, rows)
 
 
-def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> PartModes:
+def _by_the_mesh(part_modes: PartModes, rows: Sequence[ModeRow]) -> float | None:
+    """The largest half-width of the bars of some modes by the mesh; None where nothing tells it."""
+    return largest(np.array([part_modes.mesh_error(row) for row in rows], dtype=float))
+
+
+def _with_both(part_modes: PartModes) -> PartModes:
     """The modes with the finest mesh's own frequencies beside the best ones.
 
     A plate's reduced matrices are the best ones already; of a body meshed whole the frequencies are lowered here.
     """
 
     def with_both(row: ModeRow) -> ModeRow:
-        own = errors.get(row.symmetry)
+        own = (part_modes.errors or {}).get(row.symmetry)
         taken = float(own.taken[row.column]) if own else 0.0
         if isinstance(part_modes.model, PlateModel):
             return replace(row, computed_hz=row.frequency_hz * (1.0 + taken))
@@ -265,27 +269,15 @@ def _by_mesh(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> Par
     return part_modes.each(with_both)
 
 
-def _mesh_error(row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
-    """Half-width of a frequency's bar by the mesh; None where nothing tells it."""
-    own = errors.get(row.symmetry)
-    return None if own is None or np.isnan(own.mesh[row.column]) else float(own.mesh[row.column])
-
-
-def _truncation(choice: ModelChoice, row: ModeRow, errors: dict[str | None, ModeErrors]) -> float | None:
-    """How far truncation may put a mode too high, relative; None for a body that was not reduced."""
-    own = errors.get(row.symmetry) if choice.reduction else None
-    return MARGIN * float(own.total[row.column]) if own else None
-
-
-def _with_errors(choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> PartModes:
+def _with_errors(part_modes: PartModes) -> PartModes:
     """The modes with the half-width of each frequency's bar: the mesh's expected error and the estimated truncation."""
 
     def with_error(row: ModeRow) -> ModeRow:
-        mesh, truncation = _mesh_error(row, errors), _truncation(choice, row, errors) or 0.0
-        if mesh is None:
+        mesh, own = part_modes.mesh_error(row), (part_modes.errors or {}).get(row.symmetry)
+        if mesh is None or own is None:
             return replace(row, error=None)
-        parts = {"mesh": mesh, "truncation": truncation}
-        return replace(row, error=mesh + truncation, error_parts=parts)
+        truncation = MARGIN * float(own.total[row.column])
+        return replace(row, error=mesh + truncation, error_parts={"mesh": mesh, "truncation": truncation})
 
     return part_modes.each(with_error)
 
@@ -307,8 +299,9 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
                 (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
             }
     own = part_modes.wanted_row
-    if own and part_modes.bar:
-        level = {"confinement_error_db": part_modes.bar.confinement_db}
+    if own:
+        levels = (None, None) if own.error is None else level_bars_db(case, part_modes, own.error)
+        level: dict[str, Any] = dict(zip(("confinement_error_db", "extension_error_db"), levels, strict=True))
         bars[own.symmetry, own.column] = bars.get((own.symmetry, own.column), {}) | level
 
     def with_bar(row: ModeRow) -> ModeRow:
@@ -349,16 +342,14 @@ def _warn_of_nothing(part_modes: PartModes, query: Request, log: Log) -> None:
     log.warning("NO_MODES", f"no mode{of_class} of the {query.part} lies between {low:g} and {high:g} Hz{nearest}")
 
 
-def _within_reach(
-    case: Case, query: Request, choice: ModelChoice, log: Log
-) -> tuple[tuple[PartModes, dict[str | None, ModeErrors]], ModelChoice]:
+def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> tuple[PartModes, ModelChoice]:
     """Solve the modes, and mesh or reduce anew until the model is made for frequencies as high as the modes found."""
     coarse = coarse_modes(case, query, choice)
     choice = (coarse and refine_mesh(choice, coarse.highest_hz, case, log)) or choice
     solved = _solved(case, query, choice, log, coarse)
     for _ in range(PASSES):
-        highest = max((row.frequency_hz for row in solved[0].all_rows(query.search)), default=0.0)
-        error = _decisive(*solved)
+        highest = max((row.frequency_hz for row in solved.all_rows(query.search)), default=0.0)
+        error = _decisive(solved)
         met = error is not None and error <= case.solve.accuracy  # whatever was measured on another design
         higher = (not met and refine_mesh(choice, highest, case, log)) or raise_cutoff(choice, highest, case, log)
         if higher is None:
@@ -367,11 +358,10 @@ def _within_reach(
     return solved, choice
 
 
-def _solved(
-    case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None
-) -> tuple[PartModes, dict[str | None, ModeErrors]]:
-    """Solve the modes by one model choice, with the wanted one among them and the reduction's errors class by
-    class. What a coarse mesh told of them saves modes that another class's nearer ones put out.
+def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None) -> PartModes:
+    """Solve the modes by one model choice, with the wanted one among them and the errors class by class.
+
+    What a coarse mesh told of them saves modes that another class's nearer ones put out.
     """
     meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
@@ -397,7 +387,6 @@ def _solved(
         farthest = _farthest(query, each)
         each = [one if _reach(query.near_hz, one.count) > farthest else solved(one.symmetry) for one in each]
     classes = {one.symmetry: one for one in each}
-    errors = {one.symmetry: one.errors for one in each if one.errors}
     rows, count = _merged(query, classes)
     part_modes = PartModes(
         query.part,
@@ -411,8 +400,9 @@ def _solved(
         wanted=next((one.wanted for one in each if one.wanted), None),
         more_in_mesh=_more_in_mesh(classes, count),
         nearest_hz=_nearest_hz(query, classes),
+        errors={one.symmetry: one.errors for one in each if one.errors},
     )
-    return _by_mesh(part_modes, errors), errors
+    return _with_both(part_modes)
 
 
 class _Class:
@@ -451,12 +441,10 @@ class _Class:
         """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
         if isinstance(self.model, PlateModel):
             return self.model.mode_errors(self.symmetry, self.pencil, self.vectors)
-        return self.by_the_mesh(coarser) if coarser else None
-
-    def by_the_mesh(self, coarser: MeshErrorSource) -> ModeErrors:
-        """What the mesh may put each of the modes off by."""
-        none = np.zeros(self.vectors.shape[1])
+        if coarser is None:
+            return None
         assert isinstance(self.pencil, Pencil)
+        none = np.zeros(self.vectors.shape[1])
         if not len(none):
             return ModeErrors(none, none, none, none, none)
         with self.log.step(f"error of the mesh, class {self.symmetry or 'whole'}"):
@@ -542,11 +530,12 @@ def _more_in_mesh(classes: dict[str | None, _Class], count: Count) -> int | None
     return None if None in more else sum(each or 0 for each in more)
 
 
-def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors]) -> ErrorEstimate | None:
+def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
     """Estimate the errors of a plate of reduced cells; None for a body that was not reduced or has no mode.
 
     Without a wanted mode the worst one stands for it.
     """
+    errors = part_modes.errors or {}
     every = [np.vstack([each.modes, each.degrees, each.through]) for each in errors.values() if len(each.modes)]
     if not every or not isinstance(part_modes.model, PlateModel):
         return None
@@ -557,20 +546,6 @@ def _error_estimate(part_modes: PartModes, errors: dict[str | None, ModeErrors])
     mine = (own.modes, own.degrees, own.through) if row and own else worst[:, None]
     column = row.column if row and own else 0
     return ErrorEstimate(float(worst.sum()), *(float(each[column]) for each in mine))
-
-
-def _bar(
-    case: Case, choice: ModelChoice, part_modes: PartModes, errors: dict[str | None, ModeErrors]
-) -> ErrorBar | None:
-    """Error bar of the wanted mode's frequency and confinement; None without a wanted mode."""
-    row = part_modes.wanted_row
-    if row is None or part_modes.wanted is None:
-        return None
-    bar = ErrorBar(_mesh_error(row, errors), _truncation(choice, row, errors))
-    if bar.frequency is None:
-        return bar
-    levels = level_bars_db(case, part_modes, bar.frequency)
-    return replace(bar, confinement_db=levels[0], extension_db=levels[1])
 
 
 def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[float | None, float | None]:
@@ -662,8 +637,14 @@ def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
     row = part_modes.wanted_row
     if row and part_modes.index(row) is None:
         said.append("It lies outside the modes listed above.")
-    if row and part_modes.bar:
-        said.append(f"expected errors: {part_modes.bar.text()}")
+    if row and part_modes.errors is not None:
+        level = (
+            ""
+            if row.confinement_error_db is None
+            else f", {level_text(*(row.confinement_error_db,) * 2)} of its confinement"
+        )
+        known = "none measured" if row.error is None else f"{percent(row.error)} of the wanted mode's frequency{level}"
+        said.append(f"expected errors: {known}")
     return [*said, count_text(part_modes)]
 
 

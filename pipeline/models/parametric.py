@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import re
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -25,7 +26,7 @@ from geometry.materials import Material
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log, WarningLog
-from pipeline.models.cell_cache import ArrayCache
+from pipeline.models.cell_cache import ArrayCache, packed, symmetric, triangles, unpacked
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import RESULTS
 from pipeline.planning.model_choice import cell_model_choice
@@ -33,14 +34,11 @@ from pipeline.quantity import percent
 from pipeline.workers import LocalWorkers
 from solvers.accuracy.bands import mesh_error
 from solvers.errors import SolverError
-from solvers.fem.assembly import Scale
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.parametric.compressed import compressed
 from solvers.parametric.foot import FixedMesh, Foot, foot_of
-from solvers.parametric.reduced_block import ReducedBlock
-from solvers.parametric.sectors import Sector
 from solvers.superelement.interface import Interface
 
 ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
@@ -154,9 +152,8 @@ PATHS = {True: "GXMG", False: "GXMYG"}  # around the irreducible Brillouin zone,
 INTERVALS, BANDS = 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
-FINE_ENOUGH = (
-    0.015  # of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
-)
+# of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
+FINE_ENOUGH = 0.015
 
 
 @dataclass(frozen=True)
@@ -242,7 +239,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
 def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
     """The model of a case's materials where the cache has it. InputError for a cell that it cannot follow."""
     offline = _for_foot(offline or Offline(), require_foot(case))
-    return CellModelCache().get_model(_key(_materials(case), offline), offline)
+    return CellModelCache().get_model(_key(_materials(case), offline))
 
 
 def kept_cell(case: Case) -> ParametricCell | None:
@@ -263,7 +260,7 @@ def kept_cell(case: Case) -> ParametricCell | None:
 @lru_cache(maxsize=2)
 def _loaded(materials: tuple[Material, Material], foot: Foot) -> CellModel | None:
     offline = _for_foot(Offline(), foot)
-    return CellModelCache().get_model(_key(materials, offline), offline)
+    return CellModelCache().get_model(_key(materials, offline))
 
 
 def _materials(case: Case) -> tuple[Material, Material]:
@@ -328,6 +325,11 @@ def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
         yield workers.map
 
 
+HALVED = re.compile(
+    r"cell\.blocks\.\d+\.(stiffness|mass|pillar_mass)"
+).fullmatch  # symmetric: single precision holds them
+
+
 class CellModelCache(ArrayCache):
     """Models, a file each, in a folder of their own, so that the cells of a sweep never displace them."""
 
@@ -346,76 +348,14 @@ class CellModelCache(ArrayCache):
                 fcntl.flock(file, fcntl.LOCK_EX)  # the kernel frees it when the process ends
             yield
 
-    def get_model(self, key: str, offline: Offline) -> CellModel | None:
+    def get_model(self, key: str) -> CellModel | None:
         """The model kept under this key by the same code, or None."""
         flat = self.load(key)
-        return None if flat is None else _unpacked(flat, offline)
+        if flat is None:
+            return None
+        return unpacked(CellModel, {name: symmetric(own) if HALVED(name) else own for name, own in flat.items()})
 
     def put_model(self, key: str, model: CellModel) -> None:
         """Keep a model; where the disk is full it is made again in the next run."""
-        self.keep(key, _packed(model))
-
-
-SYMMETRIC = ("stiffness", "mass", "pillar_mass")
-OWN = ("reference", "stiffness_exponents", "mass_exponents", "pillar_exponents", "touch_m", "touch_weights", "mesh_dof")
-
-
-def _packed(model: CellModel) -> dict[str, Any]:
-    cell, bases = model.cell, model.bases
-    flat: dict[str, Any] = {name: getattr(cell, name) for name in OWN}
-    flat |= {f"scale.{name}": value for name, value in vars(cell.scale).items()}
-    for number, block in enumerate(cell.blocks):
-        whole = {field.name: getattr(block, field.name) for field in fields(block)}
-        flat |= {f"block{number}.{name}": _half(value) if name in SYMMETRIC else value for name, value in whole.items()}
-    flat |= {name: getattr(bases, name) for name in ("fractions", "labels", "count", "floor")}
-    if model.mesh:
-        flat |= {f"mesh.{name}": getattr(model.mesh, name) for name in ("corners", "margin", "high")}
-    for name in ("sectors", "rich"):
-        for number, sector in enumerate(getattr(bases, name)):
-            flat |= {f"{name}{number}.{field.name}": getattr(sector, field.name) for field in fields(sector)}
-    return flat
-
-
-def _half(matrices: FloatArray) -> FloatArray:
-    """The upper triangles of symmetric matrices (q, n, n), (q, n (n + 1) / 2): single precision holds them."""
-    return np.asarray(matrices[:, *np.triu_indices(matrices.shape[1])], dtype=np.float32)
-
-
-def _whole(triangles: FloatArray, size: int) -> FloatArray:
-    """The symmetric matrices of upper triangles, (q, n, n)."""
-    rows, columns = np.triu_indices(size)
-    out = np.empty((len(triangles), size, size))
-    out[:, rows, columns] = out[:, columns, rows] = triangles
-    return out
-
-
-def _group(flat: dict[str, Any], name: str) -> dict[str, Any]:
-    return {key.split(".")[1]: value for key, value in flat.items() if key.startswith(f"{name}.")}
-
-
-def _unpacked(flat: dict[str, Any], offline: Offline) -> CellModel:
-    blocks: list[ReducedBlock] = []
-    while own := _group(flat, f"block{len(blocks)}"):
-        size = own["touch"].shape[1]
-        whole = {name: _whole(own[name], size) for name in SYMMETRIC}
-        blocks.append(ReducedBlock(**own | whole | {"functions": int(own["functions"])}))
-    scale = Scale(**{name: float(value) for name, value in _group(flat, "scale").items()})
-    sizes: Sizes = tuple(flat["reference"].tolist())
-    cell = ParametricCell(
-        offline.box, sizes, scale, offline.interface,
-        flat["stiffness_exponents"], flat["mass_exponents"], flat["pillar_exponents"], tuple(blocks),
-        flat["touch_m"], flat["touch_weights"], int(flat["mesh_dof"]),
-    )  # fmt: skip
-    few, rich = _sectors(flat, "sectors"), _sectors(flat, "rich")
-    labels = tuple(str(label) for label in flat["labels"])
-    bases = BandBases(flat["fractions"], labels, int(flat["count"]), few, rich, float(flat["floor"]))
-    own = _group(flat, "mesh")
-    mesh = MeshTable(cell.box, own["corners"], float(own["margin"]), own["high"]) if own else None
-    return CellModel(cell, bases, mesh)
-
-
-def _sectors(flat: dict[str, Any], name: str) -> tuple[Sector, ...]:
-    out: list[Sector] = []
-    while own := _group(flat, f"{name}{len(out)}"):
-        out.append(Sector(own["points"], tuple(int(number) for number in own["classes"]), own["bases"]))
-    return tuple(out)
+        flat = packed(model)
+        self.keep(key, {name: triangles(own).astype(np.float32) if HALVED(name) else own for name, own in flat.items()})

@@ -41,6 +41,7 @@ class ModeRow(ModeRecord):
 
     column: int = live()
     extension_db: float | None = live()
+    extension_error_db: float | None = live()
     error_parts: dict[str, float] = live(default_factory=dict)
 
 
@@ -83,9 +84,8 @@ def _number(value: float) -> float | None:
 
 
 ROUNDS = 6  # widenings at most: each moves an end by a fifth of a frequency
-SURE = (
-    0.5  # of the expected strength: a mode that has it is the one expected, for all others together have less beside it
-)
+# of the expected strength: a mode that has it is the one expected, for all others together have less beside it
+SURE = 0.5
 
 
 @dataclass(frozen=True)

@@ -9,40 +9,8 @@ from typing import Any
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning.model_choice import ModelChoice
-from pipeline.quantity import level, percent
+from pipeline.quantity import percent
 from solvers.accuracy.calibration import TET
-
-
-@dataclass(frozen=True)
-class ErrorBar:
-    """Half-width of a result's error: the frequency's by mesh and reduction, relative, the confinement's and that of the
-    level over the plate beyond the rows in dB.
-
-    None where nothing like the mesh was measured, the body was not reduced, or nothing is confined.
-    """
-
-    mesh: float | None
-    reduction: float | None = None
-    confinement_db: float | None = None
-    extension_db: float | None = None
-
-    @property
-    def frequency(self) -> float | None:
-        """Error by mesh and reduction together, relative."""
-        return None if self.mesh is None else self.mesh + (self.reduction or 0.0)
-
-    def text(self) -> str:
-        """Return the error bar in words."""
-        allowed = "" if self.confinement_db is None else f", {level(*(self.confinement_db,) * 2)} of its confinement"
-        return (
-            "none measured"
-            if self.frequency is None
-            else f"{percent(self.frequency)} of the wanted mode's frequency{allowed}"
-        )
-
-    def to_dict(self) -> dict[str, float | None]:
-        """As results keep it."""
-        return {"frequency": self.frequency, "confinement_db": self.confinement_db}
 
 
 @dataclass(frozen=True)

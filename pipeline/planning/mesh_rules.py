@@ -23,12 +23,10 @@ WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mod
 # degree along a side by accuracy: the longest side over the spacing of nodal lines; each solve's own estimate checks it
 ALONG = {0.002: {4: 0.36, 5: 0.9}, 0.0: {4: 0.3, 5: 0.4}}
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
-MAX_LENGTH = (
-    5.0  # thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
-)
-LOCKED = (
-    0.5  # of the length that waves allow: however thin the zone, elements so short make no more than those measured
-)
+# thicknesses that an element of the zone is long at most: about as in the calibration, longer ones lock
+MAX_LENGTH = 5.0
+# of the length that waves allow: however thin the zone, elements so short make no more than those measured
+LOCKED = 0.5
 ELEMENT = 0.26  # of a shear wave: what an element of a cell spans at the tenth band of the calibrated one
 REACH = 9.0  # fixed-interface modes of a plate's panels go up to so many times the highest frequency looked for, at 1 %
 SHORT_REACH = 4.0  # the same beyond the first thickness-shear resonance, where waves are short in every direction

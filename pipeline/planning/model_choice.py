@@ -18,9 +18,8 @@ from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_symmetry
 from solvers.superelement.interface import ReductionSettings
 
-BEYOND = (
-    4.0  # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
-)
+# the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
+BEYOND = 4.0
 SUPERELEMENT, SOLID = "superelement", "solid"
 
 

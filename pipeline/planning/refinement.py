@@ -24,9 +24,8 @@ from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
 
 RATE = 4.5  # the modes' error falls as top_hz^-4.5: N^-1.5, and N goes as top_hz^3
-SHORT = (
-    0.15  # of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
-)
+# of the cut-off asked for: cells made for so much less serve; their own estimate tells whether well enough
+SHORT = 0.15
 MAX_REFINEMENTS = 2  # finer meshes for the accuracy, at most
 EDGE_RATE = 1.1  # 2 x 0.54, of displacements at a re-entrant right angle; edges too hopeful are taken once more
 AIM = 0.8  # of what is left to the mesh: edges for just so much would often miss by a little

@@ -252,10 +252,10 @@ class Attenuation(
 
         choice, band = plan.steps[0].choice, driven_band_hz(case, hz(self.band_kHz))
         assert choice
-        solved = solve(case, choice, run, band, self._kx(case), self.points, run.solved.get("lattice"))
-        run.meshes += solved.meshes
+        kx, known = self._kx(case), run.solved.get("lattice")
+        solved = solve(case, choice, run, band, kx, self.points, run.meshes, known)
         zone = predesign(case.design).zone
-        return AttenuationResult.of(solved, zone_hz=zone.frequency_hz if zone else None)
+        return AttenuationResult(**solved, zone_hz=zone.frequency_hz if zone else None)
 
 
 class PredictionResult(Result, axes=()):

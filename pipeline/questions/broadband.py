@@ -166,4 +166,4 @@ class Broadband(
     def compute(self, case: Case, plan: Plan, run: Run) -> BroadbandResult:
         from pipeline.models.broadband import broadband
 
-        return BroadbandResult.of(broadband(case, run, hz(self.band_kHz), self.points))
+        return BroadbandResult(**broadband(case, run, hz(self.band_kHz), self.points))

@@ -141,7 +141,6 @@ class Crosstalk(
         """Drive each zone at its own peak and measure every zone."""
         from pipeline.models.driven_zones import solve
 
-        solved = solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True)
-        result = CrosstalkResult.of(solved)
+        result = CrosstalkResult(**solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True))
         run.report(result)
         return result

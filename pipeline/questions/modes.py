@@ -108,10 +108,13 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
             ModeRecord.of(row, surface=partial(closed_surface, solved, case, place))
             for place, row in enumerate(solved.rows)
         ]
+        bar, row = None, solved.wanted_row
+        if row and solved.errors is not None:
+            bar = {"frequency": row.error, "confinement_db": row.confinement_error_db}
         return cls(
             model=solved.model.name, part=solved.part, dof=solved.dof, rigid_count=solved.rigid_count, modes=modes,
             count_check=solved.count_check, wanted=solved.wanted_part(), reduction_error=solved.reduction_error,
-            expected_error=solved.expected_error, error_bar=solved.bar.to_dict() if solved.bar else None,
+            expected_error=solved.expected_error, error_bar=bar,
             widest_bar=widest_bar(solved.rows).to_dict(), solved=solved, case=case,
         )  # fmt: skip
 

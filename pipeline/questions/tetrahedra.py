@@ -65,7 +65,7 @@ class TetModes(
         if structured is None:
             structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), run.log)
         row = structured.wanted_row
-        bar = (structured.bar.frequency if structured.bar else None) or 0.0
+        bar = (row.error if row else None) or 0.0
         if row is None:
             run.log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
             raise Unanswered

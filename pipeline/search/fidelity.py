@@ -140,7 +140,7 @@ def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
     window = mesh_rules.wanted_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
-    return sum(high - low for low, high in broad.stopped if low <= frequency_hz <= high) / KHZ
+    return sum(high - low for low, high in broad["stopped"] if low <= frequency_hz <= high) / KHZ
 
 
 def kept_cell(case: Case) -> Any:
@@ -192,7 +192,7 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = driven_zones.solve(case, log, band_hz, PEAKS).zones
+    zones = driven_zones.solve(case, log, band_hz, PEAKS, [])["zones"]
     lowest = min(zones, key=lambda zone: zone.peak_hz)
     loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
     level, level_error = worst_of(zones)
@@ -233,17 +233,10 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
         request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
-    row, bar = part_modes.wanted_row, part_modes.bar
+    row = part_modes.wanted_row
     if row is None:
         return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted shape in the window")
-    return FidelityResult.of(
-        row,
-        fidelity=fidelity,
-        frequency_error=bar and bar.frequency,
-        confinement_error_db=bar and bar.confinement_db,
-        extension_error_db=bar and bar.extension_db,
-        warnings=log.warnings,
-    )
+    return FidelityResult.of(row, fidelity=fidelity, frequency_error=row.error, warnings=log.warnings)
 
 
 def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:

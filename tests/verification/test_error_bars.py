@@ -57,8 +57,8 @@ def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, flo
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
     result = solve_modes(case, Request(name, symmetry=case.symmetry_wanted), CALM)
     row = result.wanted.row if result.wanted else None
-    assert row is not None and result.bar and result.bar.frequency is not None
-    return row.frequency_hz, result.bar.frequency, row.confinement_db, result.bar.confinement_db
+    assert row is not None and row.error is not None
+    return row.frequency_hz, row.error, row.confinement_db, row.confinement_error_db
 
 
 def bands(overrides: list[str], accuracy: float) -> tuple[np.ndarray, float]:

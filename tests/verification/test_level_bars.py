@@ -15,6 +15,7 @@ from pipeline.models.broadband import broadband
 from pipeline.models.modes import Request, solve_modes
 from pipeline.paths import ROOT
 from pipeline.planning import mesh_rules
+from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.question import ask
 from pipeline.questions.response import Response
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -49,7 +50,7 @@ def finer(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="module")
 def column() -> Any:
-    return broadband(case(), LOG, (25e3, 45e3), 21)
+    return BroadbandResult(**broadband(case(), LOG, (25e3, 45e3), 21))
 
 
 def test_the_decay_of_a_finer_cell_lies_within_the_bars() -> None:
@@ -66,7 +67,7 @@ def test_the_decay_of_a_finer_cell_lies_within_the_bars() -> None:
 @pytest.mark.parametrize(("level", "bar"), [("confinement_db", "confinement_error_db"), ("taken_db", "taken_error_db")])
 @pytest.mark.usefixtures("finer")
 def test_a_finer_column_lies_within_the_bars(column: Any, level: str, bar: str) -> None:
-    other = broadband(case(), LOG, (25e3, 45e3), 21)
+    other = BroadbandResult(**broadband(case(), LOG, (25e3, 45e3), 21))
     moved = np.abs(figures(column.points, level) - figures(other.points, level))
     bars = figures(column.points, bar), figures(other.points, bar)
     assert (moved <= bars[0] + bars[1]).all() and moved.max() > 0.0

@@ -21,6 +21,7 @@ from pipeline.models.modes import solve_modes
 from pipeline.planning.foresight import pillar_count
 from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.model_choice import Request
+from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
 from solvers.superelement.interface import Interface
@@ -106,7 +107,7 @@ def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take(rows: int
     The feet at the plate's edge stand in the second panel of two rows, in the first of three.
     """
     case = case_of("solve.accuracy=0.05", "bands.count=4", "bands.points=1", f"array.rows={rows}")
-    column = broadband(case, TerminalLog(True), (90e3, 110e3), 3)
+    column = BroadbandResult(**broadband(case, TerminalLog(True), (90e3, 110e3), 3))
     lattice = solve(case, TerminalLog(True), (90e3, 110e3), None, 3)
     for ours, theirs in zip(column.points, lattice.points, strict=True):
         assert ours.taken_db is not None and theirs.taken_db is not None

@@ -87,7 +87,7 @@ def test_the_scene_starts_with_the_file(explorer: Explorer) -> None:
 def test_a_kept_model_is_the_one_made(explorer: Explorer, folder: Path) -> None:
     (kept,) = folder.glob(f"*{SUFFIX}")
     cache = CellModelCache(folder)
-    again = cache.get_model(kept.name.split("-")[1], OFFLINE)
+    again = cache.get_model(kept.name.split("-")[1])
     assert again is not None
     sizes = (2e-3, 6.3e-3, 2e-3, 4e-3)
     one, other = (bands(model.cell, model.bases, sizes) for model in (explorer.model, again))
@@ -99,9 +99,9 @@ def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_
     data = bytearray(kept.read_bytes())
     data[len(data) // 2] ^= 0xFF
     (tmp_path / kept.name).write_bytes(data)
-    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1], OFFLINE) is None
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1]) is None
     (tmp_path / kept.name).write_bytes(data[: len(data) // 2])
-    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1], OFFLINE) is None
+    assert CellModelCache(tmp_path).get_model(kept.name.split("-")[1]) is None
 
 
 def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:

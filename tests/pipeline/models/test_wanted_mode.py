@@ -71,7 +71,7 @@ def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(n
 
 def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
     lowest = plate_modes(None, 0.0, 3)
-    assert lowest.wanted and lowest.wanted.status == "none" and lowest.bar is None
+    assert lowest.wanted and lowest.wanted.status == "none" and lowest.wanted_row is None
     said = " ".join(wanted_lines(lowest, case().design))
     assert "is expected between" in said and "do not reach it" in said
 

@@ -62,7 +62,7 @@ def test_tetrahedra_agree_within_both_bars(share: float, agrees: bool) -> None:
 
 
 def test_what_tetrahedra_do_not_tell_counts_as_all_that_they_may_miss() -> None:
-    with_bar, without_bar = (SimpleNamespace(bar=bar) for bar in (SimpleNamespace(frequency=0.007), None))
+    with_bar, without_bar = (SimpleNamespace(wanted_row=SimpleNamespace(error=bar)) for bar in (0.007, None))
     assert cross_check._own_bar(with_bar) == 0.007
     assert (
         cross_check._own_bar(without_bar) == cross_check.excess(PLATE_TETRAHEDRA)
@@ -77,8 +77,8 @@ def test_a_superelement_broken_on_purpose_is_found_out(monkeypatch: pytest.Monke
 
     def tet_check(log: RecordingLog) -> Any:
         ours = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
-        assert ours.wanted and ours.bar and ours.bar.frequency
-        return cross_check.compared(case, ours, ours.wanted.row, ours.bar.frequency, log)[2]
+        assert ours.wanted and ours.wanted.row and ours.wanted.row.error
+        return cross_check.compared(case, ours, ours.wanted.row, ours.wanted.row.error, log)[2]
 
     same = tet_check(RecordingLog())
     assert same and same["agrees"]
