@@ -23,7 +23,6 @@ from firmware.control_table import GAIN, held_plate, write_into_page
 from firmware.host import NoCompiler, load
 from firmware.host.rig import SingleRig
 from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
-from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
 SENSORS = ("clipped", "dead", "stuck", "reversed")
@@ -333,9 +332,9 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
 
     with TemporaryDirectory() as folder:
         table, plate = held_plate(300.0, noise=1e-3)
-        single = EmulatedSingle(build(header_text(table), Path(folder)).elf, plate)
+        single = EmulatedSingle(build(table, Path(folder)).elf, plate)
         beam = Beam(noise=1e-3)
-        six = EmulatedSix(build(header_text(measured_table(beam)), Path(folder), "six").elf, beam)
+        six = EmulatedSix(build(measured_table(beam), Path(folder), "six").elf, beam)
     single.run(2e-3)
     single.start(0.15 * GAIN)
     six.run(5e-3)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware.table_format import crc32
+from firmware.mode_table import crc32
 
 PAYLOAD_MAX = 120
 FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code and the zero that ends a frame

@@ -8,14 +8,14 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from firmware.client import actions, selftest
 from firmware.client.client import BoardError, Client, describe
 from firmware.client.port import NotHere, SerialPort
-from firmware.table_format import verify, with_drive_limit
+from firmware.mode_table import from_bytes, to_bytes
 
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
           python -m firmware.client watch            (the only board that is plugged in)
@@ -68,11 +68,15 @@ def index(text: str) -> int:
 
 
 def table_of(text: argparse.Namespace) -> bytes:
-    """The table to upload, proved whole. Raises ValueError."""
+    """The table to upload, proved sound. Raises ValueError."""
     try:
-        table: bytes = text.file.read_bytes()
-        verify(table)
-        return table if text.drive_limit is None else with_drive_limit(table, text.drive_limit)
+        data: bytes = text.file.read_bytes()
+        table, limit = from_bytes(data), text.drive_limit
+        if limit is None:
+            return data
+        modes = tuple(replace(mode, drive_limit=limit) for mode in table.modes)
+        shapes = tuple(replace(shape, drive_limit=limit) for shape in table.shapes)
+        return to_bytes(replace(table, modes=modes, shapes=shapes))
     except OSError as error:
         raise ValueError(f"{text.file}: {error.strerror}") from None
     except ValueError as error:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from firmware.build import BuildError, Image, build
 from firmware.emulate.beam import Structure
 from firmware.emulate.plant import Plate, plate_from_table
-from firmware.table_format import header_text, verify
+from firmware.mode_table import from_bytes
 
 NEEDS = {"unicorn": "unicorn", "cffi": "cffi", "elftools": "pyelftools"}
 WINDOW_S = 50 / 250e3
@@ -66,10 +66,10 @@ def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seco
     of the largest steady amplitude. plate defaults to plate_from_table with noise of 1e-3 of full scale. Raises BuildError
     (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the image faulted.
     """
-    verify(table)
+    from_bytes(table)
     _check_installed()
     with tempfile.TemporaryDirectory() as folder:
-        image = build(header_text(table), Path(folder))
+        image = build(table, Path(folder))
         return _stepped(image, plate or plate_from_table(table, noise=1e-3), share, seconds)
 
 
@@ -124,13 +124,13 @@ def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> Si
     Raises BuildError (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the
     image faulted.
     """
-    verify(table)
+    from_bytes(table)
     _check_installed()
     from firmware.emulate.six import EmulatedSix
     from firmware.protocol import RUN, fault_names
 
     with tempfile.TemporaryDirectory() as folder:
-        image = build(header_text(table), Path(folder), "six")
+        image = build(table, Path(folder), "six")
         board, drives = EmulatedSix(image.elf, plate), []
         board.run(5e-3)
         for pattern in range(patterns):

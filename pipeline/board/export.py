@@ -19,10 +19,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from firmware.table_format import CHANNELS, RATE_HZ
+from firmware.mode_table import (
+    CHANNELS,
+    GAIN,
+    RATE_HZ,
+    Mode,
+    ModeTable,
+    TableError,
+    header_text,
+    to_bytes,
+    why_not_played,
+)
 from geometry.elements import ComplexArray, FloatArray
-from pipeline.board import table_file
-from pipeline.board.table_file import GAIN, Mode, ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -141,7 +149,7 @@ def _patched_mode(gains: ModalGains, index: int) -> Mode:
     frequency_hz = float(gains.frequency_hz[index])
     delayed = np.exp(2j * np.pi * frequency_hz * HOLD_S) * hold(frequency_hz, SAMPLE_RATE_HZ)  # the droop, real
     gain = complex(gains.gain[index, 0] * delayed)
-    too_small = max(abs(gain.real), abs(gain.imag)) < table_file.GAIN[0]
+    too_small = max(abs(gain.real), abs(gain.imag)) < GAIN[0]
     by_sensor = gains.gain[index, :CHANNELS]
     by_actuator = np.array([gains.parts[index, gains.signs == sign, 0].sum() for sign in _polarities(gains)])
     return Mode(
@@ -267,12 +275,11 @@ def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     """Write a table as STEM.bin and STEM.h. Raises InputError for a plate whose modes the firmware cannot play."""
     files = places(folder, stem)
     try:
-        refusal = table_file.why_not_played(table)
-        contents = table_file.to_bytes(table), table_file.to_header(table).encode()
+        data, refusal = to_bytes(table), why_not_played(table)
     except TableError as error:
         raise InputError(f"mode table: {error}: the firmware plays no such mode") from error
     if refusal:
         raise InputError(f"mode table: {refusal}: the firmware plays no such mode")
-    for file, content in zip(files, contents, strict=True):
+    for file, content in zip(files, (data, header_text(data).encode()), strict=True):
         write_atomic(file, content)
     return files

@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from firmware.emulate.beam import Structure
-from firmware.table_format import CHANNELS
+from firmware.mode_table import CHANNELS, ModeTable, to_bytes
 from geometry.elements import FloatArray
 from pipeline.board import export
 from pipeline.board.shaping import LARGEST, SAMPLE_RATE_HZ, plate_table
-from pipeline.board.table_file import ModeTable, to_bytes
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.travel_parts import PlayedPattern, PlayFault

@@ -84,8 +84,7 @@ def _version(name: str) -> str | None:
 
 
 def _table(arguments: Namespace) -> int:
-    from firmware.table_format import MAX_BYTES
-    from pipeline.board.table_file import TableError, describe, from_bytes
+    from firmware.mode_table import MAX_BYTES, VERSION, TableError, describe, from_bytes
 
     if not arguments.file:
         raise InputError("doctor table: FILE: missing, must be a mode table such as mode_table.bin")
@@ -94,7 +93,7 @@ def _table(arguments: Namespace) -> int:
             table = from_bytes(file.read(MAX_BYTES + 1))
     except (OSError, TableError) as error:
         raise InputError(f"{arguments.file}: {reason(error)}") from error
-    document: dict[str, Any] = {"version": table.version, "modes": len(table.modes), "wanted": table.wanted}
+    document: dict[str, Any] = {"version": VERSION, "modes": len(table.modes), "wanted": table.wanted}
     document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
     return emit(arguments, "table", Answer(document, [describe(table)]))
 

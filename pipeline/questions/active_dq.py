@@ -14,7 +14,7 @@ from pipeline.units import KHZ, MS, US
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from pipeline.board.table_file import ModeTable
+    from firmware.mode_table import ModeTable
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure

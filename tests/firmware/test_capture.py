@@ -13,8 +13,8 @@ from firmware.client import actions
 from firmware.client.client import BoardError, Client
 from firmware.emulate.beam import Beam, adc_codes
 from firmware.emulate.plant import Plate, Resonance, adc_code
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import Captured
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.fake_board import FakePort
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True),)))

@@ -10,8 +10,8 @@ import pytest
 
 from firmware.client import client, command_line
 from firmware.client.client import BoardError, Client, describe
+from firmware.mode_table import Mode, ModeTable, to_bytes
 from firmware.protocol import LOG_RECORDS, REPLY, Fault, Kind, Message, encode
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 from tests.helpers.fake_board import (
     RECORD,
     SIX_STATUS,

@@ -12,9 +12,8 @@ import pytest
 
 from firmware.client.client import BoardError, Client
 from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, seal, to_bytes
 from firmware.protocol import Kind, Message, decode, encode, parse_health
-from firmware.table_format import MAX_BYTES, seal
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TRUE, GAIN = 31437.3, 0.8
 TAU = 300.0 / math.pi / TRUE

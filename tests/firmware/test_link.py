@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import PAYLOAD_MAX, Fault, Kind, Message, decode, encode, parse_captured, parse_health
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(31e3, 3e-3, 0.5 - 0.5j),)))
 SIX = to_bytes(ModeTable(40e3, bytes(16), (), shapes=(Shape(2400.0, 5e-3, (Pattern("all", (1,) * 6),)),)))

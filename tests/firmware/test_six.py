@@ -20,8 +20,8 @@ from firmware.injection import (
     image_rows,
     sensor_kinds,
 )
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind, parse_health
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)

@@ -10,8 +10,8 @@ import pytest
 
 from firmware import injection
 from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.mode_table import Mode, ModeTable, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 from tests.helpers.hosted_boards import Rig, restore, save
 
 TRUE = 31437.3
