@@ -13,7 +13,7 @@ import pytest
 from firmware.client.client import BoardError, Client
 from firmware.emulate.plant import Plate, Resonance, hold
 from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, seal, to_bytes
-from firmware.protocol import Kind, Message, decode, encode, parse_health
+from firmware.protocol import Kind, Message, decode, encode
 
 TRUE, GAIN = 31437.3, 0.8
 TAU = 300.0 / math.pi / TRUE
@@ -364,7 +364,7 @@ def test_health_tells_where_it_crashed_and_how_much_stack_is_left(talk) -> None:
     board.interrupt_unexpectedly()
     assert board.run_until(lambda: board.resets == 1, 0.05)
     board.run(1e-3)
-    health = parse_health(client.request(Kind.HEALTH))
+    health = client.health()
     assert health.watchdog_resets == 1 and health.core_hz == 180_000_000
     assert board.symbol("main") <= health.pc < board.symbol("main") + board.elf.symbols["main"].size
     assert client.status().faults == ("watchdog",)

@@ -21,7 +21,7 @@ from firmware.injection import (
     sensor_kinds,
 )
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind, parse_health
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
@@ -596,7 +596,7 @@ def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_si
     board.run(5e-3)
     client = Client(EmulatedPort(board))
     assert set(client.status().faults) == {"table", "watchdog"}
-    assert parse_health(client.request(Kind.HEALTH)).watchdog_resets == 3
+    assert client.health().watchdog_resets == 3
     client.upload(table(2600.0))
     assert client.status().faults == ("watchdog",)
     client.clear()
