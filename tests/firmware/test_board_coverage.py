@@ -67,7 +67,7 @@ def test_most_branches_of_the_board_are_taken(visit, variant: str) -> None:
     board.run(22e-3)
     push_button(board)
     board.word(board.symbol("count")).value = 24990  # looks of the guard: a second is over soon
-    client.request(Kind.HEALTH)
+    client.health()
     client.request(Kind.LOG, struct.pack("<I", 1))
     board.run(5e-3)
     push_button(board)
