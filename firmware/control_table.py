@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
 from firmware.host import NoCompiler
 from firmware.host.rig import SingleRig
-from firmware.mode_table import Mode, ModeTable, to_bytes
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import RUN
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3

@@ -395,6 +395,12 @@ def _unpack_shape(row: Any, actuators: int, sensors: int) -> Shape:
     )
 
 
+def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
+    """What holding each sample until the next does to a tone: sin(x)/x, half a sample late."""
+    turn = 2j * math.pi * frequency_hz / sample_rate_hz
+    return (1.0 - cmath.exp(-turn)) / turn
+
+
 def refusal(table: ModeTable, build: str) -> str:
     """Why a build ("single" or "six") does not take a sound table; empty when it does."""
     played, what = (table.modes[table.wanted :][:1], "mode") if build == "single" else (table.shapes, "shape")

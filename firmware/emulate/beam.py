@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware.emulate.plant import hold
-from firmware.mode_table import CHANNELS, ModeTable, Pattern, Shape, to_bytes
+from firmware.mode_table import CHANNELS, ModeTable, Pattern, Shape, hold, to_bytes
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]

@@ -12,7 +12,7 @@ import random
 from dataclasses import dataclass, replace
 from typing import Any
 
-from firmware.mode_table import ModeTable, from_bytes
+from firmware.mode_table import ModeTable, from_bytes, hold
 
 
 @dataclass(frozen=True)
@@ -135,9 +135,3 @@ def adc_code(level: float) -> int:
 def dac_level(code: int) -> float:
     """The level of a 12-bit code in full scales."""
     return (code - 2048) / 2047.0
-
-
-def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
-    """What holding each sample until the next does to a tone: sin(x)/x, half a sample late."""
-    turn = 2j * math.pi * frequency_hz / sample_rate_hz
-    return (1.0 - cmath.exp(-turn)) / turn

@@ -88,7 +88,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
     seconds = max(MIN_S, PATTERN_TAUS * _tau_s(wave))
     try:
         with log.step("the six-channel image on the emulated board"):
-            run = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
+            drives = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
     except BuildError as missing:
         if missing.exit_code != 5:
             raise
@@ -97,7 +97,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
     except EmulationError as error:
         log.warning("BOARD", f"emulated board: {error}")
         return PlayFault(fault=str(error))
-    return patterns_of(wave, run.drives)
+    return patterns_of(wave, drives)
 
 
 def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, hold, to_bytes
 from firmware.protocol import IDENTIFY, KEPT, RUN
 
 TRUE, TAU = 31437.3, 300.0 / math.pi / 31437.3

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from firmware.client.client import BoardError, Client
-from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, seal, to_bytes
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, hold, seal, to_bytes
 from firmware.protocol import Kind, Message, decode, encode
 
 TRUE, GAIN = 31437.3, 0.8

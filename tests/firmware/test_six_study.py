@@ -97,7 +97,7 @@ def test_the_image_makes_waves_that_travel_both_ways(board, model: ShapedBeam) -
 
 
 def test_the_table_holds_the_studys_matrix_with_the_hold_in_it(model: ShapedBeam) -> None:
-    from firmware.emulate.plant import hold
+    from firmware.mode_table import hold
 
     table = shaping_table(model, "displacement", (2200.0, TONE))
     assert [pattern.name for pattern in table.shapes[1].patterns] == list(NAMES)

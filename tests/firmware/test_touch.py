@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from firmware import injection
-from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.mode_table import Mode, ModeTable, to_bytes
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
 from tests.helpers.hosted_boards import Rig, restore, save
 
