@@ -25,6 +25,7 @@ BUILD = HERE / "build"
 VARIANTS = {"single": "antinode", "six": "antinode-six"}  # one mode by DAC; six channels by PWM
 
 FLASH_START, RAM_START = 0x08000000, 0x20000000
+TABLE_START = 0x0800C000  # flash sector 3
 FLASH_LIMIT, RAM_LIMIT = 32 * 1024, 16 * 1024
 
 LANGUAGE = (

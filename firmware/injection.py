@@ -14,6 +14,7 @@ import argparse
 import ctypes
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -224,13 +225,9 @@ def break_one_of_six(board: Any, how: str) -> None:
     board.sense = sense
 
 
-def sensor_kinds(broken: Callable[[Any, str], None]) -> dict[str, Break]:
+def sensor_kinds(broken: Callable[..., None]) -> dict[str, Break]:
     """A broken sensor of each kind."""
-
-    def kind(how: str) -> Break:
-        return lambda board: broken(board, how)
-
-    return {f"sensor {how}": kind(how) for how in SENSORS}
+    return {f"sensor {how}": partial(broken, how=how) for how in SENSORS}
 
 
 BOARD_KINDS: dict[str, Break] = {

@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from firmware.client.client import BoardError, Client, figure
+from firmware.mode_table import RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, Record, SingleStatus, SixStatus
 
 LOOK_S = 0.1  # between two looks at the board, which also keep it from falling silent
 DRIVING = ("identify", "run")
-WINDOW_HZ = 5000.0  # single build: windows of 50 samples at 250 kHz
+WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
 BAR, BAR_DB = 30, 60.0
 STEPS = " ▁▂▃▄▅▆▇█"
 
@@ -125,7 +126,7 @@ def log(client: Client, text: argparse.Namespace) -> str:
     return ""
 
 
-SAMPLE_HZ = {2: 250e3, 12: 40e3}  # of the two builds, by the words in a row
+SAMPLE_HZ = {2: RATE_HZ["single"], 12: RATE_HZ["six"]}  # by the words in a row
 CAPTURE_S = 2.0  # how long nothing may come beyond the time of a row
 
 

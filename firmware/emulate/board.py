@@ -35,11 +35,13 @@ from unicorn.arm_const import (
     UC_CPU_ARM_CORTEX_M4,
 )
 
+from firmware.build import FLASH_START, RAM_START, TABLE_START
 from firmware.emulate.controllers import SECTOR_BYTES, Clock, FlashController
 from firmware.host import Supervised
 from firmware.image.elf import Elf
+from firmware.protocol import BAUD
 
-RAM, STUBS, FLASH = 0x20000000, 0x00100000, 0x08000000
+RAM, STUBS, FLASH = RAM_START, 0x00100000, FLASH_START
 APB1, APB2, AHB1, DMA = 0x40000000, 0x40010000, 0x40020000, 0x40026000
 CORE, DEBUG = 0xE0000000, 0xE0042000
 RAM_BYTES = 128 * 1024
@@ -47,7 +49,7 @@ RAM_BYTES = 128 * 1024
 # at the same offset. Of the flash memory sectors 0 to 2.
 SHARED = {RAM: RAM_BYTES, STUBS: 0x1000, FLASH: 48 * 1024, APB1: 0x8000, APB2: 0x4000, AHB1: 0x3000}
 SHARED |= {DMA: 0x1000, CORE: 0x10000, DEBUG: 0x1000}
-SECTOR, SECTOR_NUMBER = 0x0800C000, 3
+SECTOR, SECTOR_NUMBER = TABLE_START, 3
 CONTROL, CONTROL_BYTES = 0x40023000, 0x1000
 CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
 BACKUP, BACKUP_BYTES = 0x40024000, 4096
@@ -62,7 +64,7 @@ USART_BRR = 0x40004408
 OVERDRIVE_READY = 3 << 16  # it is on, and switched to
 WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
-BAUD, BAUD_TOLERANCE = 921600, 0.03  # of the other end, and what ten bits forgive
+BAUD_TOLERANCE = 0.03  # what ten bits forgive
 TIME_ERROR_S = 1e-9  # of sums of periods
 LSI_HZ = 32e3  # data sheet: 17 to 47 kHz
 
