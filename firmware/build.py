@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from firmware import table_format
+from firmware import mode_table
 from firmware.image.elf import Elf, flash_image, map_text
 from firmware.image.svd import svd_text
 
@@ -25,6 +25,7 @@ BUILD = HERE / "build"
 VARIANTS = {"single": "antinode", "six": "antinode-six"}  # one mode by DAC; six channels by PWM
 
 FLASH_START, RAM_START = 0x08000000, 0x20000000
+TABLE_START = 0x0800C000  # flash sector 3
 FLASH_LIMIT, RAM_LIMIT = 32 * 1024, 16 * 1024
 
 LANGUAGE = (
@@ -108,12 +109,12 @@ def toolchain() -> tuple[str, list[str]]:
     raise BuildError("no compiler for the Cortex-M4: install arm-none-eabi-gcc, or zig by `pip install ziglang`", 5)
 
 
-def build(header: str, folder: Path = BUILD, variant: str = "single") -> Image:
-    """Compiles core and board with the table in a C header and links them: "single" or "six". Raises BuildError."""
+def build(table: bytes, folder: Path = BUILD, variant: str = "single") -> Image:
+    """Compiles core and board with a mode table and links them: "single" or "six". Raises BuildError."""
     name, command = toolchain()
     own = folder.resolve() / variant
     own.mkdir(parents=True, exist_ok=True)
-    (own / "mode_table.h").write_text(header)
+    (own / "mode_table.h").write_text(mode_table.header_text(table))
     elf = folder / f"{VARIANTS[variant]}.elf"
     parts = (CORE, CORE / variant, BOARD, BOARD / variant)
     places = [*(f"-I{part}" for part in parts), *mapped()]
@@ -177,24 +178,19 @@ def sizes(elf: Elf) -> tuple[int, int]:
     return flash, ram
 
 
-def choose_header(table: Path | None, header: Path | None, variant: str = "single") -> str:
-    """The C header to build with: the one named, one made from the table named, or the last one exported.
+def choose_table(table: Path | None, header: Path | None, variant: str = "single") -> bytes:
+    """The mode table to build with: of the file named, the C header named, or the last one exported.
 
     Raises BuildError when there is none, or the build would not take it.
     """
-    place = table or header or GENERATED / "mode_table.h"
+    place = header or GENERATED / "mode_table.h"
     named = f"--table {table}" if table else f"--header {header}" if header else f"{os.path.relpath(place)}"
     try:
-        if table is not None:
-            data, text = table.read_bytes(), None
-        else:
-            text = place.read_text(errors="replace")
-            data = table_format.header_bytes(text)
-        table_format.verify(data)
-        refusal = table_format.refusal(data, variant)
+        data = table.read_bytes() if table else mode_table.header_bytes(place.read_text(errors="replace"))
+        refusal = mode_table.refusal(mode_table.from_bytes(data), variant)
         if refusal:
             raise ValueError(refusal)
-        return text or table_format.header_text(data)
+        return data
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
         hint = "`antinode export table CASE -o plate.bin` writes a table, --table plate.bin builds with it"
@@ -211,7 +207,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--variant", choices=VARIANTS, default="single", help="one mode by DAC, or six channels by PWM")
     chosen = parser.parse_args(arguments)
     try:
-        image = build(choose_header(chosen.table, chosen.header, chosen.variant), chosen.out, chosen.variant)
+        image = build(choose_table(chosen.table, chosen.header, chosen.variant), chosen.out, chosen.variant)
     except BuildError as error:
         print(f"firmware: {error}", file=sys.stderr)
         return error.exit_code

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware import table_format as layout
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
 from firmware.host import NoCompiler
 from firmware.host.rig import SingleRig
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import RUN
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
@@ -51,13 +51,10 @@ ROWS = (
 
 def mode_table(quality_factor: float) -> bytes:
     """A table with one measured mode."""
-    mode = np.zeros(1, layout.MODE)
-    mode["frequency_hz"], mode["tau_s"] = TRUE_HZ, quality_factor / math.pi / TRUE_HZ
-    mode["gain"], mode["delay_s"] = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
-    mode["drive_limit"], mode["amplitude_limit"] = 1.0, 0.9
-    mode["flags"] = layout.GAIN_IDENTIFIED | layout.TAU_IDENTIFIED | layout.FREQUENCY_IDENTIFIED
-    one = {"actuator_count": 1, "sensor_count": 1, "sample_rate_hz": RATE_HZ, "flags": layout.SENSES_DISPLACEMENT}
-    return layout.assemble(mode, np.zeros(0, layout.SHAPE), **one)
+    gain, delay_s = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
+    measured = {"gain": gain, "delay_s": delay_s, "tau_identified": True, "frequency_identified": True}
+    mode = Mode.from_quality_factor(TRUE_HZ, quality_factor, amplitude_limit=0.9, **measured)
+    return to_bytes(ModeTable(RATE_HZ, bytes(16), (mode,)))
 
 
 def held_plate(quality_factor: float, noise: float = 1e-4) -> tuple[bytes, Plate]:

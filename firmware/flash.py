@@ -12,12 +12,11 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from firmware.build import BUILD, FLASH_START, VARIANTS, BuildError
+from firmware.build import BUILD, FLASH_START, TABLE_START, VARIANTS, BuildError
 from firmware.image.elf import Elf, flash_image
 
 CHIP = "STM32F446RETx"
 PLACE = f"0x{FLASH_START:08x}"
-TABLE_START = 0x0800C000  # flash sector 3
 CODE_ONLY = "-code.bin"
 
 

@@ -14,6 +14,7 @@ import argparse
 import ctypes
 import sys
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -23,7 +24,6 @@ from firmware.control_table import GAIN, held_plate, write_into_page
 from firmware.host import NoCompiler, load
 from firmware.host.rig import SingleRig
 from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
-from firmware.table_format import header_text
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
 SENSORS = ("clipped", "dead", "stuck", "reversed")
@@ -225,13 +225,9 @@ def break_one_of_six(board: Any, how: str) -> None:
     board.sense = sense
 
 
-def sensor_kinds(broken: Callable[[Any, str], None]) -> dict[str, Break]:
+def sensor_kinds(broken: Callable[..., None]) -> dict[str, Break]:
     """A broken sensor of each kind."""
-
-    def kind(how: str) -> Break:
-        return lambda board: broken(board, how)
-
-    return {f"sensor {how}": kind(how) for how in SENSORS}
+    return {f"sensor {how}": partial(broken, how=how) for how in SENSORS}
 
 
 BOARD_KINDS: dict[str, Break] = {
@@ -333,9 +329,9 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
 
     with TemporaryDirectory() as folder:
         table, plate = held_plate(300.0, noise=1e-3)
-        single = EmulatedSingle(build(header_text(table), Path(folder)).elf, plate)
+        single = EmulatedSingle(build(table, Path(folder)).elf, plate)
         beam = Beam(noise=1e-3)
-        six = EmulatedSix(build(header_text(measured_table(beam)), Path(folder), "six").elf, beam)
+        six = EmulatedSix(build(measured_table(beam), Path(folder), "six").elf, beam)
     single.run(2e-3)
     single.start(0.15 * GAIN)
     six.run(5e-3)

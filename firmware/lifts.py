@@ -13,8 +13,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from firmware.control_table import GAIN, RATE_HZ, TRUE_HZ, held_plate, print_or_write
-from firmware.emulate.plant import Plate, hold
+from firmware.emulate.plant import Plate
 from firmware.host.rig import SingleRig
+from firmware.mode_table import hold
 from firmware.protocol import RUN
 
 QUALITIES = (30, 100, 300, 600, 1000, 2000)

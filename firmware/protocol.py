@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum, IntFlag
-from typing import Any
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import numpy as np
 
-from firmware.table_format import crc32
+from firmware.mode_table import crc32
 
 PAYLOAD_MAX = 120
 FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code and the zero that ends a frame
@@ -130,139 +130,85 @@ def decode(frame: bytes) -> Message | None:
     return Message(content[0], content[1], content[2:-4])
 
 
-IDENTIFIED, LIMITED = 1, 8  # bits of a status' fourth byte
+U1 = Annotated[int, "u1"]
+U4 = Annotated[int, "<u4"]
+F4 = Annotated[float, "<f4"]
+C8 = Annotated[complex, "<c8"]
+IDENTIFIED, LIMITED = 1, 8  # flags of a status
 
 
-@dataclass(frozen=True, kw_only=True)
+# The classes below state what is on the line, member by member in its order, in SI units; amplitudes in full scales.
+@dataclass(frozen=True)
 class Status:
-    """The state of either image. SI units; amplitudes in full scales; faults by name, first those found first.
+    """The state of either image; of the six-channel one, choice is the present shape and pattern.
 
-    limited: the drive is at its limit, and the plate short of its reference; underruns, samples of a stream that came late.
+    underruns: samples of a stream that came late.
     """
 
-    state: str
-    faults: tuple[str, ...]
-    first: tuple[str, ...]
-    windows: int
-    underruns: int
-    worst_cycles: int
-    identified: bool
-    limited: bool
-    frequency_hz: float
-    reference: float
+    state_number: U1
+    choice: Annotated[list[int], "u1", 2]
+    flags: U1
+    fault_bits: U4
+    first_bits: U4
+    windows: U4
+    underruns: U4
+    worst_cycles: U4
+    frequency_hz: F4
+
+    @property
+    def state(self) -> str:
+        """Its name."""
+        return STATES[self.state_number]
+
+    @property
+    def faults(self) -> tuple[str, ...]:
+        """Those latched, by name."""
+        return fault_names(self.fault_bits)
+
+    @property
+    def first(self) -> tuple[str, ...]:
+        """Those that were found first."""
+        return fault_names(self.first_bits)
+
+    @property
+    def identified(self) -> bool:
+        """True when the mode or the matrix has been measured."""
+        return bool(self.flags & IDENTIFIED)
+
+    @property
+    def limited(self) -> bool:
+        """True when the drive is at its limit, and the plate short of its reference."""
+        return bool(self.flags & LIMITED)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SingleStatus(Status):
     """Of the single-mode image. While it runs, frequency, tau and gain are as the board follows them."""
 
-    detuning_hz: float
-    tau_s: float
-    gain: complex
-    delay_s: float
-    neighbour: float
-    measured: complex
-    drive: complex
-    offset: float
+    detuning_hz: F4
+    tau_s: F4
+    gain: C8
+    delay_s: F4
+    neighbour: F4
+    reference: F4
+    measured: C8
+    drive: C8
+    offset: F4
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class SixStatus(Status):
     """Of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
 
-    shape: int
-    pattern: int
-    condition: float
-    reachable: float
-    sensors: tuple[complex, ...]
+    condition: F4
+    reachable: F4
+    reference: F4
+    sensors: Annotated[list[complex], "<c8", 6]
 
     @property
     def measured(self) -> complex:
         """The sensor that moves most."""
         return max(self.sensors, key=abs)
-
-
-def _layout(text: str) -> np.dtype[Any]:
-    """Little-endian members without gaps: "name kind" or "name kind count", a line each."""
-    rows = [line.split() for line in text.strip().splitlines()]
-    return np.dtype([(name, f"<{kind}", *((int(count[0]),) if count else ())) for name, kind, *count in rows])
-
-
-_COUNTS = """
-    faults u4
-    first u4
-    windows u4
-    underruns u4
-    worst_cycles u4
-    frequency_hz f4
-"""
-_SINGLE = _layout(f"""
-    state u1
-    _stage u1
-    _texture u1
-    flags u1
-    {_COUNTS.strip()}
-    detuning_hz f4
-    tau_s f4
-    gain c8
-    delay_s f4
-    neighbour f4
-    reference f4
-    measured c8
-    drive c8
-    offset f4
-""")
-_SIX = _layout(f"""
-    state u1
-    shape u1
-    pattern u1
-    flags u1
-    {_COUNTS.strip()}
-    condition f4
-    reachable f4
-    reference f4
-    sensors c8 6
-""")
-
-
-def _values(payload: bytes, layout: np.dtype[Any]) -> dict[str, Any]:
-    """The members of a payload by name; those whose name begins with _ are nobody's business."""
-    _has_length(payload, layout.itemsize)
-    row = np.frombuffer(payload, layout)[0]
-    result = {name: row[name].tolist() for name in layout.names or ()}
-    return {name: value for name, value in result.items() if not name.startswith("_")}
-
-
-def parse_status(payload: bytes) -> SingleStatus | SixStatus:
-    """A status from a reply's payload behind its result, of either image, told apart by its length.
-
-    Raises ProtocolError when it is neither's, or its state is unknown.
-    """
-    _has_length(payload, _SINGLE.itemsize, _SIX.itemsize)
-    six = len(payload) == _SIX.itemsize
-    values = _values(payload, _SIX if six else _SINGLE)
-    flags = values.pop("flags")
-    if values["state"] >= len(STATES):
-        raise ProtocolError(f"the state {values['state']}, known 0 to {len(STATES) - 1}")
-    values |= {
-        "state": STATES[values["state"]],
-        "identified": bool(flags & IDENTIFIED),
-        "limited": bool(flags & LIMITED),
-    }
-    values |= {name: fault_names(values[name]) for name in ("faults", "first")}
-    return SixStatus(**values | {"sensors": tuple(values["sensors"])}) if six else SingleStatus(**values)
-
-
-def fault_names(bits: int) -> tuple[str, ...]:
-    """The names of the faults whose bits are set; a bit without a name is told by its number."""
-    named = {one.value.bit_length() - 1: one.name.lower().replace("_", " ") for one in Fault if one.name}
-    return tuple(named.get(index, f"bit {index}") for index in range(bits.bit_length()) if bits >> index & 1)
-
-
-def _has_length(payload: bytes, *allowed: int) -> None:
-    if len(payload) not in allowed:
-        visible = [*map(str, allowed[:2]), *(["more"] if len(allowed) > 2 else [])]
-        raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(visible)}")
 
 
 @dataclass(frozen=True)
@@ -272,17 +218,17 @@ class Health:
     interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second); kept, what became
     of values measured before a reset (KEPT)."""
 
-    watchdog_resets: int
-    exception: int
-    pc: int
-    lr: int
-    cfsr: int
-    core_hz: int
-    fast_cycles: int
-    slow_cycles: int
-    main_cycles: int
-    stack_unused: int
-    kept: int
+    watchdog_resets: U4
+    exception: U4
+    pc: U4
+    lr: U4
+    cfsr: U4
+    core_hz: U4
+    fast_cycles: U4
+    slow_cycles: U4
+    main_cycles: U4
+    stack_unused: U4
+    kept: U4
 
 
 KEPT = (
@@ -292,32 +238,38 @@ KEPT = (
     "in use again, from before the last reset",
     "kept for the next reset",
 )
-_HEALTH = np.dtype([(field.name, "<u4") for field in fields(Health)])
-
-
-def parse_health(payload: bytes) -> Health:
-    """A Health from a reply's payload behind its result. Raises ProtocolError when the length differs."""
-    return Health(**_values(payload, _HEALTH))
 
 
 @dataclass(frozen=True)
 class Record:
     """One line of the log: window number, measured phasor, drive, reference."""
 
-    window: int
-    measured: complex
-    drive: complex
-    reference: float
+    window: U4
+    measured: C8
+    drive: C8
+    reference: F4
 
 
-_RECORD = _layout("window u4\nmeasured c8\ndrive c8\nreference f4")
+BUILDS = {1: "single", 6: "six"}
 
 
-def parse_log(payload: bytes) -> list[Record]:
-    """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
-    if len(payload) % _RECORD.itemsize:
-        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {_RECORD.itemsize}")
-    return [Record(*row) for row in np.frombuffer(payload, _RECORD).tolist()]
+@dataclass(frozen=True)
+class Identity:
+    """What runs on a board: protocol version, build, table version, the table's modes or shapes, its design's hash.
+
+    count and design are 0 and zeros while the board has no sound table.
+    """
+
+    protocol: U1
+    build_number: U1
+    table_version: U1
+    count: U1
+    design: Annotated[bytes, "V16"]
+
+    @property
+    def build(self) -> str:
+        """ "single" or "six"."""
+        return BUILDS[self.build_number]
 
 
 @dataclass(frozen=True)
@@ -330,55 +282,74 @@ class Captured:
     words: tuple[int, ...]
 
 
-_CAPTURED = struct.Struct("<HHB")
+Read = TypeVar("Read", Status, SingleStatus, SixStatus, Health, Record, Identity)
+
+
+def layout(kind: type) -> np.dtype[Any]:
+    """How a class lies on the line: its members without gaps."""
+    return np.dtype([(name, *one.__metadata__) for name, one in get_type_hints(kind, include_extras=True).items()])
+
+
+def parse(kind: type[Read], payload: bytes) -> Read:
+    """What a reply's payload behind its result holds. Raises ProtocolError when its length differs."""
+    check_length(payload, layout(kind).itemsize)
+    row = np.frombuffer(payload, layout(kind))[0]
+    return kind(*(row[name].tolist() for name in layout(kind).names or ()))
+
+
+def parse_status(payload: bytes) -> SingleStatus | SixStatus:
+    """A status of either image, told apart by its length. Raises ProtocolError for another, or an unknown state."""
+    check_length(payload, layout(SingleStatus).itemsize, layout(SixStatus).itemsize)
+    six = len(payload) == layout(SixStatus).itemsize
+    status = parse(SixStatus, payload) if six else parse(SingleStatus, payload)
+    if status.state_number >= len(STATES):
+        raise ProtocolError(f"the state {status.state_number}, known 0 to {len(STATES) - 1}")
+    return status
+
+
+def parse_identity(payload: bytes) -> Identity:
+    """An Identity. Raises ProtocolError when its length or its build is unknown."""
+    identity = parse(Identity, payload)
+    if identity.build_number not in BUILDS:
+        raise ProtocolError(f"the build {identity.build_number}, known {' and '.join(map(str, BUILDS))}")
+    return identity
+
+
+def parse_log(payload: bytes) -> list[Record]:
+    """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
+    if len(payload) % layout(Record).itemsize:
+        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {layout(Record).itemsize}")
+    return [Record(*row) for row in np.frombuffer(payload, layout(Record)).tolist()]
 
 
 def parse_captured(payload: bytes) -> Captured:
     """A Captured from a reply's payload behind its result. Raises ProtocolError when the length cannot be, or the counts."""
-    if len(payload) < _CAPTURED.size or (len(payload) - _CAPTURED.size) % 2:
-        raise ProtocolError(f"{len(payload)} bytes, expected {_CAPTURED.size} and an even number more")
-    used, total, row = _CAPTURED.unpack_from(payload)
+    if len(payload) < 5 or len(payload) % 2 == 0:
+        raise ProtocolError(f"{len(payload)} bytes, expected 5 and an even number more")
+    used, total, row = struct.unpack_from("<HHB", payload)
     if row not in (2, 12) or total % row or not 0 <= used <= total:
         raise ProtocolError(f"{used} of {total} words in rows of {row}")
-    return Captured(used, total, row, tuple(np.frombuffer(payload, "<u2", offset=_CAPTURED.size).tolist()))
+    return Captured(used, total, row, tuple(np.frombuffer(payload, "<u2", offset=5).tolist()))
 
 
-@dataclass(frozen=True)
-class Identity:
-    """What runs on a board: protocol version, build ("single" or "six"), table version, its modes or shapes, its design's hash.
-
-    count and design are 0 and zeros while the board has no sound table.
-    """
-
-    protocol: int
-    build: str
-    table_version: int
-    count: int
-    design: bytes
+def check_length(payload: bytes, *allowed: int) -> None:
+    """Raises ProtocolError for a payload of another length."""
+    if len(payload) not in allowed:
+        raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(map(str, allowed))}")
 
 
-BUILDS = {1: "single", 6: "six"}
-_IDENTITY = struct.Struct("<BBBB16s")
+def nothing(payload: bytes) -> None:
+    """For a reply that holds no more than its result."""
+    check_length(payload, 0)
 
 
-def parse_identity(payload: bytes) -> Identity:
-    """An Identity from a reply's payload behind its result. Raises ProtocolError when its length or its build is unknown."""
-    _has_length(payload, _IDENTITY.size)
-    protocol, build, table_version, count, design = _IDENTITY.unpack(payload)
-    if build not in BUILDS:
-        raise ProtocolError(f"the build {build}, known {' and '.join(map(str, BUILDS))}")
-    return Identity(protocol, BUILDS[build], table_version, count, design)
+def one_byte(payload: bytes) -> int:
+    """For a reply that holds a count."""
+    check_length(payload, 1)
+    return payload[0]
 
 
-REPLY_BYTES = {
-    Kind.IDENTITY: (_IDENTITY.size,),
-    Kind.STATUS: (_SINGLE.itemsize, _SIX.itemsize),
-    Kind.SAMPLES: (1,),
-    Kind.HEALTH: (_HEALTH.itemsize,),
-    Kind.CAPTURED: tuple(range(_CAPTURED.size, PAYLOAD_MAX, 2)),
-}
-
-
-def check_length(kind: Kind, payload: bytes) -> None:
-    """Raises ProtocolError unless a granted request's reply has its length (behind its result; none for most kinds)."""
-    _has_length(payload, *REPLY_BYTES.get(kind, (0,)))
+def fault_names(bits: int) -> tuple[str, ...]:
+    """The names of the faults whose bits are set; a bit without a name is told by its number."""
+    named = {one.value.bit_length() - 1: one.name.lower().replace("_", " ") for one in Fault if one.name}
+    return tuple(named.get(index, f"bit {index}") for index in range(bits.bit_length()) if bits >> index & 1)

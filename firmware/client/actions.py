@@ -10,32 +10,21 @@ import wave
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import islice
+from itertools import pairwise
 from math import log10
 from pathlib import Path
 
-from firmware.client.client import BoardError, Client, describe_health, describe_identity, figure
+import numpy as np
+
+from firmware.client.client import BoardError, Client, figure
+from firmware.mode_table import RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, Record, SingleStatus, SixStatus
 
 LOOK_S = 0.1  # between two looks at the board, which also keep it from falling silent
 DRIVING = ("identify", "run")
-WINDOW_HZ = 5000.0  # single build: windows of 50 samples at 250 kHz
+WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
 BAR, BAR_DB = 30, 60.0
 STEPS = " ▁▂▃▄▅▆▇█"
-
-
-def status(client: Client, text: argparse.Namespace) -> None:
-    """What the board does."""
-
-
-def identity(client: Client, text: argparse.Namespace) -> None:
-    """Which image and table the board has."""
-    print(describe_identity(client.identity()))
-
-
-def health(client: Client, text: argparse.Namespace) -> None:
-    """How the board fares."""
-    print(describe_health(client.health()))
 
 
 def start(client: Client, text: argparse.Namespace) -> None:
@@ -74,7 +63,7 @@ def keep_running(client: Client, action: str) -> None:
         time.sleep(LOOK_S)
 
 
-def watch(client: Client, text: argparse.Namespace) -> None:
+def watch(client: Client, text: argparse.Namespace) -> str:
     """What the board measures as bars and as a plot over the last looks, on one place of a terminal or as lines, until a
     time or Ctrl-C."""
     height, traces = 0, defaultdict[str, str](str)
@@ -83,6 +72,7 @@ def watch(client: Client, text: argparse.Namespace) -> None:
         again = f"\x1b[{height}F\x1b[J" if height and sys.stdout.isatty() else ""
         print(again + "\n".join(lines), flush=True)
         height = len(lines)
+    return ""
 
 
 def _looks(client: Client, seconds: float | None) -> Iterator[SingleStatus | SixStatus]:
@@ -116,7 +106,7 @@ def bar(share: float) -> str:
     return "#" * filled + "." * (BAR - filled)
 
 
-def log(client: Client, text: argparse.Namespace) -> None:
+def log(client: Client, text: argparse.Namespace) -> str:
     """Writes a record each so many windows into a file of comma-separated values, until a time or Ctrl-C."""
     count = lost = 0
     last: Record | None = None
@@ -133,13 +123,14 @@ def log(client: Client, text: argparse.Namespace) -> None:
         with suppress(BoardError, OSError):
             client.log(0)
         print(f"{text.file}: {count} records" + (f", {lost} were lost: try a larger --every" if lost else ""))
+    return ""
 
 
-SAMPLE_HZ = {2: 250e3, 12: 40e3}  # of the two builds, by the words in a row
+SAMPLE_HZ = {2: RATE_HZ["single"], 12: RATE_HZ["six"]}  # by the words in a row
 CAPTURE_S = 2.0  # how long nothing may come beyond the time of a row
 
 
-def capture(client: Client, text: argparse.Namespace) -> None:
+def capture(client: Client, text: argparse.Namespace) -> str:
     """Writes what the converters saw and were told, sample by sample, into a file of comma-separated values.
 
     Codes as they are: of the ADC, then of the DAC or of the timers' compare registers. Raises BoardError when it stands still.
@@ -157,7 +148,7 @@ def capture(client: Client, text: argparse.Namespace) -> None:
         elif len(words) < total:
             time.sleep(min(LOOK_S, row_s))
     _write_capture(text.file, words, part.row, row_s)
-    print(f"{text.file}: {len(words) // part.row} rows, one each {1e6 * row_s:g} us")
+    return f"{text.file}: {len(words) // part.row} rows, one each {1e6 * row_s:g} us"
 
 
 def _write_capture(file: Path, words: list[int], row: int, row_s: float) -> None:
@@ -237,21 +228,11 @@ def factors_of(file: Path, rate_hz: float) -> list[float]:
             own_hz, data = sound.getframerate(), sound.readframes(sound.getnframes())
     except (OSError, EOFError, wave.Error) as error:
         raise ValueError(f"{file}: {getattr(error, 'strerror', None) or str(error) or 'ends too early'}") from None
-    levels = [_level(data[at : at + width]) for at in range(0, len(data) - step + 1, step)]
-    if not levels or own_hz < 1:
+    codes = np.frombuffer(data[: len(data) // step * step], np.uint8).reshape(-1, step)[:, :width].astype(float)
+    if not len(codes) or own_hz < 1:
         raise ValueError(f"{file}: no samples in it")
-    count = max(round(len(levels) * rate_hz / own_hz), 1)
-    return [_mean(levels, index * own_hz / rate_hz, (index + 1) * own_hz / rate_hz) for index in range(count)]
-
-
-def _level(sample: bytes) -> float:
-    if len(sample) == 1:
-        return sample[0] / 255.0
-    half = 256 ** len(sample) // 2
-    return (int.from_bytes(sample, "little", signed=True) + half) / (2 * half - 1)
-
-
-def _mean(levels: list[float], start: float, end: float) -> float:
-    first = min(int(start), len(levels) - 1)
-    inside = list(islice(levels, first, max(int(end), first + 1)))
-    return sum(inside) / len(inside)
+    if width > 1:  # signed: from the most negative one on
+        codes[:, -1] = (codes[:, -1] + 128.0) % 256.0
+    levels = codes @ 256.0 ** np.arange(width) / (256.0**width - 1.0)
+    starts = np.arange(max(round(len(levels) * rate_hz / own_hz), 1) + 1) * own_hz / rate_hz
+    return [float(levels[first : max(end, first + 1)].mean()) for first, end in pairwise(starts.astype(int).tolist())]

@@ -6,9 +6,10 @@ import math
 import secrets
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 from firmware.protocol import (
     FRAME_MAX,
@@ -28,11 +29,12 @@ from firmware.protocol import (
     Result,
     SingleStatus,
     SixStatus,
-    check_length,
     decode,
     encode,
+    nothing,
+    one_byte,
+    parse,
     parse_captured,
-    parse_health,
     parse_identity,
     parse_log,
     parse_status,
@@ -71,31 +73,28 @@ class Client:
         self.records: list[Record] = []
         self.drives = False
 
-    def request(self, kind: Kind, payload: bytes = b"") -> bytes:
-        """The reply's payload behind its result, of the length that its kind has. Raises BoardError otherwise."""
+    def request(self, kind: Kind, payload: bytes = b"", parsed: Callable[[bytes], Any] = nothing) -> Any:
+        """What the reply's payload holds behind its result. Raises BoardError for none, a refusal, or another version's."""
         self.sequence = (self.sequence + 1) % 256
         frame = encode(Message(kind, self.sequence, payload))
         for _ in range(self.attempts):
             self.port.write(frame)
             reply = self._reply(kind)
             if reply is not None:
-                return self._accepted(kind, reply)
+                return self._accepted(kind, reply, parsed)
         raise BoardError(f"no answer to {kind.name.lower()}")
 
     def status(self) -> SingleStatus | SixStatus:
         """What the board does now; also tells it that the host is alive."""
-        with _in_words(Kind.STATUS):
-            return parse_status(self.request(Kind.STATUS))
+        return self.request(Kind.STATUS, parsed=parse_status)
 
     def identity(self) -> Identity:
         """Which build the board runs, and which table it has."""
-        with _in_words(Kind.IDENTITY):
-            return parse_identity(self.request(Kind.IDENTITY))
+        return self.request(Kind.IDENTITY, parsed=parse_identity)
 
     def health(self) -> Health:
         """Clock, longest interrupts, what was unexpected since power-on."""
-        with _in_words(Kind.HEALTH):
-            return parse_health(self.request(Kind.HEALTH))
+        return self.request(Kind.HEALTH, parsed=partial(parse, Health))
 
     def identify(self) -> None:
         """Measures the plate again, then rests. From then on talk at least twice a second."""
@@ -107,7 +106,7 @@ class Client:
         if not isinstance(status, SixStatus):
             raise Refused("pattern: this board's image is the one for one mode")
         if status.state == "run":
-            self.request(Kind.PATTERN, struct.pack("<II", status.shape, number))
+            self.request(Kind.PATTERN, struct.pack("<II", status.choice[0], number))
             if reference > 0.0:
                 self.reference(reference)
         else:
@@ -121,7 +120,7 @@ class Client:
     def shape(self) -> int:
         """Six channels: the present shape."""
         status = self.status()
-        return status.shape if isinstance(status, SixStatus) else 0
+        return status.choice[0] if isinstance(status, SixStatus) else 0
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
         """Drives the wanted mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
@@ -151,7 +150,7 @@ class Client:
     def samples(self, factors: list[float]) -> int:
         """Adds factors from 0 to 1 to the stream; returns how many there was room for."""
         codes = [round(min(max(factor, 0.0), 1.0) * 65535) for factor in factors[: PAYLOAD_MAX // 2]]
-        return self.request(Kind.SAMPLES, struct.pack(f"<{len(codes)}H", *codes))[0]
+        return self.request(Kind.SAMPLES, struct.pack(f"<{len(codes)}H", *codes), one_byte)
 
     def log(self, every: int) -> None:
         """A record each so many windows, to be taken by take_records; 0 ends it."""
@@ -163,8 +162,7 @@ class Client:
 
     def captured(self, start: int) -> Captured:
         """A part of the capture, from a word on."""
-        with _in_words(Kind.CAPTURED):
-            return parse_captured(self.request(Kind.CAPTURED, struct.pack("<I", start)))
+        return self.request(Kind.CAPTURED, struct.pack("<I", start), parse_captured)
 
     def upload(self, table: bytes) -> None:
         """Puts another mode table into the board's flash memory; the outputs rest meanwhile."""
@@ -225,14 +223,13 @@ class Client:
             with _in_words(Kind.LOG):
                 self.records += parse_log(message.payload)
 
-    def _accepted(self, kind: Kind, reply: Message) -> bytes:
+    def _accepted(self, kind: Kind, reply: Message, parsed: Callable[[bytes], Any]) -> Any:
         if not reply.payload:
             raise BoardError(f"{kind.name.lower()}: an empty reply, {OTHER_VERSION}")
         result, more = reply.payload[0], reply.payload[1:]
         if result == Result.OK:
             with _in_words(kind):
-                check_length(kind, more)
-            return more
+                return parsed(more)
         raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
 
 
@@ -283,7 +280,7 @@ def _six_lines(status: SixStatus) -> list[str]:
     matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
     sensors = ", ".join(figure(abs(z), ".4g") for z in status.sensors)
     return [
-        f"shape {status.shape} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.pattern}",
+        f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
         f"reference {figure(status.reference, '.4g')}, at most {figure(status.reachable, '.4g')}; "
         f"sensors {sensors} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",

@@ -8,14 +8,14 @@ import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from firmware.client import actions, selftest
-from firmware.client.client import BoardError, Client, describe
+from firmware.client.client import BoardError, Client, describe, describe_health, describe_identity
 from firmware.client.port import NotHere, SerialPort
-from firmware.table_format import verify, with_drive_limit
+from firmware.mode_table import from_bytes, to_bytes
 
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
           python -m firmware.client watch            (the only board that is plugged in)
@@ -24,62 +24,54 @@ Exit codes: 0 done, 2 wrong input, 3 the board refused, did not answer or ended 
 5 no port or no pyserial, 130 interrupted."""
 
 
-MAX_VALUE = 1e9  # no value that the board understands comes near; larger ones may not fit into its single precision
+def number(low: float, high: float) -> Callable[[str], float]:
+    """For a number of the command line within bounds."""
+
+    def parsed(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{text!r}, allowed a number from {low:g} to {high:g}")
+        return value
+
+    return parsed
 
 
-def finite(text: str) -> float:
-    """A number of the command line that single precision can hold."""
-    return _number(text, -MAX_VALUE, MAX_VALUE)
+def whole(low: int, high: int) -> Callable[[str], int]:
+    """For a whole number of the command line within bounds."""
+
+    def parsed(text: str) -> int:
+        if not (text.isascii() and text.isdecimal() and len(text) < 10 and low <= int(text) <= high):
+            raise argparse.ArgumentTypeError(f"{text!r}, allowed a whole number from {low} to {high}")
+        return int(text)
+
+    return parsed
 
 
-def share(text: str) -> float:
-    """A number from 0 to 1 of the command line."""
-    return _number(text, 0.0, 1.0)
-
-
-def _number(text: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"{text!r}, allowed a number from {low:g} to {high:g}")
-    return value
-
-
-def positive(text: str) -> float:
-    """A time of the command line, seconds."""
-    return _number(text, 1e-3, 1e6)
-
-
-def count(text: str) -> int:
-    """How many windows or samples something lasts."""
-    value = index(text)
-    if not 1 <= value <= 50000:
-        raise argparse.ArgumentTypeError(f"{text!r}, allowed 1 to 50000")
-    return value
-
-
-def index(text: str) -> int:
-    """A number of a pattern or shape."""
-    if not (text.isascii() and text.isdecimal() and len(text) < 10):
-        raise argparse.ArgumentTypeError(f"{text!r}, allowed a whole number from 0")
-    return int(text)
+finite = number(-1e9, 1e9)  # no value that the board understands comes near
+share = number(0.0, 1.0)
+count = whole(1, 50000)  # how many windows or samples something lasts
+index = whole(0, 999_999_999)  # of a pattern or shape
 
 
 def table_of(text: argparse.Namespace) -> bytes:
-    """The table to upload, proved whole. Raises ValueError."""
+    """The table to upload, proved sound. Raises ValueError."""
     try:
-        table: bytes = text.file.read_bytes()
-        verify(table)
-        return table if text.drive_limit is None else with_drive_limit(table, text.drive_limit)
+        data: bytes = text.file.read_bytes()
+        table, limit = from_bytes(data), text.drive_limit
+        if limit is None:
+            return data
+        modes = tuple(replace(mode, drive_limit=limit) for mode in table.modes)
+        shapes = tuple(replace(shape, drive_limit=limit) for shape in table.shapes)
+        return to_bytes(replace(table, modes=modes, shapes=shapes))
     except OSError as error:
         raise ValueError(f"{text.file}: {error.strerror}") from None
     except ValueError as error:
         raise ValueError(f"{text.file}: {error}") from None
 
 
-Act = Callable[[Client, argparse.Namespace], object]
 Argument = tuple[str, dict[str, Any]]
 
 
@@ -88,32 +80,34 @@ def argument(name: str, **options: Any) -> Argument:
     return name, options
 
 
-@dataclass(frozen=True)
-class Action:
+class Action(NamedTuple):
     """What the client can be asked: for the reader, what is done, the values it takes.
 
-    tells: it has said all that there is to say itself.
+    act returns what to print; None stands for the board's status.
     """
 
     text: str
-    act: Act
+    act: Callable[[Client, argparse.Namespace], str | None]
     values: tuple[Argument, ...] = ()
-    tells: bool = False
 
 
 LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 full scales of the sensor")
 ANY_LEVEL = argument("reference", nargs="?", default=0.0, **LEVEL[1])
 NUMBER = argument("number", type=index, metavar="NUMBER", help="counted from 0")
-SECONDS = argument("--seconds", type=positive, metavar="S", help="end after so long (else at Ctrl-C)")
+SECONDS = argument("--seconds", type=number(1e-3, 1e6), metavar="S", help="end after so long (else at Ctrl-C)")
 DETUNING = argument(
     "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="off the resonance, Hz"
 )
 
 ACTIONS = {
-    "status": Action("tell what the board does", actions.status),
-    "identity": Action("tell which image and table the board has", actions.identity, tells=True),
-    "health": Action("tell clock, longest interrupts, and what was unexpected", actions.health, tells=True),
-    "watch": Action("show bars of what the board measures", actions.watch, (SECONDS,), tells=True),
+    "status": Action("tell what the board does", lambda client, text: None),
+    "identity": Action(
+        "tell which image and table the board has", lambda client, text: describe_identity(client.identity())
+    ),
+    "health": Action(
+        "tell clock, longest interrupts, and what was unexpected", lambda client, text: describe_health(client.health())
+    ),
+    "watch": Action("show bars of what the board measures", actions.watch, (SECONDS,)),
     "log": Action(
         "write what the board measures into a file of comma-separated values",
         actions.log,
@@ -124,7 +118,6 @@ ACTIONS = {
             ),
             SECONDS,
         ),
-        tells=True,
     ),
     "capture": Action(
         "write the codes of ADC and DAC (or of the PWM timers), sample by sample, into a file of comma-separated values",
@@ -133,7 +126,6 @@ ACTIONS = {
             argument("file", type=Path, metavar="FILE.csv"),
             argument("--every", type=count, default=1, metavar="N", help="a row each N samples, 1 if not given"),
         ),
-        tells=True,
     ),
     "selftest": Action(
         "go through the first steps of docs/bring-up.md; prints pass or FAIL, exit code 4 when one fails",
@@ -143,7 +135,6 @@ ACTIONS = {
                 "step", nargs="?", choices=selftest.STEPS, metavar="STEP", help=f"{', '.join(selftest.STEPS)}; else all"
             ),
         ),
-        tells=True,
     ),
     "identify": Action("measure the plate again, then rest", actions.identify),
     "start": Action(
@@ -219,10 +210,7 @@ def with_port(arguments: list[str]) -> list[str]:
     named, rest = parser.parse_known_args(arguments)
     if named.port is not None:
         return [named.port, *rest]
-    is_word = len(rest) == 1 and rest[0][:1] not in (
-        "-",
-        "/",
-    )  # one alone was meant to be an action, if none that there is
+    is_word = len(rest) == 1 and rest[0][:1] not in ("-", "/")  # meant to be an action, if none that there is
     return ["auto", *rest] if rest and (rest[0] in ACTIONS or is_word) else rest
 
 
@@ -257,9 +245,9 @@ def carry_out(client: Client, text: argparse.Namespace) -> int:
     """Does what was asked; returns the exit code. What was started here is stopped when it ends early, by Ctrl-C too."""
     action = ACTIONS[text.action]
     try:
-        action.act(client, text)
-        if not action.tells:
-            print(describe(client.status()))
+        said = action.act(client, text)
+        if said := describe(client.status()) if said is None else said:
+            print(said)
         return 0
     except (BoardError, OSError) as error:
         return _failed(f"{error}{_rested(client)}", 3)

@@ -6,7 +6,7 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from firmware.client.actions import DRIVING, LOOK_S, WINDOW_HZ
 from firmware.client.client import Client, Refused, figure
@@ -20,8 +20,7 @@ PERIOD_CYCLES = {"single": 720, "six": 4500}  # of the core between two samples
 NEVER_RIGHT = ("table", "clock", "flash", "supply", "watchdog")
 
 
-@dataclass(frozen=True)
-class Check:
+class Check(NamedTuple):
     """What was looked at, whether it holds, and what was seen."""
 
     name: str
@@ -33,7 +32,7 @@ class ChecksFailed(RuntimeError):
     """Not every check holds."""
 
 
-def selftest(client: Client, text: argparse.Namespace) -> None:
+def selftest(client: Client, text: argparse.Namespace) -> str:
     """Runs the steps that the build has, asking for the wiring before each. Raises ChecksFailed."""
     identity = client.identity()
     steps = [name for name, step in STEPS.items() if identity.build in step.builds and text.step in (None, name)]
@@ -49,6 +48,7 @@ def selftest(client: Client, text: argparse.Namespace) -> None:
         raise ChecksFailed(
             f"{failed} check{'s do' if failed > 1 else ' does'} not hold: docs/bring-up.md has what to look at"
         )
+    return ""
 
 
 def _ask(text: str) -> None:
@@ -115,8 +115,7 @@ def check_cycles(client: Client, identity: Identity) -> Iterator[Check]:
     yield Check("fast interrupt", 0 < cycles <= period // 2, f"{cycles} cycles, allowed {period // 2} of {period}")
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """Checks that one wiring allows."""
 
     wiring: str

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,7 +15,9 @@ from numpy.typing import NDArray
 from firmware.build import BuildError, Image, build
 from firmware.emulate.beam import Structure
 from firmware.emulate.plant import Plate, plate_from_table
-from firmware.table_format import header_text, verify
+from firmware.host import Supervised
+from firmware.mode_table import from_bytes
+from firmware.protocol import IDENTIFY, RUN, fault_names
 
 NEEDS = {"unicorn": "unicorn", "cffi": "cffi", "elftools": "pyelftools"}
 WINDOW_S = 50 / 250e3
@@ -66,22 +70,28 @@ def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seco
     of the largest steady amplitude. plate defaults to plate_from_table with noise of 1e-3 of full scale. Raises BuildError
     (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the image faulted.
     """
-    verify(table)
-    _check_installed()
-    with tempfile.TemporaryDirectory() as folder:
-        image = build(header_text(table), Path(folder))
+    with _built(table, "single") as image:
         return _stepped(image, plate or plate_from_table(table, noise=1e-3), share, seconds)
 
 
-def _check_installed() -> None:
+@contextmanager
+def _built(table: bytes, variant: str) -> Iterator[Image]:
+    """An image with a table inside, while the context lasts."""
+    from_bytes(table)
     missing = [package for name, package in NEEDS.items() if not find_spec(name)]
     if missing:
         raise BuildError(f"emulation needs {' and '.join(missing)}: pip install {' '.join(missing)}", 5)
+    with tempfile.TemporaryDirectory() as folder:
+        yield build(table, Path(folder), variant)
+
+
+def _check_runs(board: Supervised) -> None:
+    if board.state != RUN:
+        raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
     from firmware.emulate.single import EmulatedSingle
-    from firmware.protocol import IDENTIFY, RUN, fault_names
 
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
@@ -96,8 +106,7 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     origin = len(board.reports)
     board.app.slow.reference = min(share * abs(gain) * mode.drive_limit, 0.9 * mode.amplitude_limit)
     board.run(seconds)
-    if board.state != RUN:
-        raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
+    _check_runs(board)
     measured, drive, reference = (np.array(column) for column in zip(*board.reports[before:], strict=True))
     columns = {
         "time_s": (np.arange(before, len(board.reports)) - origin) * WINDOW_S,
@@ -110,28 +119,17 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
     return BoardRun(columns, swept, frequency_hz, mode.tau_s, gain, mode.delay_s, image.compiler)
 
 
-@dataclass(frozen=True)
-class SixRun:
-    """The drives that the six-channel image settles at, (patterns, 6) in full scales, pattern by pattern."""
+def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> NDArray[np.complex128]:
+    """The drives that the unmodified six-channel image settles at on the emulated board, (patterns, 6) in full scales.
 
-    drives: NDArray[np.complex128]
-    compiler: str
-
-
-def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> SixRun:
-    """Each of the table's first patterns, held one after another by the unmodified six-channel image on the emulated board.
-
-    Raises BuildError (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the
-    image faulted.
+    Each of the table's first patterns is held, one after another. Raises BuildError (exit_code 5 when something is not
+    installed), ValueError for a damaged table, EmulationError when the image faulted.
     """
-    verify(table)
-    _check_installed()
-    from firmware.emulate.six import EmulatedSix
-    from firmware.protocol import RUN, fault_names
+    drives = []
+    with _built(table, "six") as image:
+        from firmware.emulate.six import EmulatedSix
 
-    with tempfile.TemporaryDirectory() as folder:
-        image = build(header_text(table), Path(folder), "six")
-        board, drives = EmulatedSix(image.elf, plate), []
+        board = EmulatedSix(image.elf, plate)
         board.run(5e-3)
         for pattern in range(patterns):
             if pattern:
@@ -139,7 +137,6 @@ def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> Si
             else:
                 board.start(pattern)
             board.run(seconds)
-            if board.state != RUN:
-                raise EmulationError(f"the image ended in a fault: {', '.join(fault_names(board.faults)) or 'none'}")
+            _check_runs(board)
             drives.append(board.drives)
-    return SixRun(np.array(drives), image.compiler)
+    return np.array(drives)

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from firmware import table_format as layout
-from firmware.table_format import CHANNELS
+from firmware.mode_table import CHANNELS, ModeTable, Pattern, Shape, hold, to_bytes
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -135,15 +134,10 @@ class Beam:
 
 def measured_table(beam: Beam) -> bytes:
     """A table whose one shape holds the beam's matrix as the board measures it: all sensors alike, or the first alone."""
-    turn = 2j * math.pi * beam.frequency_hz / beam.sample_rate_hz
-    shape = np.zeros(1, layout.SHAPE)
-    shape["frequency_hz"], shape["tau_s"], shape["drive_limit"] = beam.frequency_hz, beam.slowest_s, 1.0
-    shape["flags"], shape["pattern_count"] = layout.MATRIX_IDENTIFIED, 2
-    shape["names"][0, :2] = np.array([b"all     ", b"first   "], "V8")
-    shape["matrix"] = beam.matrix(beam.frequency_hz) * (1.0 - np.exp(-turn)) / turn
-    shape["targets"][0, 0], shape["targets"][0, 1, 0] = 1.0, 1.0
-    six = {"actuator_count": CHANNELS, "sensor_count": CHANNELS, "sample_rate_hz": beam.sample_rate_hz}
-    return layout.assemble(np.zeros(0, layout.MODE), shape, **six, flags=layout.SENSES_DISPLACEMENT)
+    matrix = beam.matrix(beam.frequency_hz) * hold(beam.frequency_hz, beam.sample_rate_hz)
+    patterns = Pattern("all", (1.0,) * CHANNELS), Pattern("first", (1.0, *(0.0,) * (CHANNELS - 1)))
+    shape = Shape(beam.frequency_hz, beam.slowest_s, patterns, tuple(map(tuple, matrix.tolist())))
+    return to_bytes(ModeTable(beam.sample_rate_hz, bytes(16), shapes=(shape,)))
 
 
 def _clamped_roots(count: int) -> Floats:

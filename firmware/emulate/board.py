@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, UC_PROT_ALL, Uc, UcError
+from unicorn import UC_ARCH_ARM, UC_MODE_MCLASS, UC_MODE_THUMB, UC_PROT_ALL, Uc
 from unicorn.arm_const import (
     UC_ARM_REG_FPEXC,
     UC_ARM_REG_LR,
@@ -35,23 +35,24 @@ from unicorn.arm_const import (
     UC_CPU_ARM_CORTEX_M4,
 )
 
+from firmware.build import FLASH_START, RAM_START, TABLE_START
 from firmware.emulate.controllers import SECTOR_BYTES, Clock, FlashController
 from firmware.host import Supervised
 from firmware.image.elf import Elf
+from firmware.protocol import BAUD
 
-FLASH, FLASH_BYTES = 0x08000000, 48 * 1024  # sectors 0 to 2
-SECTOR, SECTOR_NUMBER = 0x0800C000, 3
-RAM, RAM_BYTES = 0x20000000, 128 * 1024
-APB1, APB1_BYTES = 0x40000000, 0x8000
-APB2, APB2_BYTES = 0x40010000, 0x4000
-AHB1, AHB1_BYTES = 0x40020000, 0x3000
+RAM, STUBS, FLASH = RAM_START, 0x00100000, FLASH_START
+APB1, APB2, AHB1, DMA = 0x40000000, 0x40010000, 0x40020000, 0x40026000
+CORE, DEBUG = 0xE0000000, 0xE0042000
+RAM_BYTES = 128 * 1024
+# Memory that both sides see, by its start. RAM first: mapped behind the code, a store to it discards translations of the code
+# at the same offset. Of the flash memory sectors 0 to 2.
+SHARED = {RAM: RAM_BYTES, STUBS: 0x1000, FLASH: 48 * 1024, APB1: 0x8000, APB2: 0x4000, AHB1: 0x3000}
+SHARED |= {DMA: 0x1000, CORE: 0x10000, DEBUG: 0x1000}
+SECTOR, SECTOR_NUMBER = TABLE_START, 3
 CONTROL, CONTROL_BYTES = 0x40023000, 0x1000
 CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
-DMA, DMA_BYTES = 0x40026000, 0x1000
-CORE, CORE_BYTES = 0xE0000000, 0x10000
-DEBUG, DEBUG_BYTES = 0xE0042000, 0x1000
 BACKUP, BACKUP_BYTES = 0x40024000, 4096
-STUBS = 0x00100000
 RETURN = STUBS + 0x80
 
 IWDG = 0x40003000
@@ -63,7 +64,7 @@ USART_BRR = 0x40004408
 OVERDRIVE_READY = 3 << 16  # it is on, and switched to
 WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
-BAUD, BAUD_TOLERANCE = 921600, 0.03  # of the other end, and what ten bits forgive
+BAUD_TOLERANCE = 0.03  # what ten bits forgive
 TIME_ERROR_S = 1e-9  # of sums of periods
 LSI_HZ = 32e3  # data sheet: 17 to 47 kHz
 
@@ -104,7 +105,7 @@ class EmulatedBoard(Supervised):
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
         self.words: dict[int, ctypes.c_uint32] = {}
-        self.memory = {start: self._shared(start, size) for start, size in _SHARED}
+        self.memory = {start: self._shared(start, size) for start, size in SHARED.items()}
         self.watchdog = [self.word(IWDG + at) for at in (0, 4, 8)]
         self.systick, self.sending = self.word(SYSTICK_CONTROL), self.word(SEND)
         self.uc.mmio_map(CONTROL, CONTROL_BYTES, self._control_read, None, self._control_write, None)
@@ -119,7 +120,7 @@ class EmulatedBoard(Supervised):
     def reset(self, by_watchdog: bool = False) -> None:
         """As the reset line, or the watchdog, does: peripherals clear, memory stays, the image starts anew."""
         for start in (APB1, APB2, AHB1, DMA, CORE):
-            ctypes.memset(self._address(start), 0, dict(_SHARED)[start])
+            ctypes.memset(self._address(start), 0, SHARED[start])
         self.clock = Clock(self.chip.dead_crystal, self.chip.dead_pll, by_watchdog)
         self.flash = FlashController(SECTOR_NUMBER, self.sector, self._stall)
         self.bitten = self.hung = self.fast_lost = False
@@ -278,7 +279,7 @@ class EmulatedBoard(Supervised):
         return memory
 
     def _address(self, address: int) -> int:
-        for start, size in _SHARED:
+        for start, size in SHARED.items():
             if start <= address < start + size:
                 return ctypes.addressof(ctypes.c_char.from_buffer(self.memory[start])) + address - start
         raise ValueError(f"no shared memory at {address:#x}")
@@ -393,19 +394,6 @@ class EmulatedBoard(Supervised):
         self.flash.program(offset, size, value)
 
 
-# RAM first: mapped behind the code, a store to it discards translations of the code at the same offset.
-_SHARED = (
-    (RAM, RAM_BYTES),
-    (STUBS, 0x1000),
-    (FLASH, FLASH_BYTES),
-    (APB1, APB1_BYTES),
-    (APB2, APB2_BYTES),
-    (AHB1, AHB1_BYTES),
-    (DMA, DMA_BYTES),
-    (CORE, CORE_BYTES),
-    (DEBUG, DEBUG_BYTES),
-)
-
 _CHANGING = (
     "time_s",
     "fed_s",
@@ -420,5 +408,3 @@ _CHANGING = (
 )
 _WHOLE = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2)
 _FRACTIONS = (UC_ARM_REG_S0, UC_ARM_REG_S1)
-
-__all__ = ["EmulatedBoard", "UcError"]

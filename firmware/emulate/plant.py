@@ -12,7 +12,7 @@ import random
 from dataclasses import dataclass, replace
 from typing import Any
 
-from firmware import table_format as layout
+from firmware.mode_table import ModeTable, from_bytes, hold
 
 
 @dataclass(frozen=True)
@@ -55,25 +55,22 @@ class Assumed:
 
 def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfections: Any) -> Plate:
     """The plate a table describes; what it leaves open is assumed."""
-    open_ends = assumed or Assumed()
-    header, modes, _ = layout.parse(data)
-    rate_hz, wanted = float(header["sample_rate_hz"]), int(header["wanted"])
-    displacement = bool(header["flags"] & layout.SENSES_DISPLACEMENT)
-    turn = 1j if displacement else 1.0  # makes a mode's gain real
+    table = from_bytes(data)
     plate = Plate(
-        tuple(_resonance(mode, turn, index == wanted, rate_hz, open_ends) for index, mode in enumerate(modes)),
-        displacement=displacement,
-        delay_s=max(float(modes[wanted]["delay_s"]) - 0.5 / rate_hz, 0.0),
-        sample_rate_hz=rate_hz,
+        tuple(_resonance(table, index, assumed or Assumed()) for index in range(len(table.modes))),
+        displacement=table.senses_displacement,
+        delay_s=max(table.modes[table.wanted].delay_s - 0.5 / table.sample_rate_hz, 0.0),
+        sample_rate_hz=table.sample_rate_hz,
     )
     return replace(plate, **imperfections)
 
 
-def _resonance(mode: Any, turn: complex, wanted: bool, rate_hz: float, assumed: Assumed) -> Resonance:
-    frequency_hz, gain = float(mode["frequency_hz"]), turn * complex(mode["gain"])
-    identified = math.copysign(abs(gain), gain.real) / abs(hold(frequency_hz, rate_hz))
-    open_gain = assumed.wanted_gain if wanted else assumed.other_gain
-    return Resonance(frequency_hz * assumed.scale, float(mode["tau_s"]), identified or open_gain)
+def _resonance(table: ModeTable, index: int, assumed: Assumed) -> Resonance:
+    mode, gain = table.modes[index], assumed.wanted_gain if index == table.wanted else assumed.other_gain
+    if mode.gain is not None:
+        turned = mode.gain * (1j if table.senses_displacement else 1.0)  # real
+        gain = math.copysign(abs(turned), turned.real) / abs(hold(mode.frequency_hz, table.sample_rate_hz))
+    return Resonance(mode.frequency_hz * assumed.scale, mode.tau_s, gain)
 
 
 class PlateSimulation:
@@ -138,9 +135,3 @@ def adc_code(level: float) -> int:
 def dac_level(code: int) -> float:
     """The level of a 12-bit code in full scales."""
     return (code - 2048) / 2047.0
-
-
-def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
-    """What holding each sample until the next does to a tone: sin(x)/x, half a sample late."""
-    turn = 2j * math.pi * frequency_hz / sample_rate_hz
-    return (1.0 - cmath.exp(-turn)) / turn

@@ -74,16 +74,11 @@ class EmulatedSix(SixView, EmulatedBoard):
     @property
     def at_rest(self) -> bool:
         """All twelve switches open."""
-        return not self.any_closed
+        return not any(gate.value & GATES for gate in self.gates)
 
     def start(self, pattern: int = 0, reference: float = 0.0) -> bool:
         """Starts as the button or a host would."""
         return self.call("an_six_start", self.symbol("app"), pattern, reference) & 0xFF == 1
-
-    @property
-    def any_closed(self) -> bool:
-        """True while the gates of either timer are closed."""
-        return any(gate.value & GATES for gate in self.gates)
 
     def pull_break(self, timer: int = TIM1, ticks: int = 1) -> None:
         """What the power stage does when it sees too much current: this timer opens its gates by itself, at once.

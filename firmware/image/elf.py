@@ -56,7 +56,7 @@ class Elf:
     @cached_property
     def symbols(self) -> dict[str, Named]:
         """Objects and functions that have a home, by name."""
-        homes = [one for one in self._all_symbols if one["st_shndx"] != "SHN_UNDEF"]
+        homes = [one for one in self.all_symbols if one["st_shndx"] != "SHN_UNDEF"]
         thumb = [int(one["st_info"]["type"] == "STT_FUNC") for one in homes]
         return {
             one.name: Named(one.name, one["st_value"] & ~bit, one["st_size"])
@@ -69,19 +69,9 @@ class Elf:
         parts = [one for one in self.file.iter_sections() if one["sh_flags"] & ALLOCATED and one["sh_size"]]
         return sorted((Named(one.name, one["sh_addr"], one["sh_size"]) for one in parts), key=lambda one: one.address)
 
-    @property
-    def functions(self) -> set[str]:
-        """Names of the functions that are defined here, static ones included."""
-        here = [one for one in self._all_symbols if one["st_shndx"] != "SHN_UNDEF"]
-        return {one.name for one in here if one["st_info"]["type"] == "STT_FUNC"}
-
-    @property
-    def undefined(self) -> list[str]:
-        """Names that are used and live elsewhere."""
-        return [one.name for one in self._all_symbols if one["st_shndx"] == "SHN_UNDEF"]
-
     @cached_property
-    def _all_symbols(self) -> list[Any]:
+    def all_symbols(self) -> list[Any]:
+        """Of the file as pyelftools has them, undefined ones included."""
         tables: list[Any] = list(self.file.iter_sections(SYMBOLS))
         return [symbol for table in tables for symbol in table.iter_symbols() if symbol.name]
 

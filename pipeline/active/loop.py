@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.board import table_file
-from pipeline.board.table_file import ModeTable, TableError
+from firmware import mode_table
+from firmware.mode_table import ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -27,7 +27,7 @@ WANTED_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where not
 
 def read_table(path: str) -> ModeTable:
     try:
-        return table_file.from_bytes(Path(path).read_bytes())
+        return mode_table.from_bytes(Path(path).read_bytes())
     except OSError as error:
         raise InputError(f"--table = {path}: {error.strerror}") from error
     except TableError as error:
@@ -70,7 +70,7 @@ def of_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     )
 
 
-def plant_of(mode: table_file.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
+def plant_of(mode: mode_table.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
     if mode.gain is None:
         return ModePlant(mode.frequency_hz, mode.tau_s, WANTED_GAIN if wanted else OTHER_GAIN)
     return velocity_of(ModePlant(mode.frequency_hz, mode.tau_s, mode.gain), sensor)
@@ -97,7 +97,8 @@ def write_table(table: ModeTable, identified: Identified, folder: Path | None, l
     modes = tuple(mode if i == table.wanted else one for i, one in enumerate(table.modes))
     try:
         made = replace(table, modes=modes)
-        files = {"mode_table.bin": table_file.to_bytes(made), "mode_table.h": table_file.to_header(made).encode()}
+        data = mode_table.to_bytes(made)
+        files = {"mode_table.bin": data, "mode_table.h": mode_table.header_text(data).encode()}
     except TableError as error:
         raise InputError(f"--sweep: what it shows does not fit a mode table: {error}") from error
     log.info("mode_table.bin and mode_table.h carry the measured mode (written with --out)")

@@ -19,10 +19,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from firmware.table_format import CHANNELS, RATE_HZ
+from firmware.mode_table import (
+    CHANNELS,
+    GAIN,
+    RATE_HZ,
+    Mode,
+    ModeTable,
+    TableError,
+    header_text,
+    hold,
+    to_bytes,
+    why_not_played,
+)
 from geometry.elements import ComplexArray, FloatArray
-from pipeline.board import table_file
-from pipeline.board.table_file import GAIN, Mode, ModeTable, TableError
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -100,12 +109,6 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     )
 
 
-def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
-    """What holding each sample until the next does to a tone, (1 - exp(-i w T))/(i w T): half a sample late, drooped."""
-    turn = 2j * pi * frequency_hz / sample_rate_hz
-    return complex((1.0 - np.exp(-turn)) / turn)
-
-
 SAMPLE_RATE_HZ = RATE_HZ["single"]
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
 DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
@@ -113,18 +116,14 @@ NEIGHBOURS = 6
 ABOUT = 0.2  # of the wanted mode's frequency: the band of its table where the plate was solved for another
 
 
-def table_of(case: Case, part_modes: PartModes, wanted: int) -> ModeTable:
+def table_of(case: Case, frequencies_hz: list[float], wanted: int) -> ModeTable:
     """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
-    return _table(case, [row.frequency_hz for row in part_modes.rows], wanted)
-
-
-def _table(case: Case, frequencies_hz: list[float], wanted: int) -> ModeTable:
     kept = _nearest(frequencies_hz, wanted)
     modes = tuple(
         Mode.from_quality_factor(frequencies_hz[i], case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
         for i in kept
     )
-    return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(wanted))
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(wanted))
 
 
 def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
@@ -133,17 +132,15 @@ def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
     are, PA5, which gives the inverse, with the others."""
     kept = _nearest(gains.frequency_hz.tolist(), gains.wanted)
     modes = tuple(_patched_mode(gains, i) for i in kept)
-    return ModeTable(SAMPLE_RATE_HZ, design_hash(case), modes, kept.index(gains.wanted))
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(gains.wanted))
 
 
 def _patched_mode(gains: ModalGains, index: int) -> Mode:
-
     frequency_hz = float(gains.frequency_hz[index])
-    delayed = np.exp(2j * np.pi * frequency_hz * HOLD_S) * hold(frequency_hz, SAMPLE_RATE_HZ)  # the droop, real
-    gain = complex(gains.gain[index, 0] * delayed)
-    too_small = max(abs(gain.real), abs(gain.imag)) < table_file.GAIN[0]
-    by_sensor = gains.gain[index, :CHANNELS]
-    by_actuator = np.array([gains.parts[index, gains.signs == sign, 0].sum() for sign in _polarities(gains)])
+    gain = complex(gains.gain[index, 0] * abs(hold(frequency_hz, SAMPLE_RATE_HZ)))
+    too_small = max(abs(gain.real), abs(gain.imag)) < GAIN[0]
+    polarities = sorted(set(gains.signs.tolist()), reverse=True)  # of the drivers in use: +1 is wired to PA4, -1 to PA5
+    by_actuator = np.array([gains.parts[index, gains.signs == sign, 0].sum() for sign in polarities])
     return Mode(
         frequency_hz,
         float(gains.tau_s[index]),
@@ -151,19 +148,14 @@ def _patched_mode(gains: ModalGains, index: int) -> Mode:
         delay_s=HOLD_S,
         drive_limit=DRIVE_LIMIT,
         actuator_weights=_weights(by_actuator),
-        sensor_weights=_weights(by_sensor),
+        sensor_weights=_weights(gains.gain[index, :CHANNELS]),
     )
-
-
-def _polarities(gains: ModalGains) -> list[float]:
-    """Signs of the drivers in use: +1 is wired to PA4, -1 to PA5."""
-    return sorted(set(gains.signs.tolist()), reverse=True)
 
 
 def _weights(values: np.ndarray) -> tuple[complex, ...]:
     largest = np.abs(values).max()
     turned = values / values[np.argmax(np.abs(values))] if largest > 0.0 else values
-    return tuple(complex(value) for value in turned)
+    return tuple(turned.tolist())
 
 
 def _nearest(frequencies_hz: list[float], wanted: int) -> list[int]:
@@ -171,10 +163,9 @@ def _nearest(frequencies_hz: list[float], wanted: int) -> list[int]:
     return sorted(by_distance[: NEIGHBOURS + 1])
 
 
-def design_hash(case: Case) -> bytes:
-    """16 bytes that name a case with its defaults and the code that computed it."""
-    identity = canonical_json(case.to_dict()) + code_hash()
-    return hashlib.sha256(identity.encode()).digest()[:16]
+def design_hash(about: object) -> bytes:
+    """16 bytes that name a design, such as a case with its defaults, and the code that computed it."""
+    return hashlib.sha256((canonical_json(about) + code_hash()).encode()).digest()[:16]
 
 
 def write_table(
@@ -189,7 +180,7 @@ def write_table(
         if can_be_computed(case):
             return write_gains(case, folder, log, stem, near_hz=part_modes.rows[wanted].frequency_hz)
         log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
-    return write(table_of(case, part_modes, wanted), folder, stem)
+    return write(table_of(case, [row.frequency_hz for row in part_modes.rows], wanted), folder, stem)
 
 
 def write_gains(
@@ -228,7 +219,7 @@ def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem:
     tone, resonances = driven_hz(plate), resonances_hz(plate)
     assert tone is not None
     wanted = int(np.argmin(np.abs(resonances - tone)))
-    return write(_table(case, resonances.tolist(), wanted), folder, stem)
+    return write(table_of(case, resonances.tolist(), wanted), folder, stem)
 
 
 def _about_wanted(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
@@ -267,12 +258,11 @@ def write(table: ModeTable, folder: Path, stem: str) -> list[Path]:
     """Write a table as STEM.bin and STEM.h. Raises InputError for a plate whose modes the firmware cannot play."""
     files = places(folder, stem)
     try:
-        refusal = table_file.why_not_played(table)
-        contents = table_file.to_bytes(table), table_file.to_header(table).encode()
+        data, refusal = to_bytes(table), why_not_played(table)
     except TableError as error:
         raise InputError(f"mode table: {error}: the firmware plays no such mode") from error
     if refusal:
         raise InputError(f"mode table: {refusal}: the firmware plays no such mode")
-    for file, content in zip(files, contents, strict=True):
+    for file, content in zip(files, (data, header_text(data).encode()), strict=True):
         write_atomic(file, content)
     return files

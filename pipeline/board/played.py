@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from firmware.emulate.beam import Structure
-from firmware.table_format import CHANNELS
+from firmware.mode_table import CHANNELS, ModeTable, to_bytes
 from geometry.elements import FloatArray
 from pipeline.board import export
 from pipeline.board.shaping import LARGEST, SAMPLE_RATE_HZ, plate_table
-from pipeline.board.table_file import ModeTable, to_bytes
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.travel_parts import PlayedPattern, PlayFault
@@ -89,7 +88,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
     seconds = max(MIN_S, PATTERN_TAUS * _tau_s(wave))
     try:
         with log.step("the six-channel image on the emulated board"):
-            run = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
+            drives = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
     except BuildError as missing:
         if missing.exit_code != 5:
             raise
@@ -98,7 +97,7 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
     except EmulationError as error:
         log.warning("BOARD", f"emulated board: {error}")
         return PlayFault(fault=str(error))
-    return patterns_of(wave, run.drives)
+    return patterns_of(wave, drives)
 
 
 def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:

@@ -9,7 +9,6 @@ those of the largest travelling-wave ratio towards +x and -x show.
 from __future__ import annotations
 
 import argparse
-import hashlib
 import sys
 from dataclasses import replace
 from functools import partial
@@ -18,12 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware.table_format import MAX_SHAPES, MIN_SHAPE_HZ
+from firmware.mode_table import FREQUENCY_HIGH, MAX_SHAPES, MIN_SHAPE_HZ, ModeTable, Pattern, Shape, describe, hold
 from geometry.elements import ComplexArray
-from pipeline.board.export import hold
-from pipeline.board.table_file import FREQUENCY_HIGH, ModeTable, Pattern, Shape
+from pipeline.board.export import design_hash, write
 from pipeline.errors import InputError
-from pipeline.records.fingerprint import canonical_json, code_hash
 from solvers.errors import SolverError
 from solvers.shaping.contrast import REGIONS, best_contrast, region_points, region_target
 from solvers.shaping.modal_table import operating_frequencies, scan
@@ -75,7 +72,7 @@ def shaping_table(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float
         Shape(f, slowest_s, patterns(model, signal, f), tuple(map(tuple, matrix.tolist())))
         for f, matrix in zip(chosen, matrices, strict=True)
     )
-    return ModeTable(SAMPLE_RATE_HZ, _named([model.name, signal, list(chosen)]), (), shapes=shapes)
+    return ModeTable(SAMPLE_RATE_HZ, design_hash([model.name, signal, list(chosen)]), shapes=shapes)
 
 
 def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives: dict[str, ComplexArray]) -> ModeTable:
@@ -90,11 +87,7 @@ def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives:
     targets = {name: matrix @ volts for name, volts in drives.items()}
     named = tuple(Pattern(name, tuple((w / w[np.argmax(np.abs(w))]).tolist())) for name, w in targets.items())
     shape = Shape(frequency_hz, tau_s, named, tuple(map(tuple, matrix.tolist())))
-    return ModeTable(SAMPLE_RATE_HZ, _named([frequency_hz, repr(matrix.tolist())]), (), shapes=(shape,))
-
-
-def _named(about: list[object]) -> bytes:
-    return hashlib.sha256((canonical_json(about) + code_hash()).encode()).digest()[:16]
+    return ModeTable(SAMPLE_RATE_HZ, design_hash([frequency_hz, repr(matrix.tolist())]), shapes=(shape,))
 
 
 def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
@@ -104,8 +97,6 @@ def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    from pipeline.board.export import write
-    from pipeline.board.table_file import describe
     from pipeline.case.quantities import parse_frequency
     from solvers.thesis.shaped_beam import patched, pointed
     from solvers.thesis.shaping_study import ShapingData

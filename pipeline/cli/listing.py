@@ -16,11 +16,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from firmware.table_format import MAX_BYTES
+from firmware.mode_table import MAX_BYTES, VERSION, TableError, describe, from_bytes
 from geometry.materials import MATERIALS
 from pipeline import paths
 from pipeline.batch import known
-from pipeline.board.table_file import TableError, describe, from_bytes
 from pipeline.case.diagnostics import nearest
 from pipeline.case.schema import json_schema
 from pipeline.errors import InputError, reason
@@ -97,7 +96,7 @@ def _table(arguments: Namespace) -> int:
             table = from_bytes(file.read(MAX_BYTES + 1))
     except (OSError, TableError) as error:
         raise InputError(f"{arguments.file}: {reason(error)}") from error
-    document: dict[str, Any] = {"version": table.version, "modes": len(table.modes), "wanted": table.wanted}
+    document: dict[str, Any] = {"version": VERSION, "modes": len(table.modes), "wanted": table.wanted}
     document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
     return emit(arguments, "table", Answer(document, [describe(table)]))
 

@@ -15,7 +15,7 @@ from pipeline.records.part import column
 from pipeline.units import KHZ, MS, US
 
 if TYPE_CHECKING:
-    from pipeline.board.table_file import ModeTable
+    from firmware.mode_table import ModeTable
     from solvers.thesis.loop_design import DqData
 
 

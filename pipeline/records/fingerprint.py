@@ -15,7 +15,7 @@ from pipeline.paths import ROOT
 from pipeline.records.part import plain
 
 COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
-TABLE_LAYOUT = "firmware/table_format.py"  # all of firmware/ that decides bytes of a record
+TABLE_LAYOUT = "firmware/mode_table.py"  # all of firmware/ that decides bytes of a record
 # Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
 SHOWING = (
     *(f"pipeline/{name}.py" for name in ("logs", "paths", "process", "workers")),

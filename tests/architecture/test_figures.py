@@ -34,7 +34,6 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/plots/fields.py": "how far a drawing exaggerates",
     "pipeline/report/html.py": "values of a script, which alone knows their bars",
     "pipeline/records/tables.py": "ten digits of a file, far below any bar",
-    "pipeline/board/table_file.py": "what a mode table holds, to be read beside the board's own reply",
     "pipeline/exchange/calculix.py": "a file of another program",
     "pipeline/exchange/results.py": "files of other programs",
     "pipeline/measured/synthetic.py": "a file of made-up measurements",

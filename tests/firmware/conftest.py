@@ -28,7 +28,6 @@ def core() -> Core:
 def make_image(tmp_path_factory: pytest.TempPathFactory):
     """Builds an image with a table inside, once for each table."""
     from firmware import build as builder
-    from firmware.table_format import header_text
 
     try:
         builder.toolchain()
@@ -52,7 +51,7 @@ def make_image(tmp_path_factory: pytest.TempPathFactory):
             folder = tmp_path_factory.mktemp("image")
             with pytest.MonkeyPatch.context() as patch:
                 patch.setattr(builder, "run", compiled)
-                images[table, variant] = builder.build(header_text(table), folder, variant)
+                images[table, variant] = builder.build(table, folder, variant)
         return images[table, variant]
 
     return make

@@ -11,9 +11,8 @@ from firmware import build as builder
 from firmware.client.client import BoardError, Client
 from firmware.emulate.beam import Beam
 from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, header_text, to_bytes
 from firmware.protocol import Kind
-from firmware.table_format import header_text
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 FLOOR = 0.75
 SINGLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31437.3, 3e-3, -0.8j, 9.3e-6, frequency_identified=True),)))
@@ -40,7 +39,7 @@ def visit(tmp_path, monkeypatch, core):
             builder.toolchain()
         except builder.BuildError as missing:
             pytest.skip(str(missing))
-        image = builder.build(header_text(table), tmp_path, variant).elf
+        image = builder.build(table, tmp_path, variant).elf
         recorder = BranchRecorder(Elf.read(image), routines_of_the_board(header_text(table), variant))
 
         def start(**options):
@@ -68,7 +67,7 @@ def test_most_branches_of_the_board_are_taken(visit, variant: str) -> None:
     board.run(22e-3)
     push_button(board)
     board.word(board.symbol("count")).value = 24990  # looks of the guard: a second is over soon
-    client.request(Kind.HEALTH)
+    client.health()
     client.request(Kind.LOG, struct.pack("<I", 1))
     board.run(5e-3)
     push_button(board)

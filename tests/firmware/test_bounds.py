@@ -9,11 +9,10 @@ import pytest
 
 from firmware import build as builder
 from firmware.image import bounds
-from firmware.table_format import header_text
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from firmware.mode_table import Mode, ModeTable, to_bytes
 
 ALLOWED = {"single": {"an_fast_tick": 90, "an_slow_step": 380}, "six": {"an_six_tick": 300}}
-TABLE = header_text(to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31404.5, 300.0),))))
+TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(31404.5, 300.0),)))
 
 
 @pytest.fixture(scope="module", params=["arm-none-eabi-gcc", "zig"])

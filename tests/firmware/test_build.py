@@ -14,8 +14,7 @@ from firmware import build as builder
 from firmware.host import PLACES
 from firmware.image.elf import Elf
 from firmware.image.svd import svd_text
-from firmware.table_format import MAX_SHAPES
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, describe, from_bytes, to_bytes, to_header
+from firmware.mode_table import MAX_SHAPES, Mode, ModeTable, Pattern, Shape, describe, from_bytes, header_text, to_bytes
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality_factor(31404.5, 300.0, delay_s=2e-6),))
 SECTOR = 0x0800C000
@@ -27,7 +26,7 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> builder.Image:
         builder.toolchain()
     except builder.BuildError as missing:
         pytest.skip(str(missing))
-    return builder.build(to_header(TABLE), tmp_path_factory.mktemp("image"))
+    return builder.build(to_bytes(TABLE), tmp_path_factory.mktemp("image"))
 
 
 def test_image_fits(image: builder.Image) -> None:
@@ -121,13 +120,14 @@ def test_core_calls_nothing_but_itself(image: builder.Image, tmp_path: Path) -> 
         target = tmp_path / f"{source.stem}.o"
         options = [builder.optimised(source), *builder.LANGUAGE, *builder.SECTIONS, *PLACES]
         builder.run([*command, *options, "-c", str(source), "-o", str(target)])
-        assert [name for name in Elf.read(target).undefined if not name.startswith("an_")] == [], source.name
+        undefined = [one.name for one in Elf.read(target).all_symbols if one["st_shndx"] == "SHN_UNDEF"]
+        assert [name for name in undefined if not name.startswith("an_")] == [], source.name
 
 
 def test_a_header_is_taken_as_it_is(tmp_path: Path) -> None:
     header = tmp_path / "mode_table.h"
-    header.write_text(to_header(TABLE))
-    assert builder.choose_header(None, header) == to_header(TABLE)
+    header.write_text(header_text(to_bytes(TABLE)))
+    assert builder.choose_table(None, header) == to_bytes(TABLE)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +149,11 @@ def test_a_table_that_the_board_would_refuse_is_not_built_in(
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"nonsense", "not a mode table"), (to_bytes(TABLE)[:-1], "truncated"), (to_bytes(TABLE)[:-1] + b"x", "damaged")],
+    [
+        (b"nonsense", "another kind of file"),
+        (to_bytes(TABLE)[:-1], "truncated"),
+        (to_bytes(TABLE)[:-1] + b"x", "damaged"),
+    ],
 )
 def test_a_damaged_table_is_refused_in_one_line(tmp_path: Path, capsys, content: bytes, words: str) -> None:
     (tmp_path / "t.bin").write_bytes(content)

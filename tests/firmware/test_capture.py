@@ -13,8 +13,8 @@ from firmware.client import actions
 from firmware.client.client import BoardError, Client
 from firmware.emulate.beam import Beam, adc_codes
 from firmware.emulate.plant import Plate, Resonance, adc_code
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import Captured
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.fake_board import FakePort
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3, -0.75j, 9.3e-6, frequency_identified=True),)))
@@ -105,14 +105,14 @@ def test_a_capture_begun_anew_starts_at_its_beginning_and_times_out_of_range_are
     assert client.captured(2**32 - 1).words == ()
 
 
-def test_the_client_writes_them_into_a_file(boards, tmp_path: Path, capsys) -> None:
+def test_the_client_writes_them_into_a_file(boards, tmp_path: Path) -> None:
     _, client = boards("single")
     file = tmp_path / "capture.csv"
-    actions.capture(client, Namespace(file=file, every=2))
+    said = actions.capture(client, Namespace(file=file, every=2))
     rows = list(csv.reader(file.open()))
     assert rows[0] == ["time_s", "input_1", "output_1"] and len(rows) == 1025
     assert float(rows[-1][0]) == pytest.approx(1023 * 8e-6, rel=1e-9) and {row[2] for row in rows[1:]} == {"2048"}
-    assert "1024 rows, one each 8 us" in capsys.readouterr().out
+    assert "1024 rows, one each 8 us" in said
 
 
 def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import csv
 import math
 import sys
 import types
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -13,8 +15,8 @@ import pytest
 
 from firmware.client import client, command_line, port, selftest
 from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, to_bytes
 from firmware.protocol import PROTOCOL
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 from tests.helpers.board_probes import EmulatedPort
 from tests.helpers.fake_board import write_sound
 
@@ -68,17 +70,17 @@ def test_upload_with_another_drive_limit(board, capsys, tmp_path: Path) -> None:
     assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "0.1"]) == 0
     assert math.isclose(board.app.mode.drive_limit, 0.1, rel_tol=1e-6)
     assert command_line.main(["COM7", "upload", str(tmp_path / "table.bin"), "1.5"]) == 2
-    assert "drive limit 1.5, allowed 0.001 to 1" in capsys.readouterr().err
+    assert "drive_limit is 1.5, allowed 0.001 to 1" in capsys.readouterr().err
 
 
-def test_a_drive_limit_reaches_every_mode_and_shape() -> None:
-    from dataclasses import replace
+def test_a_drive_limit_reaches_every_mode_and_shape(tmp_path: Path) -> None:
+    from firmware.mode_table import Pattern, Shape, from_bytes
 
-    from firmware.table_format import with_drive_limit
-    from pipeline.board.table_file import Pattern, Shape, from_bytes
-
-    table = ModeTable(40e3, bytes(16), (MODE_40K, MODE_40K), shapes=(Shape(2e3, 1e-2, (Pattern("all", (1.0,)),)),))
-    changed = from_bytes(with_drive_limit(to_bytes(table), 0.25))
+    shape = Shape(2e3, 1e-2, (Pattern("all", (1.0,)),))
+    table = ModeTable(40e3, bytes(16), (MODE_40K, MODE_40K), shapes=(shape,))
+    (tmp_path / "table.bin").write_bytes(to_bytes(table))
+    text = argparse.Namespace(file=tmp_path / "table.bin", drive_limit=0.25)
+    changed = from_bytes(command_line.table_of(text))
     assert {mode.drive_limit for mode in changed.modes} == {shape.drive_limit for shape in changed.shapes} == {0.25}
     one = replace(changed, modes=tuple(replace(mode, drive_limit=1.0) for mode in changed.modes))
     whole = replace(one, shapes=tuple(replace(shape, drive_limit=1.0) for shape in one.shapes))

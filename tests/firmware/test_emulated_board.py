@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
 from firmware.injection import BOARD_KINDS, WORDS, bits_of, break_single, breaking, flipping, image_rows, sensor_kinds
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
 TAU = QUALITY / math.pi / TRUE

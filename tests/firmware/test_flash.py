@@ -9,7 +9,7 @@ import pytest
 
 from firmware import flash
 from firmware.image.elf import Elf
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from firmware.mode_table import Mode, ModeTable, to_bytes
 
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3),)))
 WRITES = {

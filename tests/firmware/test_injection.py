@@ -15,8 +15,8 @@ from firmware.build import BuildError
 from firmware.control_table import held_plate
 from firmware.emulate.beam import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.hosted_boards import HostedSix, Rig, restore, save
 
 

@@ -16,7 +16,7 @@ import pytest
 from firmware.control_table import held_plate
 from firmware.emulate.beam import Beam, measured_table
 from firmware.injection import held
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.hosted_boards import HostedSix, Rig
 
 IDLE, IDENTIFY, RUN, FAULT = range(4)

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, hold, to_bytes
 from firmware.protocol import IDENTIFY, KEPT, RUN
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
 
 TRUE, TAU = 31437.3, 300.0 / math.pi / 31437.3
 DROOP = abs(hold(TRUE, 250e3))

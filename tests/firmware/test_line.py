@@ -11,10 +11,9 @@ import numpy as np
 import pytest
 
 from firmware.client.client import BoardError, Client
-from firmware.emulate.plant import Plate, Resonance, hold
-from firmware.protocol import Kind, Message, decode, encode, parse_health
-from firmware.table_format import MAX_BYTES, seal
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import MAX_BYTES, Mode, ModeTable, Pattern, Shape, hold, seal, to_bytes
+from firmware.protocol import Kind, Message, decode, encode
 
 TRUE, GAIN = 31437.3, 0.8
 TAU = 300.0 / math.pi / TRUE
@@ -41,7 +40,7 @@ def talk(make_image, core):
 
 def test_identity_and_status(talk) -> None:
     _, client = talk()
-    assert client.request(Kind.IDENTITY) == bytes([3, 1, 1, 1, *range(16)])
+    assert client.request(Kind.IDENTITY, parsed=bytes) == bytes([3, 1, 1, 1, *range(16)])
     status = client.status()
     assert status.state == "idle" and status.faults == ()
     assert status.frequency_hz == pytest.approx(TRUE, abs=4e-3)
@@ -365,7 +364,7 @@ def test_health_tells_where_it_crashed_and_how_much_stack_is_left(talk) -> None:
     board.interrupt_unexpectedly()
     assert board.run_until(lambda: board.resets == 1, 0.05)
     board.run(1e-3)
-    health = parse_health(client.request(Kind.HEALTH))
+    health = client.health()
     assert health.watchdog_resets == 1 and health.core_hz == 180_000_000
     assert board.symbol("main") <= health.pc < board.symbol("main") + board.elf.symbols["main"].size
     assert client.status().faults == ("watchdog",)

@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
-from firmware.protocol import PAYLOAD_MAX, Fault, Kind, Message, decode, encode, parse_captured, parse_health
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.protocol import PAYLOAD_MAX, Fault, Health, Kind, Message, decode, encode, parse, parse_captured
 
 SINGLE = to_bytes(ModeTable(250e3, bytes(range(16)), (Mode(31e3, 3e-3, 0.5 - 0.5j),)))
 SIX = to_bytes(ModeTable(40e3, bytes(16), (), shapes=(Shape(2400.0, 5e-3, (Pattern("all", (1,) * 6),)),)))
@@ -179,7 +179,7 @@ def test_health_is_told_in_its_order_and_a_repeated_request_is_answered_alike(
 ) -> None:
     linked = Linked(core, name, table, rate_hz)
     linked.link.health = list(range(1, core.lib.AN_HEALTH_WORDS + 1))
-    health = parse_health(answer(linked, Kind.HEALTH)[1:])
+    health = parse(Health, answer(linked, Kind.HEALTH)[1:])
     assert (health.watchdog_resets, health.core_hz, health.stack_unused) == (1, 6, 10)
     linked.window()
     frame = encode(Message(Kind.IDENTIFY, 200, b""))

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 
 GUESS, TRUE, QUALITY, GAIN = 31400.0, 31437.3, 300.0, 0.8
 TAU = QUALITY / math.pi / TRUE

@@ -20,8 +20,8 @@ from firmware.injection import (
     image_rows,
     sensor_kinds,
 )
-from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind, parse_health
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
+from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault, Kind
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 BEAM = Beam(noise=1e-3)
@@ -441,17 +441,17 @@ def test_a_pulled_break_opens_all_switches_until_somebody_clears_it(make_six, ti
     board = driving(make_six)
     board.pull_break(timer, 1 + round(held_s / board.sample_s))
     for tick in range(800):
-        assert not board.any_closed, tick
+        assert board.at_rest, tick
         board.tick()
     assert board.state == FAULT and board.faults == Fault.BREAK
     assert board.clear()
     board.run(5e-3)
-    assert board.state == IDLE and not board.any_closed
+    assert board.state == IDLE and board.at_rest
     assert board.call("an_six_start", board.symbol("app"), 1, 0.15) == 1
     board.run(5e-3)
     assert board.driving
     board.pull_break(timer)
-    assert not board.any_closed
+    assert board.at_rest
 
 
 def test_a_line_that_stays_pulled_cannot_be_cleared(make_six) -> None:
@@ -460,7 +460,7 @@ def test_a_line_that_stays_pulled_cannot_be_cleared(make_six) -> None:
     board.run(5e-3)
     assert board.clear()
     board.run(5e-3)
-    assert board.state == FAULT and board.faults == Fault.BREAK and not board.any_closed
+    assert board.state == FAULT and board.faults == Fault.BREAK and board.at_rest
 
 
 def driving(make_six):
@@ -596,7 +596,7 @@ def test_a_table_that_resets_the_board_is_left_alone_at_the_fourth_start(make_si
     board.run(5e-3)
     client = Client(EmulatedPort(board))
     assert set(client.status().faults) == {"table", "watchdog"}
-    assert parse_health(client.request(Kind.HEALTH)).watchdog_resets == 3
+    assert client.health().watchdog_resets == 3
     client.upload(table(2600.0))
     assert client.status().faults == ("watchdog",)
     client.clear()
@@ -611,7 +611,7 @@ def test_a_scan_that_overran_is_set_going_again(make_six) -> None:
     board = driving(make_six)
     overrun(board)
     board.run(100e-6)
-    assert not board.any_closed
+    assert board.at_rest
     board.run(10e-3)
     assert board.resets == 0
     assert board.state == FAULT and board.faults == Fault.FAST_LATE
@@ -670,7 +670,7 @@ def test_samples_that_come_back_after_a_standstill_find_a_latched_fault(make_six
     board.run(500e-6)
     board.fast_lost = False
     board.run(10e-3)
-    assert board.resets == 0 and not board.any_closed
+    assert board.resets == 0 and board.at_rest
     assert board.state == FAULT and board.app.base.supervisor.first == Fault.FAST_LATE
 
 

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from firmware.emulate.beam import Beam, Structure
-from firmware.table_format import MIN_MODE_HZ
+from firmware.mode_table import MIN_MODE_HZ, from_bytes, to_bytes
 from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
-from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.errors import InputError
 from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
@@ -98,7 +97,7 @@ def test_the_image_makes_waves_that_travel_both_ways(board, model: ShapedBeam) -
 
 
 def test_the_table_holds_the_studys_matrix_with_the_hold_in_it(model: ShapedBeam) -> None:
-    from firmware.emulate.plant import hold
+    from firmware.mode_table import hold
 
     table = shaping_table(model, "displacement", (2200.0, TONE))
     assert [pattern.name for pattern in table.shapes[1].patterns] == list(NAMES)

@@ -13,7 +13,7 @@ import pytest
 from firmware import build as builder
 from firmware.build import BOARD
 from firmware.host import CORE, PLACES
-from firmware.table_format import header_text
+from firmware.mode_table import header_text
 
 ROOT = Path(builder.__file__).parent
 TABLE = header_text(b"table")

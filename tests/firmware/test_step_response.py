@@ -19,7 +19,7 @@ from firmware.emulate.plant import (
     hold,
     plate_from_table,
 )
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
+from firmware.mode_table import Mode, ModeTable, to_bytes
 
 TRUE = 31437.3
 TAU = 300.0 / math.pi / TRUE

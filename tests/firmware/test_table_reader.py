@@ -8,8 +8,8 @@ import struct
 import numpy as np
 import pytest
 
-from firmware import table_format as layout
-from pipeline.board.table_file import Mode, ModeTable, Pattern, Shape, TableError, from_bytes, to_bytes
+from firmware import mode_table as layout
+from firmware.mode_table import Mode, ModeTable, Pattern, Shape, TableError, from_bytes, to_bytes
 
 SIX = (0.5 + 0j, 0.5 - 0.25j, 0.5 - 0.5j, 0.5 - 0.75j, 0.125j, -1.0 + 0j)
 SHAPE = Shape(

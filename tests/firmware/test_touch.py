@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from firmware import injection
-from firmware.emulate.plant import Plate, Resonance, hold
+from firmware.emulate.plant import Plate, Resonance
+from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN, Fault
-from pipeline.board.table_file import Mode, ModeTable, to_bytes
 from tests.helpers.hosted_boards import Rig, restore, save
 
 TRUE = 31437.3

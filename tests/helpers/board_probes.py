@@ -150,7 +150,8 @@ def routines_of_the_board(header: str, variant: str) -> set[str]:
                 target = folder / f"{source.stem}.o"
                 options = [builder.optimised(source), *builder.LANGUAGE, *builder.SECTIONS, *places]
                 builder.run([*command, *options, "-c", str(source), "-o", str(target)])
-                names |= Elf.read(target).functions
+                here = [one for one in Elf.read(target).all_symbols if one["st_shndx"] != "SHN_UNDEF"]
+                names |= {one.name for one in here if one["st_info"]["type"] == "STT_FUNC"}
     return names
 
 

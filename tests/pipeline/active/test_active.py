@@ -12,9 +12,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from firmware import mode_table as table_file
 from pipeline.active import thesis
 from pipeline.active.loop import plant_of
-from pipeline.board import table_file
 from pipeline.case.quantities import parse_seconds
 from pipeline.cli import main
 from pipeline.errors import InputError
@@ -343,7 +343,7 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     assert mode.delay_s == pytest.approx(8e-6, abs=2e-8)
     assert [one.gain for i, one in enumerate(new.modes) if i != new.wanted] == [None, None]
     header = (out / "mode_table.h").read_text()
-    assert table_file.to_header(new) == header
+    assert table_file.header_text(table_file.to_bytes(new)) == header
     document = json.loads((out / "active_dq.json").read_text())
     assert document["plant"]["frequency_hz"] == pytest.approx(31_437.3, abs=0.1)
     assert site_fields.differing("active_dq", document) == []

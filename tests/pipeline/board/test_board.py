@@ -10,9 +10,9 @@ import pytest
 
 from firmware import emulate
 from firmware.build import BuildError, toolchain
+from firmware.mode_table import Mode, ModeTable, from_bytes, to_bytes
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
-from pipeline.board.table_file import Mode, ModeTable, from_bytes, to_bytes
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.questions import board

@@ -9,18 +9,16 @@ import struct
 
 import pytest
 
-from firmware import table_format as layout
-from pipeline.board.table_file import (
+from firmware import mode_table as layout
+from firmware.mode_table import (
     Mode,
     ModeTable,
     Pattern,
     Shape,
     TableError,
-    check,
     describe,
     from_bytes,
     to_bytes,
-    to_header,
 )
 
 SIX = tuple(complex(0.5, -0.25 * (i % 3)) for i in range(6))
@@ -67,7 +65,7 @@ def test_crc_is_the_one_of_zlib_and_ethernet() -> None:
 
 
 def test_header_holds_the_same_bytes() -> None:
-    text = to_header(TABLE)
+    text = layout.header_text(to_bytes(TABLE))
     body = re.search(r"\{(.*?)\}", text, re.S)
     assert body is not None
     assert bytes(int(item, 16) for item in body[1].split(",")) == to_bytes(TABLE)
@@ -135,10 +133,9 @@ def test_a_value_out_of_range_is_refused_in_one_line_though_the_crc_fits(at: int
     [
         ({"wanted": 2}, "wanted is 2"),
         ({"design_hash": b"short"}, "5 bytes, allowed 16"),
-        ({"version": 3}, "version 3 is refused"),
         ({"modes": (), "shapes": ()}, "neither a mode nor a shape"),
         ({"modes": TABLE.modes * 9}, "18 modes"),
-        ({"modes": (Mode(31e3, 1e40),), "wanted": 0, "shapes": ()}, "tau_s is 1e+40"),
+        ({"modes": (Mode(31e3, 1e40),), "wanted": 0, "shapes": ()}, "tau_s is inf"),
         ({"modes": (Mode(31e3, 3e-3, gain=0j),), "wanted": 0, "shapes": ()}, "gain (larger of its parts) is 0"),
         ({"modes": (Mode(31e3, 3e-3), Mode(31e3, 3e-3, actuator_weights=(1, 1)))}, "differ from entry to entry"),
     ],
@@ -162,7 +159,3 @@ def test_description_tells_assumed_from_identified() -> None:
     assert "gain 0.901388 at -56.31 deg" in known and "(identified)" in known and "(measured)" in known
     assert "(wanted)" in known and "(wanted)" not in unknown
     assert "velocity" in lines[1]
-
-
-def test_a_sound_table_passes() -> None:
-    check(TABLE)

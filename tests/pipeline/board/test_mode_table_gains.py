@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.board.export import SAMPLE_RATE_HZ, ModalGains, can_be_computed, hold, modal_gains, table_with_gains
-from pipeline.board.table_file import from_bytes
+from firmware.mode_table import from_bytes, hold
+from pipeline.board.export import SAMPLE_RATE_HZ, ModalGains, can_be_computed, modal_gains, table_with_gains
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from firmware.mode_table import Mode, ModeTable
 from pipeline.board import export
-from pipeline.board.table_file import Mode, ModeTable
 from pipeline.errors import InputError
 
 

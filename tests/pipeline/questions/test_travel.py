@@ -12,8 +12,8 @@ import pytest
 from scipy.interpolate import RegularGridInterpolator
 
 from firmware.emulate.beam import BeamSimulation, Structure
+from firmware.mode_table import from_bytes, to_bytes
 from pipeline.board import played
-from pipeline.board.table_file import from_bytes, to_bytes
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog

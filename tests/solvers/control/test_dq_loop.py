@@ -271,7 +271,7 @@ def test_gains_are_those_the_firmware_plans(firmware, quality_factor, gain, resp
 def test_the_firmware_itself_follows_the_same_path(firmware, reference, detuning):
     """The core's whole application on an emulated plate of other authorship, from rest to the reference."""
     from firmware.emulate import plant as emulated
-    from pipeline.board.table_file import Mode, ModeTable, to_bytes
+    from firmware.mode_table import Mode, ModeTable, to_bytes
     from tests.helpers.hosted_boards import HostedSingle
 
     droop = abs(hold(TRUE))
