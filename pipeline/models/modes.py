@@ -50,7 +50,7 @@ from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
 from solvers.accuracy.plate import ModeErrors
-from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
+from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
@@ -420,7 +420,7 @@ class _Class:
 
     def __init__(self, case: Case, part: str, model: PartModel, symmetry: str | None, log: Log) -> None:
         self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
-        self.pencil: SymmetricPencil
+        self.pencil: PlainPencil
         self.dof = 0
         self.vectors: FloatArray
         self.tones = np.empty(0)  # of the columns, Hz

@@ -25,7 +25,7 @@ from solvers.accuracy.singularity import (
     rim_wedges,
 )
 from solvers.fem.assembly import Scale, elasticity
-from solvers.fem.eigen import SymmetricPencil, factor_near
+from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import Pencil, SolidModel
 
@@ -304,7 +304,7 @@ def coarser_eigenvalues(
 
 
 def prolonged_eigenvalues(
-    fine: SymmetricPencil, coarse: SymmetricPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
+    fine: PlainPencil, coarse: PlainPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
     """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
     from scipy.optimize import linear_sum_assignment  # slow to import

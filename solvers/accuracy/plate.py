@@ -23,9 +23,10 @@ import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.accuracy.mesh import shares_of, smooth_half_width
-from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
+from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.superelement.cell import Cell
+from solvers.superelement.periodic import BlochPlate
 from solvers.superelement.plate import AssembledPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
@@ -65,36 +66,18 @@ class ModeErrors:
 
 
 class Assembly(Protocol):
-    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
+    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion (cell dof, k)."""
 
     @property
-    def placed_cells(self) -> Sequence[Any]:
-        """The cells in their places."""
-
-    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
-        """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
+    def placed_cells(self) -> Sequence[Any]: ...
+    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any: ...
 
 
-class Joined(Assembly, Protocol):
-    """An assembly whose degrees of freedom are its cells' own, each placed with `dofs` and a `coefficient`."""
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom of all."""
-
-    @property
-    def cells(self) -> Sequence[Cell]:
-        """The different cells."""
-
-    def pencil(self) -> PlainPencil:
-        """K and M."""
-
-    def widened(self) -> Joined:
-        """The same with the further boundary functions that its cells know."""
+Joined = AssembledPlate | BlochPlate  # their degrees of freedom are their cells' own
 
 
 def mode_errors(
-    plate: Joined, pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+    plate: Joined, pencil: PlainPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> ModeErrors:
     """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex.
 
@@ -110,7 +93,7 @@ def mode_errors(
 
 
 def by_degrees(
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     vectors: FloatArray | ComplexArray,
     last: BoolArray,
     images: tuple[FloatArray, FloatArray] | None = None,
@@ -231,7 +214,7 @@ def last_layer(cell: Cell) -> IntArray:
 
 def more_below(
     plate: AssembledPlate,
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     edge_hz: float,
     reduced: int | None = None,
     factorise: Factoriser | None = None,

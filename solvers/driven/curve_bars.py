@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -87,32 +87,8 @@ def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | N
     return Doubts(value, ends, frequency, load[:, drivers], driver, group, share, beyond)
 
 
-class Seen(Protocol):
-    """What changes are made for: a plate's forms, or its motions, at t tones or places."""
-
-    @property
-    def lossy(self) -> complex:
-        """1 + i/Q."""
-        ...
-
-    @property
-    def own(self) -> ComplexArray:
-        """f_rr, (t, n)."""
-        ...
-
-    @property
-    def modal(self) -> ComplexArray:
-        """The modes' motion per driver, (t, n, d)."""
-        ...
-
-    @property
-    def flexible(self) -> ComplexArray:
-        """Of the modes alone, (t, n)."""
-        ...
-
-
 def changes(
-    known: Doubts, forms: Seen, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
+    known: Doubts, forms: Forms | Motions, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
     """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
 
@@ -153,7 +129,7 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
     return np.asarray(np.where(others, size, 0.0)[..., None] * SIGNS)
 
 
-def _turned(forms: Seen, volts: ComplexArray) -> ComplexArray:
+def _turned(forms: Forms | Motions, volts: ComplexArray) -> ComplexArray:
     """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
     moving = (forms.modal @ volts[..., None]) / forms.flexible[..., None]
     return np.asarray(_phase(moving) * _phase(volts).conj()[:, None])

@@ -14,6 +14,7 @@ from geometry.materials import Material
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.cost import LARGE
+from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import FaceQuadrature, Frame, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
@@ -55,25 +56,12 @@ def rigid_body_modes(nodes: FloatArray) -> FloatArray:
     return motions
 
 
-@dataclass(frozen=True)
-class Pencil:
+@dataclass(frozen=True, kw_only=True)
+class Pencil(PlainPencil):
     """K and M of the free degrees of freedom, with the maps between free and full vectors."""
 
-    stiffness: sp.csc_array
-    mass: sp.csc_array
     free: BoolArray
     system: System
-    rigid_count: int
-
-    @property
-    def dof(self) -> int:
-        """Free degrees of freedom."""
-        return int(self.stiffness.shape[0])
-
-    @property
-    def scale(self) -> Scale:
-        """Units of the pencil."""
-        return self.system.scale
 
     def apply_mass(self, vectors: FloatArray) -> FloatArray:
         """M x for (dof,) or (dof, k), as the scalar mass on three components."""
@@ -104,9 +92,10 @@ def constrain(system: System, free: BoolArray) -> Pencil:
     return Pencil(
         _symmetric(_restrict(system.stiffness, keep)),
         _symmetric(sp.csr_array(mass_rows(system, keep)[:, keep])),
-        free,
-        system,
+        system.scale,
         _surviving(system.mesh.nodes, free),
+        free=free,
+        system=system,
     )
 
 

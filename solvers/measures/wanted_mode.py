@@ -122,24 +122,13 @@ class Measured(Protocol):
     """A mode with its measures (`solvers.measures.confinement`); None or NaN where one is unknown."""
 
     @property
-    def frequency_hz(self) -> float:
-        """In Hz."""
-        ...
-
+    def frequency_hz(self) -> float: ...
     @property
-    def strength(self) -> float | None:
-        """Effective-mass fraction in the wanted shape."""
-        ...
-
+    def strength(self) -> float | None: ...
     @property
-    def zone_share(self) -> float | None:
-        """Fraction of its motion on the active face."""
-        ...
-
+    def zone_share(self) -> float | None: ...
     @property
-    def mac(self) -> float | None:
-        """Likeness to the wanted shape."""
-        ...
+    def mac(self) -> float | None: ...
 
 
 T = TypeVar("T", bound=Measured)

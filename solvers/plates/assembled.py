@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import starmap
 from math import ceil
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from solvers.accuracy.cell import extrapolated, recovered
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
 from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.fem.eigen import PlainPencil, SymmetricPencil
+from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser, side_by_side
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
@@ -37,16 +37,14 @@ HIGHEST = 4  # order of hexahedra
 TETRAHEDRA = "tet"
 
 
-class Cache(Protocol):
-    """Where reduced cells are kept between runs."""
+Kept = TypeVar("Kept")
 
-    def get(self, key: str) -> Cell | None:
-        """A cell kept under this key, or None."""
-        ...
 
-    def put(self, key: str, cell: Cell) -> None:
-        """Keep a cell."""
-        ...
+class Cache(Protocol[Kept]):
+    """Where cells or families of cells are kept between runs, by a key; None for one that is not."""
+
+    def get(self, key: str) -> Kept | None: ...
+    def put(self, key: str, kept: Kept, /) -> None: ...
 
 
 Meshes = Callable[[Panel], Mesh]
@@ -64,7 +62,7 @@ class Reductions:
     material: Material
     pillar: Pillar | None
     reduction: ReductionSettings
-    cache: Cache | None = None
+    cache: Cache[Cell] | None = None
     mesher: Meshes | None = None
     mesher_name: str = ""  # tells one mesher's cells from another's in the cache
     fresh: int = 0
@@ -232,14 +230,14 @@ class PlateModel:
         """K and M of one symmetry class."""
         return self.assembled(symmetry).pencil()
 
-    def mode_errors(self, symmetry: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
+    def mode_errors(self, symmetry: str | None, pencil: PlainPencil, vectors: FloatArray) -> ModeErrors:
         """How far the reduction may put each of these modes of the class's pencil too high."""
         return mode_errors(self.assembled(symmetry), pencil, vectors)
 
     def more_below(
         self,
         symmetry: str | None,
-        pencil: SymmetricPencil,
+        pencil: PlainPencil,
         edge_hz: float,
         reduced: int | None = None,
         factorise: Factoriser | None = None,

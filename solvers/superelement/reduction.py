@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,7 +19,7 @@ from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import System
-from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
+from solvers.fem.eigen import Modes, PlainPencil, Shared, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.solid import constrain, free_mask
 from solvers.fem.surface import skin_faces
@@ -86,25 +85,8 @@ class SymmetryClass:
     turned: SymmetryClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
-class Sector(Protocol):
-    """Fields of one symmetry: K and M of their degrees of freedom, and what takes degrees of freedom to fields and back."""
-
-    @property
-    def pencil(self) -> SymmetricPencil:
-        """K and M of the degrees of freedom."""
-        ...
-
-    def spread(self, vectors: FloatArray) -> FloatArray:
-        """Fields at every node, (3n, k), of degrees of freedom (m, k)."""
-        ...
-
-    def gathered(self, field: FloatArray) -> FloatArray:
-        """Loads on the degrees of freedom, (m, k), of loads at every node (3n, k) that have this symmetry."""
-        ...
-
-
 class ClassSector:
-    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3)."""
+    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3), with their K and M."""
 
     def __init__(self, system: System, inside: BoolArray) -> None:
         self.keep = np.flatnonzero(inside.ravel())
@@ -117,6 +99,9 @@ class ClassSector:
     def gathered(self, field: FloatArray) -> FloatArray:
         """What of a load (3n, k) acts on the degrees of freedom."""
         return np.asarray(field[self.keep])
+
+
+Sector = ClassSector | DiagonalSector
 
 
 @dataclass(frozen=True)
@@ -413,14 +398,14 @@ def _together(halves: list[SymmetryClass]) -> SymmetryClass:
     )
 
 
-def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
+def _static(pencil: PlainPencil) -> tuple[Factoriser, Factor]:
     """K_II^-1, and the factoriser whose one symbolic analysis serves the shifted matrices too."""
     factorise = Factoriser()
     # stored zeros dropped, as in every shifted matrix
     return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
 
 
-def _left_out(pencil: SymmetricPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
+def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
     """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
 
     Loads and answers are projected, R = (1 - M Phi Phi') M Psi: the lowest mode of a slender rod is 1e8 times as flexible as
@@ -433,7 +418,7 @@ def _left_out(pencil: SymmetricPencil, kept: FloatArray, pushed: FloatArray, fac
     return np.asarray(rest.T @ answer)
 
 
-def _dropped_hz(pencil: SymmetricPencil, modes: Modes, top_hz: float, static: Factor) -> float:
+def _dropped_hz(pencil: PlainPencil, modes: Modes, top_hz: float, static: Factor) -> float:
     """Below it no mode was left out, Hz: the top of the count, or the lowest mode where that lies above it."""
     return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
 

@@ -6,7 +6,6 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -20,7 +19,7 @@ from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.plates.assembled import Reductions
+from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
 from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
@@ -281,24 +280,12 @@ def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
 # Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels as ever.
 
 
-class ParametricCellCache(Protocol):
-    """Where families are kept between runs."""
-
-    def get(self, key: str) -> CellFamily | None:
-        """A family kept under this key, or None."""
-        ...
-
-    def put(self, key: str, family: CellFamily) -> None:
-        """Keep a family."""
-        ...
-
-
 @dataclass
 class VariedReductions(Reductions):
     """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
 
     reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    parametric_cache: ParametricCellCache | None = None
+    parametric_cache: Cache[CellFamily] | None = None
     families: dict[Signature, CellFamily] = field(default_factory=dict)
 
     def cell(self, panel: Panel) -> Cell:
