@@ -43,15 +43,15 @@ def free_mask(mesh: AnyMesh, clamped: Iterable[Support] = (), mirrors: Mapping[s
     return free
 
 
-def rigid_body_modes(nodes: FloatArray) -> FloatArray:
-    """Three translations and three rotations about the centroid, shape (n, 3, 6), columns of like size."""
-    arm = nodes - nodes.mean(axis=0)
-    arm = arm / max(float(np.abs(arm).max()), 1e-300)
+def rigid_body_modes(nodes: FloatArray, about_m: FloatArray | None = None, length_m: float | None = None) -> FloatArray:
+    """Three translations and three rotations about a point, or the centroid, shape (n, 3, 6); these move by 1 at a distance, by
+    default that of the farthest node along an axis.
+    """
+    arm = nodes - (nodes.mean(axis=0) if about_m is None else about_m)
+    arm = arm / (length_m or max(float(np.abs(arm).max()), 1e-300))
     motions = np.zeros((len(nodes), 3, 6))
     motions[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    for axis in range(3):
-        turn = np.zeros(3)
-        turn[axis] = 1.0
+    for axis, turn in enumerate(np.eye(3)):
         motions[:, :, 3 + axis] = np.cross(turn, arm)
     return motions
 

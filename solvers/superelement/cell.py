@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 import scipy.sparse as sp
@@ -255,26 +256,29 @@ class Cell:
         return out
 
 
-def restricted(cell: Cell, face: Interface) -> Cell:
-    """The same cell with the boundary functions of a lower interface alone; the others stay known as `further`.
+def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
+    """The same cell with the boundary functions of a lower interface and fixed-interface modes up to top_hz alone; other
+    functions stay known as `further`.
 
     Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
     """
-    own = cell.interface.within(face)
-    keep = np.concatenate([own, np.arange(cell.interface.count, cell.dof)])
-    square = np.ix_(keep, keep)
+    count, own, within = cell.interface.count, cell.interface.within(face), cell.fixed_hz <= top_hz
+    left, keep = count + np.flatnonzero(~within), np.concatenate([own, count + np.flatnonzero(within)])
+    pushed, square = cell.mass[:count, left], np.ix_(keep, keep)
+    dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
     matrices = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
     fields = {name: each and each.kept(keep) for name in ("touch", "skin", "bare") if (each := getattr(cell, name))}
-    further = Further(cell.interface.through, cell.stiffness, cell.mass)
-    error = cell.mesh_error and cell.mesh_error.kept(keep)
     return replace(
         cell,
         **matrices,
         **fields,
         interface=face,
-        dropped=cell.dropped[np.ix_(own, own)],
-        mesh_error=error,
-        further=further,
+        fixed_hz=cell.fixed_hz[within],
+        fixed_parity=cell.fixed_parity[within],
+        dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
+        dropped=dropped[np.ix_(own, own)],
+        mesh_error=cell.mesh_error and cell.mesh_error.kept(keep),
+        further=Further(cell.interface.through, cell.stiffness, cell.mass),
     )
 
 
@@ -301,17 +305,6 @@ def rigid_boundary(cell: Cell) -> FloatArray:
     out = np.zeros((cell.dof, 6))
     out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m)
     return out
-
-
-def rigid_field(nodes: FloatArray, size_m: tuple[float, float, float]) -> FloatArray:
-    """The motions of `rigid_polynomials` at nodes (n, 3) of a panel whose lower face lies at z = 0, (3n, 6)."""
-    half = np.array(size_m) / 2.0
-    arm = (nodes - [0.0, 0.0, half[2]]) / half.max()
-    motions = np.zeros((len(nodes), 3, 6))
-    motions[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    for axis in range(3):
-        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
-    return motions.reshape(-1, 6)
 
 
 def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> FloatArray:

@@ -21,9 +21,9 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import System
 from solvers.fem.eigen import Modes, PlainPencil, Shared, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
-from solvers.fem.solid import constrain, free_mask
+from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
-from solvers.superelement.cell import Cell, Expansion, check_rigid, rigid_field, rigid_polynomials
+from solvers.superelement.cell import Cell, Expansion, check_rigid, rigid_polynomials
 from solvers.superelement.interface import SIDES, Interface
 from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 from solvers.threads import one_thread
@@ -218,8 +218,9 @@ class CellBuilder:
         rigid = rigid_polynomials(self.interface, size_m)
         own = basis.T @ rigid
         own[np.abs(own) < SAME * np.abs(rigid).max()] = 0.0  # motions of other classes
+        middle = np.array([0.0, 0.0, self.thickness / 2.0])
         within = np.linalg.lstsq(rigid, basis @ own, rcond=None)[0]  # a class's part of a rigid-body motion is one, too
-        exact = rigid_field(self.system.mesh.nodes, size_m) @ within
+        exact = rigid_body_modes(self.system.mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 6) @ within
         return np.asarray(shapes + (exact - shapes @ own) @ np.linalg.pinv(own, rcond=SAME))
 
     def _sector(self, signs: dict[int, int], half: int) -> Sector:
