@@ -49,7 +49,7 @@ from pipeline.quantity import frequency, percent
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.plate import ModeErrors
+from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
 from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
@@ -450,7 +450,7 @@ class _Class:
     def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
         """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
         if isinstance(self.model, PlateModel):
-            return self.model.mode_errors(self.symmetry, self.pencil, self.vectors)
+            return mode_errors(self.model.assembled(self.symmetry), self.pencil, self.vectors)
         return self.by_the_mesh(coarser) if coarser else None
 
     def by_the_mesh(self, coarser: MeshErrorSource) -> ModeErrors:
@@ -471,9 +471,8 @@ class _Class:
             known = self.count.below if self.count.high_hz == edge_hz else None
             reduced = None if known is None else known + self.count.expected
             off = MARGIN * float(self.errors.by_degrees.max(initial=0.0)) if self.errors else 0.0
-            self._more[edge_hz] = self.model.more_below(
-                self.symmetry, self.pencil, edge_hz, reduced, self.shared.factorise, off
-            )
+            plate = self.model.assembled(self.symmetry)
+            self._more[edge_hz] = more_below(plate, self.pencil, edge_hz, reduced, self.shared.factorise, off)
         return self._more[edge_hz]
 
     def let_go(self) -> None:

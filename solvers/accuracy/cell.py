@@ -57,7 +57,7 @@ def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], reco
     """The cell of a mesh of tetrahedra less most of what continuous stresses lose of K_r."""
     none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
     with one_thread():
-        for part, place in zip(parts, builder.places(parts, cell.dof), strict=True):
+        for part, place in zip(parts, builder.places(parts), strict=True):
             own = builder.projected(part)[0] - recovery.energy(part.shapes)
             loss += builder.copies * place @ own @ place.T
     return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
@@ -93,7 +93,7 @@ def _change(
     stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
     known: dict[int, list[FloatArray]] = {}
     others = nested.body.classes(top_hz, bounded=False)
-    for part, other, place in zip(parts, others, fine.places(parts, cell.dof), strict=True):
+    for part, other, place in zip(parts, others, fine.places(parts), strict=True):
         key = id(part.turned or part)
         if key not in known:
             known[key] = _class_change(fine, part, nested, other)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from math import inf
 
 import numpy as np
@@ -287,6 +288,33 @@ def with_further(cell: Cell) -> Cell:
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
     return replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, mesh_error=None, further=None)
+
+
+def places_of(bases: Sequence[FloatArray], modes: Sequence[int]) -> list[FloatArray]:
+    """From each class's degrees of freedom to the cell's, (dof, m): of a basis (boundary, b) and so many modes."""
+    start, places, count = len(bases[0]), [], len(bases[0]) + sum(modes)
+    for basis, own in zip(bases, modes, strict=True):
+        place = np.zeros((count, basis.shape[1] + own))
+        place[: len(basis), : basis.shape[1]] = basis
+        place[start : start + own, basis.shape[1] :] = np.eye(own)
+        places.append(place)
+        start += own
+    return places
+
+
+def mirrored(
+    points: FloatArray, fields: Sequence[FloatArray], signs: Sequence[Mapping[int, int]], axes: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Points (p, 3) and a cell's matrix (p, 3 or 1, dof) there on every mirror image, from each class's field and signs."""
+    copies, flips = 2 ** len(axes), np.ones((2 ** len(axes), 3))
+    flips[:, list(axes)] = list(product((1, -1), repeat=len(axes)))
+    matrix = np.zeros((copies, *fields[0].shape))
+    for total, flip in zip(matrix, flips, strict=True):
+        for field, own in zip(fields, signs, strict=True):
+            total += np.prod([own[axis] for axis in axes if flip[axis] < 0]) * field
+        if matrix.shape[2] == 3:
+            total *= flip[:, None]
+    return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
 
 def check_rigid(cell: Cell, whole: float) -> None:

@@ -23,7 +23,7 @@ from solvers.fem.eigen import Modes, PlainPencil, Shared, lowest_hz, modes_in_ba
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
-from solvers.superelement.cell import Cell, Expansion, check_rigid, rigid_polynomials
+from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import SIDES, Interface
 from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 from solvers.threads import one_thread
@@ -251,7 +251,7 @@ class CellBuilder:
         """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
-        places = self.places(parts, interface.count + len(fixed))
+        places = self.places(parts)
         side_by_side(self.projected, [part for part in parts if not part.turned])
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
         for part, place in zip(parts, places, strict=True):
@@ -297,33 +297,16 @@ class CellBuilder:
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
-    def places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
-        """From each class's degrees of freedom to the cell's, (count, m)."""
-        start, places = self.interface.count, []
-        for part in parts:
-            place = np.zeros((count, part.shapes.shape[1]))
-            width = part.basis.shape[1]
-            place[: self.interface.count, :width] = part.basis
-            rows = np.arange(len(part.fixed_hz))
-            place[start + rows, width + rows] = 1.0
-            places.append(place)
-            start += len(rows)
-        return places
+    def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
+        """From each class's degrees of freedom to the cell's, (dof, m)."""
+        return places_of([part.basis for part in parts], [len(part.fixed_hz) for part in parts])
 
     def _mirrored(
         self, points: FloatArray, rows: list[FloatArray], parts: list[SymmetryClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
         """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
         moved = [row @ place.T for row, place in zip(rows, places, strict=True)]
-        matrix = np.zeros((self.copies, *moved[0].shape))
-        flips = np.ones((self.copies, 3))
-        flips[:, list(self.halved)] = list(product((1, -1), repeat=len(self.halved)))
-        for total, flip in zip(matrix, flips, strict=True):
-            for field, part in zip(moved, parts, strict=True):
-                total += np.prod([part.signs[axis] for axis in self.halved if flip[axis] < 0]) * field
-            if matrix.shape[2] == 3:
-                total *= flip[:, None]
-        return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
+        return mirrored(points, moved, [part.signs for part in parts], self.halved)
 
     def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
