@@ -83,7 +83,7 @@ def mode_errors(
 
     rims: of the half-width that the rims' singularities have.
     """
-    value = _energy(vectors, pencil.stiffness @ vectors)
+    value = energy(vectors, pencil.stiffness @ vectors)
     along = by_degrees(pencil, vectors, last_degree(plate))
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
@@ -104,17 +104,17 @@ def by_degrees(
     """
     where = np.flatnonzero(last)
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
-    value, dropped = _energy(vectors, stiff), vectors[where]
+    value, dropped = energy(vectors, stiff), vectors[where]
     left = [
-        _energy(vectors, image)
-        - 2.0 * _energy(dropped, image[where])
-        + _energy(dropped, matrix[where][:, where] @ dropped)
+        energy(vectors, image)
+        - 2.0 * energy(dropped, image[where])
+        + energy(dropped, matrix[where][:, where] @ dropped)
         for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
     ]
     return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
 
-def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
+def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
     """u^H v of each pair of columns, (k,)."""
     return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
@@ -150,7 +150,7 @@ def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexAr
     for placed_cell in plate.placed_cells:
         cell = placed_cell.cell
         own = plate.cell_vectors(placed_cell, vectors)[: len(cell.dropped)]
-        total += placed_cell.copies * cell.residual.growth(value) * _energy(own, cell.dropped @ own)
+        total += placed_cell.copies * cell.residual.growth(value) * energy(own, cell.dropped @ own)
     return np.asarray(0.5 * value * total)
 
 
@@ -170,7 +170,7 @@ def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexA
     factor = Factoriser()(own)
     if factor.negative:
         return np.full_like(value, np.inf)
-    return _energy(force, factor.solve(force)) / (2.0 * value)
+    return energy(force, factor.solve(force)) / (2.0 * value)
 
 
 def _places(plate: Joined, wide: Joined) -> IntArray:

@@ -138,7 +138,7 @@ def _louder(known: Doubts) -> FloatArray:
 
 
 def half_widths(
-    nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms], figures: Callable[..., FloatArray]
+    nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms | Motions], figures: Callable[..., FloatArray]
 ) -> FloatArray:
     """Half-widths (f, t) of the bars of figures (f, t), by all sources together.
 
@@ -367,16 +367,13 @@ def peak_half_widths(
     own = motions(eigenvalue)
     every = np.broadcast_to(volts, (len(own[-1].answers), len(volts)))
     alone = [each.fed(every) for each in own]
-    nominal = figures(*(each.answers[:, None, None, :, 0] for each in alone))
-    squares = np.zeros_like(nominal[..., 0, 0])
-    at = np.full(len(every), eigenvalue)
-    for change in changes(known, own[-1], at, every, mode):
-        squares += (np.abs(figures(*map(change, alone)) - nominal).max(axis=-1) ** 2).sum(axis=-1)
+    nominal = figures(*(each.answers[:, None, None, :, 0] for each in alone))[..., 0, 0]
+    sources = changes(known, own[-1], np.full(len(every), eigenvalue), every, mode)
+    half = half_widths(nominal, sources, alone, figures)
     moved = np.zeros((2, len(every), len(known.value), 1))
     moved[:, :, mode, 0] = known.change[mode][:, None]
     ended = [
         figures(*(each.fed(every).softened(step)[:, mode, None] for each in motions(eigenvalue * end**2)))
         for end, step in zip(ends, moved, strict=True)
     ]
-    squares += np.max([np.abs(each - nominal)[..., 0, 0] for each in ended], axis=0) ** 2
-    return np.asarray(np.sqrt(squares))
+    return np.hypot(half, np.max([np.abs(each[..., 0, 0] - nominal) for each in ended], axis=0))

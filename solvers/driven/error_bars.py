@@ -275,10 +275,8 @@ class WidthRates:
         """Group, places and change of the modal stiffness of a varied plate."""
         plates = variation.basis.group.plates
         number = next(i for i, basis in enumerate(self.modes) if basis.group.plates is plates)
-        places, turn = (
-            list(variation.places),
-            np.eye(len(variation.places)) if variation.turn is None else variation.turn,
-        )
+        places = list(variation.places)
+        turn = np.eye(len(places)) if variation.turn is None else variation.turn
         changed = (turn * np.array(variation.values)) @ turn.T - np.diag(variation.basis.eigenvalue[places])
         return number, places, changed
 

@@ -24,15 +24,13 @@ RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not retur
 ORTHONORMAL = 1e-8
 CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
 PASSES = 3  # over the pairs that are not clean
-RIGID = tuple(
-    10.0**-n for n in range(9, 16)
-)  # shares of the pencil's norm ratio tried as the floor above rigid-body modes
+# shares of the pencil's norm ratio tried as the floor above rigid-body modes
+RIGID = tuple(10.0**-n for n in range(9, 16))
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 SLIGHT = 1e-8  # of a frequency: rounding that needs no closer look
 EPSILON = float(np.finfo(float).eps)
-FEW = (
-    6  # eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
-)
+# eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
+FEW = 6
 # Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
 SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
@@ -196,16 +194,9 @@ def _factors_near(
         raise refused
 
 
-def lowest_values(pencil: PlainPencil, count: int, multiplicity: int = 1) -> FloatArray:
-    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them.
-
-    Raises CountMismatch.
-    """
-    return lowest_pairs(pencil, count, multiplicity)[0][::multiplicity]
-
-
 def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
-    """The same, every copy, with their M-orthonormal vectors (dof, count multiplicity).
+    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them, and
+    their M-orthonormal vectors (dof, count multiplicity). Raises CountMismatch.
 
     The shift lies below zero, where K - sigma M is positive definite.
     """

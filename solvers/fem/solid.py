@@ -81,9 +81,14 @@ class Pencil(PlainPencil):
 
     def expand(self, vectors: FloatArray) -> FloatArray:
         """Free vectors (dof, k) as nodal fields (n, 3, k), zero where clamped."""
-        full = np.zeros((*self.free.shape, vectors.shape[1]), dtype=vectors.dtype)
-        full[self.free] = vectors
-        return full
+        return expanded(self.free, vectors)
+
+
+def expanded(free: BoolArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (dof, k) of free degrees of freedom (n, 3) as nodal fields (n, 3, k), zero where clamped."""
+    full = np.zeros((*free.shape, vectors.shape[1]), dtype=vectors.dtype)
+    full[free] = vectors
+    return full
 
 
 def constrain(system: System, free: BoolArray) -> Pencil:
@@ -165,8 +170,7 @@ class SolidModel:
 
     def pencil(self, symmetry: str | None) -> Pencil:
         """K and M of one symmetry class."""
-        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
-        pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
+        pencil = constrain(self.system, self._free(symmetry))
         if self.mesh.dof > LARGE and self.scale:
             del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
@@ -174,11 +178,10 @@ class SolidModel:
 
     def field(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3, k) from free degrees of freedom (dof, k)."""
-        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
-        free = free_mask(self.mesh, self.clamped, mirrors)
-        full = np.zeros((*free.shape, vectors.shape[1]))
-        full[free] = vectors
-        return full
+        return expanded(self._free(symmetry), vectors)
+
+    def _free(self, symmetry: str | None) -> BoolArray:
+        return free_mask(self.mesh, self.clamped, {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {})
 
     @cached_property
     def _touch_rule(self) -> FaceQuadrature:

@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
-from solvers.measures.confinement import NEGLIGIBLE, TouchField, shape_at
+from solvers.measures.confinement import NEGLIGIBLE, TouchField, is_beyond_rows, shape_at
 
 DECIBELS = 20.0 / log(10.0)
 
@@ -49,7 +49,7 @@ class Overlaps:
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """The same with the plate beyond the last row in the passive face's place; None without any."""
-        active, beyond = touch.is_active(design), touch.is_beyond_rows(design)
+        active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
@@ -88,10 +88,8 @@ class Overlaps:
 
     def _moved(self, index: int, others: IntArray, mixed: FloatArray | float) -> FloatArray:
         """Changes (2, k) of a mode's MAC and strength by a share of each of the others, of the sign that moves them most."""
-        own, signed = (
-            self.active[index, index],
-            np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others))),
-        )
+        own = self.active[index, index]
+        signed = np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others)))
         projected = (self.projection[index] + signed * self.projection[others]) ** 2
         inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
         both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])

@@ -49,14 +49,12 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def score(strength: FloatArray, zone_share: FloatArray) -> FloatArray:
-    """Strength times zone share, (k,); a plate without passive face has all of its motion in the zone, unknown counts 0."""
-    return np.asarray(np.nan_to_num(strength) * np.where(np.isfinite(zone_share), zone_share, 1.0))
-
-
 def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """The score counted by what of a mode looks like the wanted shape, (k,)."""
-    return score(strength, zone_share) * np.nan_to_num(mac)
+    """Strength times zone share, counted by what of a mode looks like the wanted shape, (k,); a plate without passive face has
+    all of its motion in the zone, unknown strengths and likenesses count 0.
+    """
+    share = np.where(np.isfinite(zone_share), zone_share, 1.0)
+    return np.asarray(np.nan_to_num(strength) * share * np.nan_to_num(mac))
 
 
 def verdict(

@@ -126,10 +126,9 @@ def bare_cell(size_m: tuple[float, float, float], material: Material, face: Inte
     values, parity, _ = _inside(size_m, material, face)
     stiffness, mass, touch = bare_strip(size_m, material, face)
     b, scale = face.count, Scale(size_m[2], material.young_pa, material.density_kg_m3)
-    none = Expansion(np.empty((0, 3)), np.empty((0, 3, len(mass))), facets=np.empty((0, 4), dtype=np.int64))
     return Cell(
         (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0, np.zeros_like(mass), face, scale, size_m,
-        scale.frequency(values), parity, float("inf"), np.zeros((b, b)), touch, none, len(mass),
+        scale.frequency(values), parity, float("inf"), np.zeros((b, b)), touch, Expansion.nothing(len(mass)), len(mass),
     )  # fmt: skip
 
 

@@ -79,10 +79,9 @@ class ParametricCell:
 
     def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
         """theta of K and of M, (q,) and (r,)."""
-        return (
-            theta(self.stiffness_exponents, sizes, self.reference, self.box.foot),
-            theta(self.mass_exponents, sizes, self.reference, self.box.foot),
-        )
+        exponents = self.stiffness_exponents, self.mass_exponents
+        stiffness, mass = (theta(each, sizes, self.reference, self.box.foot) for each in exponents)
+        return stiffness, mass
 
     def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
         theta_k, theta_m = self.weights(sizes)
@@ -186,7 +185,7 @@ def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, s
         (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
         fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
         min(part.dropped_hz for part in parts), ratio**5 * lost,
-        _touch(cell, parts, places, sizes), _no_skin(len(stiffness)), cell.mesh_dof,
+        _touch(cell, parts, places, sizes), Expansion.nothing(len(stiffness)), cell.mesh_dof,
     )  # fmt: skip
 
 
@@ -202,10 +201,6 @@ def _touch(
     fields = [(part.touch @ place.T)[:, None] for part, place in zip(parts, places, strict=True)]
     everywhere, matrix = mirrored(points, fields, [dict(enumerate(part.signs[:2])) for part in parts], (0, 1))
     return Expansion(everywhere, matrix, np.tile(cell.touch_weights * stretch, 4))
-
-
-def _no_skin(count: int) -> Expansion:
-    return Expansion(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
 
 
 def parametric_cell(

@@ -162,10 +162,8 @@ class Reductions:
         settings, face = self.reduction.hexahedra, self.reduction.ample
         order = min(max(settings.order, face.through + 1), HIGHEST)
         along, through = ceil(face.along / (order - 1)), ceil(face.through / (order - 1))
-        least, size = (
-            ceil(along / 2) if panel.halved == (0, 1) else along,
-            self.reduction.bare_size_m or settings.size_m,
-        )
+        least = ceil(along / 2) if panel.halved == (0, 1) else along
+        size = self.reduction.bare_size_m or settings.size_m
         return replace(settings, order=order, size_m=size, least=least, through=max(least, through))
 
     def _key(self, panel: Panel) -> str:

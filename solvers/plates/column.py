@@ -14,9 +14,9 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
-from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, last_bubbles, last_layer
+from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, energy, last_bubbles, last_layer
 from solvers.errors import SolverError
-from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
+from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
@@ -118,15 +118,10 @@ def _brought(
     """Relative rise of each frequency without some functions of every cell, to first order, (k,)."""
     where = np.unique(np.concatenate([place.dofs[place.columns[part(place.cell)]] for place in column.placed_cells]))
     where = where[where >= 0]
-    stiff, heavy = (_energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
+    stiff, heavy = (energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
     moving, rise = value > 0.0, np.zeros_like(value)
     rise[moving] = np.maximum(stiff - value * heavy, 0.0)[moving] / (2.0 * value[moving])
     return rise
-
-
-def _energy(vectors: ComplexArray, images: ComplexArray) -> FloatArray:
-    """u^H v of each pair of columns, (k,)."""
-    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
 def forced_bars(
@@ -173,14 +168,6 @@ def forced_bars(
 
 
 @dataclass(frozen=True)
-class ColumnModes:
-    """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
-
-    frequency_hz: FloatArray
-    confinement: Confinement
-
-
-@dataclass(frozen=True)
 class Driven:
     """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for.
 
@@ -189,7 +176,7 @@ class Driven:
     what mixing moves a mode's own level by, from its number and the relative half-width of its frequency's.
     """
 
-    modes: ColumnModes
+    modes: AcrossModes
     confinement_db: FloatArray
     errors: Callable[[], ModeErrors]
     bar_db: Callable[[FloatArray, float], FloatArray]
@@ -266,10 +253,10 @@ class Column:
             mass[here] += place.row.mass[np.ix_(live, live)]
         return stiffness, mass
 
-    def modes(self, low_hz: float, high_hz: float) -> ColumnModes:
+    def modes(self, low_hz: float, high_hz: float) -> AcrossModes:
         """Every mode with low <= f <= high, Hz, and how well it is confined. Errors as solve."""
         frequency_hz, vectors = self.solve(low_hz, high_hz)
-        return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
+        return AcrossModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
 
     def zones(self, low_hz: float, high_hz: float, quality_factor: float) -> DrivenZones:
         """Zones of a plate of several driven in turn at their peaks within a window, by its modes and those somewhat beyond.
@@ -305,7 +292,7 @@ class Column:
         def mixing_db(index: int, error: float) -> float:
             return Overlaps.between(parts).mixing_db(tones_hz, index, error)
 
-        modes = ColumnModes(tones_hz, measure_profile(own, self.design))
+        modes = AcrossModes(tones_hz, measure_profile(own, self.design))
         errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
         return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
 

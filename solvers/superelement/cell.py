@@ -107,9 +107,8 @@ class ResidualModes:
 # -- cell --------------------------------------------------------------------------------------------------------------
 
 RIGID = 1e-8
-MASS_TOLERANCE = (
-    1e-6  # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
-)
+# of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
+MASS_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -126,6 +125,11 @@ class Expansion:
     weights: FloatArray | None = None
     facets: IntArray | None = None
     order: int | None = None
+
+    @classmethod
+    def nothing(cls, count: int) -> Expansion:
+        """A skin without facets, of so many degrees of freedom."""
+        return cls(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
 
     def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
         """Quadrature over the surface, parted at the lines y = const."""

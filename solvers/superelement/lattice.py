@@ -101,10 +101,6 @@ class Lattice:
         """
         return self.waves(wavevector, count).frequency_hz
 
-    def eigenvalues(self, wavevector: FloatArray, count: int) -> FloatArray:
-        """The same in the cell's scale, (2 pi f / angular)^2."""
-        return self.waves(wavevector, count).eigenvalue
-
     def waves(self, wavevector: FloatArray, count: int) -> Waves:
         """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
         wavevector = np.asarray(wavevector, dtype=float)

@@ -7,7 +7,7 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 
@@ -18,8 +18,8 @@ from scipy.linalg import block_diag
 from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
-from solvers.fem.assembly import System
-from solvers.fem.eigen import Modes, PlainPencil, Shared, lowest_hz, modes_in_band
+from solvers.fem.assembly import System, on_components
+from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
@@ -152,15 +152,8 @@ class CellBuilder:
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
-        return SymmetryClass(
-            signs,
-            part.basis[self.interface.diagonal()],
-            shapes.reshape(part.shapes.shape),
-            part.fixed_hz,
-            part.dropped_hz,
-            part.flexibility,
-            part,
-        )
+        basis, shapes = part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape)
+        return replace(part, signs=signs, basis=basis, shapes=shapes, turned=part)
 
     def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
         """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
@@ -170,15 +163,13 @@ class CellBuilder:
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
-        reduced = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
+        named = [(dict(zip(self.halved, signs, strict=True)), half) for signs, half in tasks]
+        reduced = side_by_side(lambda task: self.reduce(*task, top_hz, bounded), named)
         parts = {
             signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
             for signs, _ in tasks
         }
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
-
-    def _by_axis(self, signs: tuple[int, ...]) -> dict[int, int]:
-        return dict(zip(self.halved, signs, strict=True))
 
     def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
         """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
@@ -205,7 +196,9 @@ class CellBuilder:
         """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
         boundary = self._at_boundary(basis)
-        factorise, factor = _static(sector.pencil)
+        factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
+        # stored zeros dropped, as in every shifted matrix
+        factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
         shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
         return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
 
@@ -237,15 +230,12 @@ class CellBuilder:
         modes = modes_in_band(pencil, 0.0, top_hz, Shared(clamped.factorise, factor))
         dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
         if bounded:
-            dropped = _dropped_hz(pencil, modes, top_hz, factor)
-            flexible = _left_out(pencil, modes.vectors, clamped.sector.gathered(self._pushed(clamped.shapes)), factor)
+            if not len(modes.frequency_hz):  # the lowest mode where that lies above the top of the count
+                dropped = max(top_hz, lowest_hz(pencil, factor))
+            pushed = clamped.sector.gathered(on_components(self.system.mass, clamped.shapes))
+            flexible = _left_out(pencil, modes.vectors, pushed, factor)
         shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
         return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)
-
-    def _pushed(self, shapes: FloatArray) -> FloatArray:
-        """M Psi at every node, (3n, m)."""
-        nodes = len(self.system.mesh.nodes)
-        return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
     def join(self, parts: list[SymmetryClass]) -> Cell:
         """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
@@ -322,10 +312,7 @@ class CellBuilder:
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
-        inner = [
-            *self.outer,
-            *self.planes.values(),
-        ]  # sides to which another panel, or the panel's own image, is joined
+        inner = [*self.outer, *self.planes.values()]  # to which another panel, or the panel's own image, is joined
         hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in inner]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
         used, local = np.unique(facets, return_inverse=True)
@@ -337,7 +324,8 @@ class CellBuilder:
         if mesh.kind != "hex" or not self._is_grid(mesh.nodes[nodes]):
             return None
         points, matrix = self._at_nodes(nodes, parts, places)
-        first = self._once(points)
+        # in one order, each once though a mirror holds it twice
+        _, first = np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)
         return Expansion(points[first], matrix[first], order=mesh.order)
 
     def _bare_nodes(self) -> IntArray:
@@ -350,10 +338,6 @@ class CellBuilder:
         """Whether points of the plate's faces are tensor grids, as about every foot that is a union of rectangles."""
         x, y, z = (len(np.unique(np.round(points[:, axis] / (SAME * self.thickness)))) for axis in range(3))
         return x * y * z == len(points)
-
-    def _once(self, points: FloatArray) -> IntArray:
-        """Points in one order, each once though a mirror holds it twice."""
-        return np.asarray(np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)[1])
 
     def _at_nodes(
         self, nodes: IntArray, parts: list[SymmetryClass], places: list[FloatArray]
@@ -382,13 +366,6 @@ def _together(halves: list[SymmetryClass]) -> SymmetryClass:
     )
 
 
-def _static(pencil: PlainPencil) -> tuple[Factoriser, Factor]:
-    """K_II^-1, and the factoriser whose one symbolic analysis serves the shifted matrices too."""
-    factorise = Factoriser()
-    # stored zeros dropped, as in every shifted matrix
-    return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-
-
 def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
     """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
 
@@ -402,13 +379,6 @@ def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor:
     return np.asarray(rest.T @ answer)
 
 
-def _dropped_hz(pencil: PlainPencil, modes: Modes, top_hz: float, static: Factor) -> float:
-    """Below it no mode was left out, Hz: the top of the count, or the lowest mode where that lies above it."""
-    return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
-
-
 def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
     """V' (m (x) I3) V."""
-    nodes = len(shapes) // 3
-    heavy = mass @ shapes.reshape(nodes, -1)
-    return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
+    return np.asarray(shapes.T @ on_components(mass, shapes))

@@ -16,6 +16,7 @@ from geometry.layout import PLAIN, Pillar
 from geometry.mesh import Mesh
 from geometry.tiling import Panel, Signature, signature
 from solvers.errors import SolverError
+from solvers.fem.assembly import on_components
 from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
@@ -240,8 +241,7 @@ def _prolonged_modes(
     build: CellBuilder, clamped: ClampedBoundaryClass, fixed: FloatArray, eigenvalue: FloatArray
 ) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
-    nodes = len(build.system.mesh.nodes)
-    heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
+    heavy = on_components(build.system.mass, fixed * eigenvalue)
     return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
 
 

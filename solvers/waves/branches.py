@@ -133,10 +133,8 @@ def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> 
 
 def _partner(like: FloatArray) -> IntArray:
     """For each row the column assigned so that the sum of the likenesses is largest."""
-    every = sp.csr_array(
-        1.0 + like
-    )  # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
-    _, column = min_weight_full_bipartite_matching(every, maximize=True)
+    # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
+    _, column = min_weight_full_bipartite_matching(sp.csr_array(1.0 + like), maximize=True)
     return np.asarray(column, dtype=np.int64)
 
 

@@ -168,13 +168,13 @@ def test_degenerate_waves_have_the_slopes_of_the_bands_that_leave_the_point() ->
     one, direction, step = lattice(), np.array([1.0, 0.0]), 1e-2
 
     def distance(k: float) -> float:
-        return float(np.diff(one.eigenvalues(k * direction, 4)[2:])[0])
+        return float(np.diff(one.waves(k * direction, 4).eigenvalue[2:])[0])
 
     cross = float(minimize_scalar(distance, bounds=(350.0, 700.0), method="bounded", options={"xatol": 1e-9}).x)
     here = one.waves(cross * direction, 4)
     assert distance(cross) < 1e-7 * here.eigenvalue[2]  # they do cross
-    beyond = (one.eigenvalues((cross + step) * direction, 4) - here.eigenvalue) / step
-    before = (here.eigenvalue - one.eigenvalues((cross - step) * direction, 4)) / step
+    beyond = (one.waves((cross + step) * direction, 4).eigenvalue - here.eigenvalue) / step
+    before = (here.eigenvalue - one.waves((cross - step) * direction, 4).eigenvalue) / step
     assert abs(beyond[3] - beyond[2]) > 0.1 * abs(beyond).max()
     for result, truth in zip(one_sided(one, here, direction), (beyond, before), strict=True):
         assert np.allclose(result, truth, rtol=1e-3, atol=1e-3 * abs(beyond).max())
