@@ -21,6 +21,7 @@ from pipeline.planning import mesh_rules
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
 from solvers.accuracy.bands import mesh_error
+from solvers.accuracy.plate import mode_errors
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.piezo.peak_errors import frequency_errors
@@ -279,5 +280,5 @@ def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> 
     for symmetry in model.symmetries:
         modes = modes_near(pencil := model.pencil(symmetry), 0.0, CLASS_MODES)
         tones.append(modes.frequency_hz[:CLASS_MODES])
-        bars.append(model.mode_errors(symmetry, pencil, modes.vectors).mesh[:CLASS_MODES])
+        bars.append(mode_errors(model.assembled(symmetry), pencil, modes.vectors).mesh[:CLASS_MODES])
     return np.concatenate(tones), np.concatenate(bars)

@@ -25,7 +25,7 @@ from solvers.fem.assembly import System, assemble
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel, constrain, free_mask
 from solvers.measures.confinement import measure, wanted_symmetry
-from solvers.measures.mode_mixing import mixing_db
+from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import Lattice
@@ -239,8 +239,9 @@ def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     measures = measure(model.touch(symmetry, modes.vectors), d, symmetry)
     assert measures.zone_share is not None and measures.confinement_db is not None
     best = int(np.argmax(measures.mac * measures.zone_share))
-    most = mixing_db(model.touch(symmetry, modes.vectors), modes.frequency_hz, best, d, SMALL)
-    assert most
+    overlaps = Overlaps.of(model.touch(symmetry, modes.vectors), d)
+    assert overlaps
+    most = overlaps.mixing_db(modes.frequency_hz, best, SMALL)
     values = {"plate": float(modes.frequency_hz[best]), "confinement (dB)": float(measures.confinement_db[best])}
     return values | {"mixing (dB)": most / SMALL}, pencil.dof
 

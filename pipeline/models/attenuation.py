@@ -27,7 +27,7 @@ from solvers.superelement.lattice import Lattice
 from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
-from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, stacked
+from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, chain
 
 # a row: beyond, the cell's boundary polynomials do not resolve the wave, and nobody could measure it
 STEEPEST_DB = 100.0
@@ -165,7 +165,7 @@ def _point(row: Row, coarser: Row, bare: Row, rows: int, frequency_hz: float) ->
 
 
 def _through(one: RowStiffness, bare: Row, rows: int, frequency_hz: float) -> Transmission | None:
-    return transmitted_shares(stacked(one, rows), bare, frequency_hz) if rows else None
+    return transmitted_shares(chain([one] * rows), bare, frequency_hz) if rows else None
 
 
 def _with_bars(row: Row, coarser: Row, samples: list[AttenuationPoint], error: float | None) -> list[AttenuationPoint]:

@@ -456,7 +456,7 @@ def _over_the_zone(
     names = {*design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
     grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
     with log.step(f"grid of {len(grid)} wavevectors"):
-        values = np.array([model.lattice.eigenvalues(k, solved.count) for k in grid])
+        values = np.array([model.lattice.waves(k, solved.count).eigenvalue for k in grid])
         zone_gaps = refined_zone_gaps(solved, grid, values, gaps)
     _log_zone(gaps, zone_gaps, log)
     return zone_gaps

@@ -49,8 +49,8 @@ from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.plate import ModeErrors
-from solvers.fem.eigen import Count, Modes, Shared, SymmetricPencil, modes_in_band, modes_near
+from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
+from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
@@ -410,7 +410,7 @@ class _Class:
 
     def __init__(self, case: Case, part: str, model: PartModel, symmetry: str | None, log: Log) -> None:
         self.case, self.part, self.model, self.symmetry, self.log = case, part, model, symmetry, log
-        self.pencil: SymmetricPencil
+        self.pencil: PlainPencil
         self.dof = 0
         self.vectors: FloatArray
         self.tones = np.empty(0)  # of the columns, Hz
@@ -440,7 +440,7 @@ class _Class:
     def estimated(self, coarser: MeshErrorSource | None) -> ModeErrors | None:
         """How far off each of the modes may be, by a plate's own cells or by what tells of a mesh; None where nothing does."""
         if isinstance(self.model, PlateModel):
-            return self.model.mode_errors(self.symmetry, self.pencil, self.vectors)
+            return mode_errors(self.model.assembled(self.symmetry), self.pencil, self.vectors)
         if coarser is None:
             return None
         assert isinstance(self.pencil, Pencil)
@@ -459,9 +459,8 @@ class _Class:
             known = self.count.below if self.count.high_hz == edge_hz else None
             reduced = None if known is None else known + self.count.expected
             off = MARGIN * float(self.errors.by_degrees.max(initial=0.0)) if self.errors else 0.0
-            self._more[edge_hz] = self.model.more_below(
-                self.symmetry, self.pencil, edge_hz, reduced, self.shared.factorise, off
-            )
+            plate = self.model.assembled(self.symmetry)
+            self._more[edge_hz] = more_below(plate, self.pencil, edge_hz, reduced, self.shared.factorise, off)
         return self._more[edge_hz]
 
     def let_go(self) -> None:

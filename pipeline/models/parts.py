@@ -36,7 +36,7 @@ from solvers.accuracy.mesh import (
     rim_shares,
 )
 from solvers.errors import CountMismatch, SolverError
-from solvers.fem.eigen import SymmetricPencil, modes_near
+from solvers.fem.eigen import PlainPencil, modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -52,7 +52,7 @@ class PartModel(Protocol):
     name: str
     symmetries: tuple[str | None, ...]
 
-    def pencil(self, symmetry: str | None) -> SymmetricPencil:
+    def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of a class."""
         ...
 

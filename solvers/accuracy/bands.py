@@ -22,10 +22,8 @@ from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.periodic import Periodic
 
-HIDDEN, BEYOND = (
-    0.3,
-    0.02,
-)  # of the largest estimate of a band and those below it, of all: one wave may hide what others show
+# of the largest estimate of a band and those below it, of all: one wave may hide what others show
+HIDDEN, BEYOND = 0.3, 0.02
 # times the geometric series, of which further degrees brought 0.06 to 2.8 to 12 cells of degrees 5 and 6; and of the last
 # degree's part at least, of which they brought 0.48 where the series is shorter; the fewest degrees that tell it
 SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5

@@ -9,7 +9,7 @@ scenes than those of the study are given SAFETY times as much.
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from itertools import accumulate, pairwise
 from math import log
@@ -70,15 +70,8 @@ def table() -> tuple[Measured, ...]:
     """Read the committed calibration."""
     with TABLE.open(newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
-    return tuple(_measured(row) for row in rows)
-
-
-def _measured(row: dict[str, str]) -> Measured:
-    order, layers, through = (int(row[name]) for name in ("order", "layers", "through"))
-    factor, share, across, growth, error = (
-        float(row[name]) for name in ("factor", "share", "across", "growth", "error")
-    )
-    return Measured(row["part"], row["kind"], order, layers, factor, share, through, across, growth, error)
+    kinds = {field.name: {"str": str, "int": int, "float": float}[str(field.type)] for field in fields(Measured)}
+    return tuple(Measured(**{name: kind(row[name]) for name, kind in kinds.items()}) for row in rows)
 
 
 def by_hexahedra(part: str, mesh_level: MeshLevel, kind: str = HEX, growth: float = 1.0) -> float | None:

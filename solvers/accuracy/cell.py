@@ -19,6 +19,7 @@ from scipy.linalg import eigh, eigvalsh
 
 from geometry.elements import FloatArray
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery
+from solvers.fem.assembly import on_components
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.superelement.cell import Cell, MeshError, check_rigid
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
@@ -57,7 +58,7 @@ def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], reco
     """The cell of a mesh of tetrahedra less most of what continuous stresses lose of K_r."""
     none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
     with one_thread():
-        for part, place in zip(parts, builder.places(parts, cell.dof), strict=True):
+        for part, place in zip(parts, builder.places(parts), strict=True):
             own = builder.projected(part)[0] - recovery.energy(part.shapes)
             loss += builder.copies * place @ own @ place.T
     return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
@@ -93,7 +94,7 @@ def _change(
     stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
     known: dict[int, list[FloatArray]] = {}
     others = nested.body.classes(top_hz, bounded=False)
-    for part, other, place in zip(parts, others, fine.places(parts, cell.dof), strict=True):
+    for part, other, place in zip(parts, others, fine.places(parts), strict=True):
         key = id(part.turned or part)
         if key not in known:
             known[key] = _class_change(fine, part, nested, other)
@@ -120,11 +121,10 @@ def _alignment(
     x <-> y splits them once more. What the coarser mesh's shapes differ by is given to its modes as far as they can clamp it,
     so that almost massless combinations stay so.
     """
-    width, nodes = part.basis.shape[1], transfer.shape[1]
+    width = part.basis.shape[1]
     renamed = other.basis.T @ part.basis  # both are orthonormal and span the same
-    prolonged = (transfer @ other.shapes.reshape(nodes, -1)).reshape(len(part.shapes), -1)
-    modes = prolonged[:, width:]
-    heavy = (fine.system.mass @ modes.reshape(len(modes) // 3, -1)).reshape(modes.shape)
+    prolonged = on_components(transfer, other.shapes)
+    heavy = on_components(fine.system.mass, prolonged[:, width:])
     left, overlap, right = np.linalg.svd(heavy.T @ part.shapes[:, width:], full_matrices=False)
     alike = overlap > ALIKE
     lent = heavy.T @ (part.shapes[:, :width] - prolonged[:, :width] @ renamed)

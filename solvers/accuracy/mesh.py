@@ -25,7 +25,7 @@ from solvers.accuracy.singularity import (
     rim_wedges,
 )
 from solvers.fem.assembly import Scale, elasticity
-from solvers.fem.eigen import SymmetricPencil, factor_near
+from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import Pencil, SolidModel
 
@@ -43,13 +43,10 @@ if TYPE_CHECKING:
 # eigenvalues to second order in what is left, paired with the modes by their overlap (boffi2010).
 
 BELOW, APART = 0.97, 0.01  # a shift: of the lowest eigenvalue, and how far from any, relative
-SMOOTH, CLAMPED_SMOOTH = (
-    0.035,
-    0.02,
-)  # of what the last order brought away from the edge: more than further ones bring there
-SHADE = (
-    0.5  # of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
-)
+# of what the last order brought away from the edge: more than further ones bring there
+SMOOTH, CLAMPED_SMOOTH = 0.035, 0.02
+# of what the last order brings at the edge: so much of it may be none of the edge's, and cancel what is not
+SHADE = 0.5
 # of the share at a clamped face beside elements longer than it is thick: the layer brings the smooth boundary layer, too.
 # Ten zones of `python -m studies.error_bars`, elements 2 to 2.5 thicknesses long, have 0.42 to 0.75 of it left
 LONG = 0.6
@@ -62,9 +59,8 @@ OUTER_ACROSS, OUTER_ALONG = 0.65, 0.35
 ACROSS = 0.7
 # half-ranges between both that a share is uncertain by, by order: the higher it is, the more the weaker singularities differ
 RANGES = {3: 0.15, 4: 1.1}
-UNRESOLVED = (
-    0.5  # of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
-)
+# of a mode's energy: what at least lies in motions that the elements resolve badly, all of the error's
+UNRESOLVED = 0.5
 # of what the last order changes in a plate thinner than its elements are long: the rest is that order two locks in bending
 UNLOCKED = 0.5
 LAYER = 2.106  # decay of the slowest layer in the plane along a free edge, by half a thickness: sin 2x + 2x = 0 (horgan1983)
@@ -231,9 +227,7 @@ class CoarserMeshes:
         frequencies are to be lowered, and the half-width of the bar that is left.
         """
         layer, order = (
-            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
-            / 2.0
-            for each in (self.layer or self.order, self.order)
+            _rise(each, symmetry, pencil, vectors, values) for each in (self.layer or self.order, self.order)
         )
         return self.shares.taken * layer, self.shares.of_modes(values, layer, order)
 
@@ -277,11 +271,7 @@ class LowerOrders:
         self, symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """As `CoarserMeshes.errors`; nothing is taken from the frequencies."""
-        one, two = (
-            (coarser_eigenvalues(pencil, each.body.pencil(symmetry), each.transfer, vectors, values) / values - 1.0)
-            / 2.0
-            for each in (self.order, self.lower)
-        )
+        one, two = (_rise(each, symmetry, pencil, vectors, values) for each in (self.order, self.lower))
         return np.zeros_like(values), self.half_width(one, two)
 
     def half_width(self, one: FloatArray, two: FloatArray) -> FloatArray:
@@ -289,6 +279,14 @@ class LowerOrders:
         share = regular_share(self.degree) + layer_share(LAYER * self.along, self.degree)
         hidden = layer_share(LAYER * self.across, self.degree, 2) * np.abs(two)
         return np.asarray(smooth_half_width(one, 0.0, self.degree) + share * np.abs(one) + hidden)
+
+
+def _rise(
+    coarser: Nested[SolidModel], symmetry: str | None, pencil: Pencil, vectors: FloatArray, values: FloatArray
+) -> FloatArray:
+    """How far a coarser mesh's frequencies lie above those of the modes, relative, (k,)."""
+    theirs = coarser_eigenvalues(pencil, coarser.body.pencil(symmetry), coarser.transfer, vectors, values)
+    return np.asarray((theirs / values - 1.0) / 2.0)
 
 
 def coarser_eigenvalues(
@@ -304,7 +302,7 @@ def coarser_eigenvalues(
 
 
 def prolonged_eigenvalues(
-    fine: SymmetricPencil, coarse: SymmetricPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
+    fine: PlainPencil, coarse: PlainPencil, prolonged: sp.csr_array, vectors: FloatArray, values: FloatArray
 ) -> FloatArray:
     """The same by the matrix (fine dof, coarse dof) that carries the coarser pencil's motions to the finer one."""
     from scipy.optimize import linear_sum_assignment  # slow to import

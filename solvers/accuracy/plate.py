@@ -23,9 +23,10 @@ import scipy.sparse as sp
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.accuracy.mesh import shares_of, smooth_half_width
-from solvers.fem.eigen import PlainPencil, SymmetricPencil, count_below
+from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.superelement.cell import Cell
+from solvers.superelement.periodic import BlochPlate
 from solvers.superelement.plate import AssembledPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
@@ -65,42 +66,24 @@ class ModeErrors:
 
 
 class Assembly(Protocol):
-    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion."""
+    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion (cell dof, k)."""
 
     @property
-    def placed_cells(self) -> Sequence[Any]:
-        """The cells in their places."""
-
-    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any:
-        """A cell's degrees of freedom (cell dof, k) from those of all (dof, k)."""
+    def placed_cells(self) -> Sequence[Any]: ...
+    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any: ...
 
 
-class Joined(Assembly, Protocol):
-    """An assembly whose degrees of freedom are its cells' own, each placed with `dofs` and a `coefficient`."""
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom of all."""
-
-    @property
-    def cells(self) -> Sequence[Cell]:
-        """The different cells."""
-
-    def pencil(self) -> PlainPencil:
-        """K and M."""
-
-    def widened(self) -> Joined:
-        """The same with the further boundary functions that its cells know."""
+Joined = AssembledPlate | BlochPlate  # their degrees of freedom are their cells' own
 
 
 def mode_errors(
-    plate: Joined, pencil: SymmetricPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+    plate: Joined, pencil: PlainPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
 ) -> ModeErrors:
     """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex.
 
     rims: of the half-width that the rims' singularities have.
     """
-    value = _energy(vectors, pencil.stiffness @ vectors)
+    value = energy(vectors, pencil.stiffness @ vectors)
     along = by_degrees(pencil, vectors, last_degree(plate))
     if all(cell.further for cell in plate.cells):
         through = _by_further(plate, value, vectors)
@@ -110,7 +93,7 @@ def mode_errors(
 
 
 def by_degrees(
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     vectors: FloatArray | ComplexArray,
     last: BoolArray,
     images: tuple[FloatArray, FloatArray] | None = None,
@@ -121,17 +104,17 @@ def by_degrees(
     """
     where = np.flatnonzero(last)
     stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
-    value, dropped = _energy(vectors, stiff), vectors[where]
+    value, dropped = energy(vectors, stiff), vectors[where]
     left = [
-        _energy(vectors, image)
-        - 2.0 * _energy(dropped, image[where])
-        + _energy(dropped, matrix[where][:, where] @ dropped)
+        energy(vectors, image)
+        - 2.0 * energy(dropped, image[where])
+        + energy(dropped, matrix[where][:, where] @ dropped)
         for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
     ]
     return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
 
 
-def _energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
+def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
     """u^H v of each pair of columns, (k,)."""
     return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
@@ -167,7 +150,7 @@ def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexAr
     for placed_cell in plate.placed_cells:
         cell = placed_cell.cell
         own = plate.cell_vectors(placed_cell, vectors)[: len(cell.dropped)]
-        total += placed_cell.copies * cell.residual.growth(value) * _energy(own, cell.dropped @ own)
+        total += placed_cell.copies * cell.residual.growth(value) * energy(own, cell.dropped @ own)
     return np.asarray(0.5 * value * total)
 
 
@@ -187,7 +170,7 @@ def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexA
     factor = Factoriser()(own)
     if factor.negative:
         return np.full_like(value, np.inf)
-    return _energy(force, factor.solve(force)) / (2.0 * value)
+    return energy(force, factor.solve(force)) / (2.0 * value)
 
 
 def _places(plate: Joined, wide: Joined) -> IntArray:
@@ -231,7 +214,7 @@ def last_layer(cell: Cell) -> IntArray:
 
 def more_below(
     plate: AssembledPlate,
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     edge_hz: float,
     reduced: int | None = None,
     factorise: Factoriser | None = None,

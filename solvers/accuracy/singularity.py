@@ -128,13 +128,8 @@ def _flatness(matrices: ComplexArray) -> FloatArray:
 def _minima(grid: FloatArray) -> list[tuple[int, int]]:
     """Places that no neighbour undercuts."""
     padded = np.pad(grid, 1, constant_values=np.inf)
-    around = [
-        padded[1 + i : padded.shape[0] - 1 + i, 1 + j : padded.shape[1] - 1 + j]
-        for i in (-1, 0, 1)
-        for j in (-1, 0, 1)
-        if (i, j) != (0, 0)
-    ]
-    return [(int(i), int(j)) for i, j in np.argwhere(np.all([grid <= each for each in around], axis=0))]
+    least = np.lib.stride_tricks.sliding_window_view(padded, (3, 3)).min(axis=(2, 3))
+    return [(int(i), int(j)) for i, j in np.argwhere(grid <= least)]
 
 
 def _in_plane(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:

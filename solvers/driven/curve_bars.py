@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -87,46 +87,13 @@ def doubts(forced: ForcedPlate, share: float | None, modes: list[GroupModes] | N
     return Doubts(value, ends, frequency, load[:, drivers], driver, group, share, beyond)
 
 
-class Seen(Protocol):
-    """What changes are made for: a plate's forms, or its motions, at t tones or places."""
-
-    @property
-    def lossy(self) -> complex:
-        """1 + i/Q."""
-        ...
-
-    @property
-    def own(self) -> ComplexArray:
-        """f_rr, (t, n)."""
-        ...
-
-    @property
-    def modal(self) -> ComplexArray:
-        """The modes' motion per driver, (t, n, d)."""
-        ...
-
-    @property
-    def flexible(self) -> ComplexArray:
-        """Of the modes alone, (t, n)."""
-        ...
-
-
 def changes(
-    known: Doubts, forms: Seen, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
+    known: Doubts, forms: Forms | Motions, eigenvalue: FloatArray, volts: ComplexArray, still: int | None = None
 ) -> Iterator[Change]:
     """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
 
-    Parameters
-    ----------
-    known : Doubts
-    forms : Forms or Motions
-        At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
-    eigenvalue : ndarray, shape (t,)
-        Of the tones, scaled.
-    volts : ndarray, shape (t, d)
-        By which loads on a mode add up.
-    still : int, optional
-        Number of a mode that stays where it is.
+    eigenvalue (t,): of the tones; the changes may be asked of forms of the same plate at as many other tones, too.
+    volts (t, d): by which loads on a mode add up. still: number of a mode that stays where it is.
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
@@ -153,7 +120,7 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
     return np.asarray(np.where(others, size, 0.0)[..., None] * SIGNS)
 
 
-def _turned(forms: Seen, volts: ComplexArray) -> ComplexArray:
+def _turned(forms: Forms | Motions, volts: ComplexArray) -> ComplexArray:
     """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
     moving = (forms.modal @ volts[..., None]) / forms.flexible[..., None]
     return np.asarray(_phase(moving) * _phase(volts).conj()[:, None])
@@ -171,7 +138,7 @@ def _louder(known: Doubts) -> FloatArray:
 
 
 def half_widths(
-    nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms], figures: Callable[..., FloatArray]
+    nominal: FloatArray, sources: Iterator[Change], forms: Sequence[Forms | Motions], figures: Callable[..., FloatArray]
 ) -> FloatArray:
     """Half-widths (f, t) of the bars of figures (f, t), by all sources together.
 
@@ -189,15 +156,7 @@ def rms_bars(
 ) -> FloatArray:
     """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
 
-    Parameters
-    ----------
-    known : Doubts
-    forced : ForcedPlate
-    grams : ndarray, shape (k, columns, columns)
-        Means over the parts, as of `forms`.
-    frequency_hz : ndarray, shape (t,)
-    volts : ndarray, shape (f, d)
-        Of the drivers, f ways to feed them.
+    grams (k, columns, columns): means over the parts, as of `forms`. volts (f, d): of the drivers, f ways to feed them.
     """
 
     def bars(part: FloatArray) -> FloatArray:
@@ -401,32 +360,20 @@ def peak_half_widths(
 ) -> FloatArray:
     """Half-widths (f, t) of the bars of figures at a peak that follows its mode, the nearest one.
 
-    Parameters
-    ----------
-    known : Doubts
-    motions : callable
-        Of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
-    eigenvalue : float
-        Of the peak.
-    volts : ndarray, shape (d,)
-        Of the drivers.
-    figures : callable
-        Gives them, (f, t, k, s), from the outputs (t, k, s, m) of each of the motions.
+    motions: of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
+    volts (d,): of the drivers. figures: gives them, (f, t, k, s), from the outputs (t, k, s, m) of each of the motions.
     """
     mode, ends = known.ends(eigenvalue)
     own = motions(eigenvalue)
     every = np.broadcast_to(volts, (len(own[-1].answers), len(volts)))
     alone = [each.fed(every) for each in own]
-    nominal = figures(*(each.answers[:, None, None, :, 0] for each in alone))
-    squares = np.zeros_like(nominal[..., 0, 0])
-    at = np.full(len(every), eigenvalue)
-    for change in changes(known, own[-1], at, every, mode):
-        squares += (np.abs(figures(*map(change, alone)) - nominal).max(axis=-1) ** 2).sum(axis=-1)
+    nominal = figures(*(each.answers[:, None, None, :, 0] for each in alone))[..., 0, 0]
+    sources = changes(known, own[-1], np.full(len(every), eigenvalue), every, mode)
+    half = half_widths(nominal, sources, alone, figures)
     moved = np.zeros((2, len(every), len(known.value), 1))
     moved[:, :, mode, 0] = known.change[mode][:, None]
     ended = [
         figures(*(each.fed(every).softened(step)[:, mode, None] for each in motions(eigenvalue * end**2)))
         for end, step in zip(ends, moved, strict=True)
     ]
-    squares += np.max([np.abs(each - nominal)[..., 0, 0] for each in ended], axis=0) ** 2
-    return np.asarray(np.sqrt(squares))
+    return np.hypot(half, np.max([np.abs(each[..., 0, 0] - nominal) for each in ended], axis=0))

@@ -275,25 +275,14 @@ class WidthRates:
         """Group, places and change of the modal stiffness of a varied plate."""
         plates = variation.basis.group.plates
         number = next(i for i, basis in enumerate(self.modes) if basis.group.plates is plates)
-        places, turn = (
-            list(variation.places),
-            np.eye(len(variation.places)) if variation.turn is None else variation.turn,
-        )
+        places = list(variation.places)
+        turn = np.eye(len(places)) if variation.turn is None else variation.turn
         changed = (turn * np.array(variation.values)) @ turn.T - np.diag(variation.basis.eigenvalue[places])
         return number, places, changed
 
 
 def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float]) -> WidthRates:
-    """Rates of a peak's quality factor.
-
-    Parameters
-    ----------
-    forced : ForcedPlate
-    peak_hz : float
-        The peak's frequency, Hz.
-    half_hz : (float, float)
-        Its half-power points, Hz.
-    """
+    """Rates of a peak's quality factor, from its frequency and its half-power points."""
     width = half_hz[1] - half_hz[0]
     step = STEP * width
     tones = np.concatenate([tone + step * np.arange(-1, 2) for tone in (peak_hz, *half_hz)])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,23 +19,24 @@ from solvers.piezo.forced import ForcedPlate, GroupModes
 ROUNDING = 1e-12  # of the outside's mean: what voltages that move nothing there have
 
 
-def contrast_volts(plate: ForcedPlate, frequency_hz: float, alpha: float = 0.0) -> ComplexArray | None:
-    """Voltages of all patches, 0 of those that listen, the largest of size 1; None with one driver or no passive face.
-
-    alpha^2 times the mean of G_out's diagonal is added to the outside, as solvers.shaping.contrast does: large
-    voltages for little motion are left alone.
-    """
+def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | None:
+    """Voltages of all patches, 0 of those that listen, the largest of size 1; None with one driver or no passive face."""
     drivers = plate.drivers
     passive = 2.0 * plate.design.half_span_m > plate.design.width_m * (1.0 + 1e-9)
     if len(drivers) < 2 or plate.circuit != "short" or not passive:
         return None
     volts = np.zeros(len(plate.plate.patches), dtype=complex)
-    volts[drivers] = best_volts(*_grams(plate, frequency_hz), alpha)
+    inside, outside = forms(plate, face_grams(plate), np.array([frequency_hz])).squares[:, 0]
+    volts[drivers] = best_volts(inside, outside, 0.0)
     return volts
 
 
 def best_volts(inside: ComplexArray, outside: ComplexArray, alpha: float) -> ComplexArray:
-    """The drivers' voltages (..., d) of the largest contrast between two forms (..., d, d), the largest of size 1."""
+    """The drivers' voltages (..., d) of the largest contrast between two forms (..., d, d), the largest of size 1.
+
+    alpha^2 times the mean of the outside's diagonal is added to it, as solvers.shaping.contrast does: large voltages for little
+    motion are left alone.
+    """
     count = inside.shape[-1]
     mean = np.trace(outside, axis1=-2, axis2=-1).real[..., None, None]
     lower = np.linalg.cholesky(outside + max(ROUNDING, alpha**2 / count) * mean * np.eye(count))
@@ -64,18 +64,6 @@ def clamped_charges(plate: ForcedPlate, eigenvalue: float | FloatArray) -> tuple
     left = plate.sensors
     moved = np.sum([basis.receptance(eigenvalue, plate.loss)[..., left, :] for basis in plate.modes], axis=0)
     return moved, moved[..., left] + np.diag(plate.plate.capacitance_f[left]) / plate.plate.stiffness_unit
-
-
-def _grams(plate: ForcedPlate, frequency_hz: float) -> tuple[ComplexArray, ComplexArray]:
-    """Integrals of u_z^* u_z over zone and passive face for pairs of drivers at 1 V each, (drivers, drivers)."""
-    eigenvalue, count = plate.plate.scale.eigenvalue(frequency_hz), len(plate.drivers)
-    singles = unit_volts(plate, eigenvalue).T
-    sums = [np.zeros((count, count), dtype=complex), np.zeros((count, count), dtype=complex)]
-    for basis, grams in zip(plate.modes, plate.grams, strict=True):
-        moved = np.column_stack([basis.amplitudes(eigenvalue, plate.loss, loads) for loads in singles])
-        for total, gram in zip(sums, grams, strict=True):
-            total += moved.conj().T @ gram @ moved
-    return sums[0], sums[1]
 
 
 # -- forms -------------------------------------------------------------------------------------------------------------
@@ -226,22 +214,19 @@ class Forms:
 
 
 def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> Forms:
-    """The forms of a plate whose drivers hold voltages.
+    """The forms of a plate whose drivers hold voltages, at frequencies (t,).
 
-    Parameters
-    ----------
-    forced : ForcedPlate
-    grams : ndarray, shape (k, columns, columns)
-        Integrals over k parts per pair of all groups' columns, one group after another.
-    frequency_hz : ndarray, shape (t,)
+    grams (k, columns, columns): integrals over k parts per pair of all groups' columns, one group after another.
     """
     at = forced.plate.scale.eigenvalue(frequency_hz)
     opened, clamped = forced.sensors, clamped_charges(forced, at)[1]
+    starts = np.cumsum([0, *(basis.columns.shape[1] for basis in forced.modes)])
+    places = [start + np.arange(len(b.eigenvalue)) for start, b in zip(starts, forced.modes, strict=False)]
     charges = np.zeros((len(at), len(forced.plate.patches), len(opened)), dtype=complex)
     charges[:, opened] = np.linalg.inv(clamped)
     return Forms(
         grams,
-        mode_columns(forced),
+        np.concatenate(places),
         1.0 + 1j * forced.loss,
         _answers(forced.modes, at, forced.loss, unit_volts(forced, at)),
         np.concatenate([basis.flexibility(at, forced.loss) for basis in forced.modes], axis=-1),
@@ -275,18 +260,6 @@ def face_grams(forced: ForcedPlate) -> FloatArray:
     """Means of u_z^2 over the active and over the passive touch face per pair of all groups' columns, (2, columns, columns)."""
     grams = [block_diag(*each) for each in zip(*forced.grams, strict=True)]
     return np.array([gram / area for gram, area in zip(grams, forced.areas_m2, strict=True) if area])
-
-
-def mode_columns(forced: ForcedPlate) -> IntArray:
-    """Places (n,) of all groups' modes among all groups' columns."""
-    return np.concatenate(list(_placed(forced.modes)))
-
-
-def _placed(modes: list[GroupModes]) -> Iterator[IntArray]:
-    first = 0
-    for basis in modes:
-        yield first + np.arange(len(basis.eigenvalue))
-        first += basis.columns.shape[1]
 
 
 def _answers(modes: list[GroupModes], at: FloatArray, loss: float, volts: ComplexArray) -> ComplexArray:

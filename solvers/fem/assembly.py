@@ -72,6 +72,12 @@ class System:
         return Forms(self.mesh, self.scale.length_m).mass(density)
 
 
+def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> FloatArray:
+    """(A (x) I3) V of a scalar matrix A (m, n) and nodal shapes V (3n, k), (3m, k)."""
+    flat = shapes.reshape(scalar.shape[1], 3 * shapes.shape[1])
+    return np.asarray(scalar @ flat).reshape(3 * scalar.shape[0], shapes.shape[1])
+
+
 def elasticity(material: Material) -> FloatArray:
     """Isotropic stiffness tensor C_ikjl = lambda d_ik d_jl + mu (d_ij d_kl + d_il d_kj), shape (3, 3, 3, 3), Pa."""
     eye = np.eye(3)

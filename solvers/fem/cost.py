@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import TypeVar
 
 from solvers.fem.block_lanczos import basis_size, fits, slice_of
@@ -47,7 +48,29 @@ def grid_fill(elements: tuple[int, ...], dofs: Dofs, ends: tuple[Ends, ...] | No
 
     `dofs(lines, gaps)` counts those of a box from its planes of nodes and from its elements, one number an axis.
     """
-    return _Dissection(dofs).fill(elements, ends or ((True, True),) * len(elements))
+
+    def own(elements: tuple[int, ...], ends: tuple[Ends, ...], plane: int | None = None) -> float:
+        """Of a box, or of the one plane of nodes that cuts it across an axis."""
+        lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
+        gaps = list(elements)
+        if plane is not None:
+            lines[plane], gaps[plane] = 1, 0
+        return dofs(lines, gaps)
+
+    @cache
+    def fill(elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
+        inside = own(elements, ends)
+        around = own(elements, ((True, True),) * len(elements)) - inside
+        planes = {axis: own(elements, ends, axis) for axis, count in enumerate(elements) if count > 1}
+        if not planes:
+            return eliminated(inside, around)
+        axis = min(planes, key=lambda each: planes[each])
+        half, (low, high) = elements[axis] // 2, ends[axis]
+        lower = fill(_put(elements, axis, half), _put(ends, axis, (low, False)))
+        upper = fill(_put(elements, axis, elements[axis] - half), _put(ends, axis, (False, high)))
+        return eliminated(planes[axis], around) + lower + upper
+
+    return fill(elements, ends or ((True, True),) * len(elements))
 
 
 def nodal(order: int, a_node: int = 3) -> Dofs:
@@ -70,43 +93,6 @@ def panelled(vertex: int, side: int, inner: float) -> Dofs:
         return float(vertex * corners + side * sides + inner * gaps[0] * gaps[1])
 
     return dofs
-
-
-class _Dissection:
-    """The recursion, each kind of box computed once."""
-
-    def __init__(self, dofs: Dofs) -> None:
-        self.dofs = dofs
-        self.known: dict[tuple[tuple[int, ...], tuple[Ends, ...]], Fill] = {}
-
-    def fill(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
-        key = (elements, ends)
-        if key not in self.known:
-            self.known[key] = self._fill(elements, ends)
-        return self.known[key]
-
-    def _fill(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> Fill:
-        own = self._own(elements, ends)
-        around = self._own(elements, ((True, True),) * len(elements)) - own
-        longest = [axis for axis, count in enumerate(elements) if count > 1]
-        if not longest:
-            return eliminated(own, around)
-        planes = {axis: self._plane(elements, ends, axis) for axis in longest}
-        axis = min(longest, key=lambda each: planes[each])
-        half, (low, high) = elements[axis] // 2, ends[axis]
-        lower = self.fill(_put(elements, axis, half), _put(ends, axis, (low, False)))
-        upper = self.fill(_put(elements, axis, elements[axis] - half), _put(ends, axis, (False, high)))
-        return eliminated(planes[axis], around) + lower + upper
-
-    def _own(self, elements: tuple[int, ...], ends: tuple[Ends, ...]) -> float:
-        lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
-        return self.dofs(lines, list(elements))
-
-    def _plane(self, elements: tuple[int, ...], ends: tuple[Ends, ...], axis: int) -> float:
-        lines = [count - 1 + low + high for count, (low, high) in zip(elements, ends, strict=True)]
-        gaps = list(elements)
-        lines[axis], gaps[axis] = 1, 0
-        return self.dofs(lines, gaps)
 
 
 def _put(values: tuple[T, ...], axis: int, value: T) -> tuple[T, ...]:

@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,56 +24,21 @@ RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not retur
 ORTHONORMAL = 1e-8
 CLEAN = RESIDUAL / 100.0  # above it a solve was disturbed: rounding leaves 1e-16, the stop rule of Lanczos 1e-13
 PASSES = 3  # over the pairs that are not clean
-RIGID = tuple(
-    10.0**-n for n in range(9, 16)
-)  # shares of the pencil's norm ratio tried as the floor above rigid-body modes
+# shares of the pencil's norm ratio tried as the floor above rigid-body modes
+RIGID = tuple(10.0**-n for n in range(9, 16))
 LOST = 0.02  # relative error of a frequency by rounding above which it is refused
 SLIGHT = 1e-8  # of a frequency: rounding that needs no closer look
 EPSILON = float(np.finfo(float).eps)
-FEW = (
-    6  # eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
-)
+# eigenpairs of a slice that cost less from the factor at its end, beside as many beyond it, than another factor
+FEW = 6
 # Relative moves of a shift at which a factorisation is refused: a count belongs to its frequency, a search may stand aside.
 COUNTED = (0.0, 3e-7, 1.8e-6, 8.1e-6, 3.2e-5, 1.2e-4)
 SEARCHED = (0.0, 1e-5, 1e-3, 1e-2)
 
 
-class SymmetricPencil(Protocol):
-    """What a solve needs to know of K and M: symmetric sparse matrices, units, and rigid-body modes to expect."""
-
-    @property
-    def stiffness(self) -> sp.csc_array:
-        """K."""
-        ...
-
-    @property
-    def mass(self) -> sp.csc_array:
-        """M."""
-        ...
-
-    @property
-    def rigid_count(self) -> int:
-        """Rigid-body modes to expect among the eigenvalues."""
-        ...
-
-    @property
-    def dof(self) -> int:
-        """Unknowns."""
-        ...
-
-    @property
-    def scale(self) -> Scale:
-        """Units of the eigenvalues."""
-        ...
-
-    def apply_mass(self, vectors: FloatArray) -> FloatArray:
-        """M x."""
-        ...
-
-
 @dataclass(frozen=True)
 class PlainPencil:
-    """K and M as they are, without a mesh behind them."""
+    """What a solve needs of K and M: symmetric sparse matrices, their units, and how many rigid-body modes to expect."""
 
     stiffness: sp.csc_array
     mass: sp.csc_array
@@ -115,7 +79,7 @@ class Shared:
     near: tuple[Factor, float] | None = None
     _norms: tuple[float, float] | None = None
 
-    def norms_of(self, pencil: SymmetricPencil) -> tuple[float, float]:
+    def norms_of(self, pencil: PlainPencil) -> tuple[float, float]:
         """Largest column sums |K| and |M|."""
         if self._norms is None:
             stiff, heavy = (float(_column_sums(each).max(initial=0.0)) for each in (pencil.stiffness, pencil.mass))
@@ -149,7 +113,7 @@ class Modes:
 
 
 def modes_in_band(
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     low_hz: float,
     high_hz: float,
     backend: str | Shared | None = None,
@@ -167,7 +131,7 @@ def modes_in_band(
     return solver.proven(values, vectors, low, high, below_low)
 
 
-def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
+def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | Shared | None = None) -> Modes:
     """The `count` elastic modes nearest to a frequency, clusters at the rim of the interval kept whole."""
     solver = _Solver(pencil, backend)
     target = pencil.scale.eigenvalue(near_hz)
@@ -199,7 +163,7 @@ def modes_near(pencil: SymmetricPencil, near_hz: float, count: int, backend: str
 
 
 def factor_near(
-    pencil: SymmetricPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
+    pencil: PlainPencil, shift: float, factorise: Callable[[sp.csc_array], Factor], least: float = 0.0
 ) -> tuple[Factor, float]:
     """Factor of K - s M, and s: the shift, or the nearest of a few beside it that the factorisation can vouch for.
 
@@ -209,7 +173,7 @@ def factor_near(
 
 
 def _factors_near(
-    pencil: SymmetricPencil,
+    pencil: PlainPencil,
     shift: float,
     factorise: Callable[[sp.csc_array], Factor],
     least: float,
@@ -230,16 +194,9 @@ def _factors_near(
         raise refused
 
 
-def lowest_values(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> FloatArray:
-    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them.
-
-    Raises CountMismatch.
-    """
-    return lowest_pairs(pencil, count, multiplicity)[0][::multiplicity]
-
-
-def lowest_pairs(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
-    """The same, every copy, with their M-orthonormal vectors (dof, count multiplicity).
+def lowest_pairs(pencil: PlainPencil, count: int, multiplicity: int = 1) -> tuple[FloatArray, FloatArray]:
+    """The `count` lowest eigenvalues, rigid ones included, each `multiplicity` times over, closed by a count above them, and
+    their M-orthonormal vectors (dof, count multiplicity). Raises CountMismatch.
 
     The shift lies below zero, where K - sigma M is positive definite.
     """
@@ -261,13 +218,13 @@ def lowest_pairs(pencil: SymmetricPencil, count: int, multiplicity: int = 1) -> 
     return np.asarray(values[:size]), np.asarray(vectors[:, :size])
 
 
-def lowest_hz(pencil: SymmetricPencil, static: Factor) -> float:
+def lowest_hz(pencil: PlainPencil, static: Factor) -> float:
     """The lowest frequency of a body without rigid-body motion, Hz, from a factor of K; less what Lanczos may be off by."""
     values, _ = _Solver(pencil, None).lanczos(static.solve, 0.0, 1) if pencil.dof > 2 else (np.array([np.inf]), None)
     return float(pencil.scale.frequency(values)[0]) * (1.0 - 1e-6)
 
 
-def count_below(pencil: SymmetricPencil, frequency_hz: float, factorise: Factoriser | None = None) -> int:
+def count_below(pencil: PlainPencil, frequency_hz: float, factorise: Factoriser | None = None) -> int:
     """Eigenvalues below a frequency by Sylvester's law of inertia, rigid-body modes included."""
     shared = Shared(factorise) if factorise else None
     return _Solver(pencil, shared).count_below(pencil.scale.eigenvalue(frequency_hz))
@@ -282,7 +239,7 @@ def _first_gap(values: FloatArray, size: int) -> int:
 
 
 def _closed_interval(
-    values: FloatArray, target: float, count: int, pencil: SymmetricPencil, floor: float
+    values: FloatArray, target: float, count: int, pencil: PlainPencil, floor: float
 ) -> tuple[FloatArray | None, float, float]:
     """The nearest `count` values and an interval, ending in gaps, which holds them and nothing else that is known.
 
@@ -308,7 +265,7 @@ def _closed_interval(
 class _Solver:
     """Shift-invert solves of one pencil, sharing the symbolic analysis between shifts."""
 
-    def __init__(self, pencil: SymmetricPencil, backend: str | Shared | None) -> None:
+    def __init__(self, pencil: PlainPencil, backend: str | Shared | None) -> None:
         self.pencil = pencil
         self.shared = backend if isinstance(backend, Shared) else Shared(Factoriser(backend))
         self._images: tuple[FloatArray, FloatArray, FloatArray] | None = None

@@ -13,7 +13,7 @@ from numpy.polynomial import Chebyshev
 
 from geometry.elements import FloatArray
 from solvers.fem.block_lanczos import Operator
-from solvers.fem.eigen import Shared, SymmetricPencil, factor_near
+from solvers.fem.eigen import PlainPencil, Shared, factor_near
 
 SOLVES = 6  # more of them say no more: they only find modes across the thickness, which no sum of strengths covers
 SPARE = 1e-6  # of the missing strength, added: few modes have a singular Gram matrix
@@ -21,26 +21,13 @@ ENDED = 1e-10  # of a vector left: every mode that the load moves is in the basi
 
 
 def largest_outside(
-    pencil: SymmetricPencil, shared: Shared, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
+    pencil: PlainPencil, shared: Shared, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
 ) -> float:
-    """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1.
+    """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1; what the
+    strengths leave where it says no more.
 
-    Parameters
-    ----------
-    pencil : SymmetricPencil
-    shared : Shared
-        Its kept factor serves where the shift lies within the interval.
-    load : ndarray, shape (dof,)
-        p, scaled so that phi'p squared is a strength.
-    vectors : ndarray, shape (dof, k)
-        M-orthonormal modes within the interval, all of them.
-    reach : (float, float)
-        The interval, scaled eigenvalues.
-
-    Returns
-    -------
-    float
-        What the strengths leave where it says no more.
+    shared: its kept factor serves where the shift lies within the interval. load (dof,): p, scaled so that phi'p squared is a
+    strength. vectors (dof, k): M-orthonormal modes within the interval, all of them. reach: the interval, scaled eigenvalues.
     """
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
     kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None
@@ -70,7 +57,7 @@ def largest_outside(
     return min(missing, 1.0 / min(_least(christoffel, pair, 2 * len(shares)) for pair in ends))
 
 
-def _lanczos(pencil: SymmetricPencil, solve: Operator, load: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _lanczos(pencil: PlainPencil, solve: Operator, load: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Coefficients alpha, beta of the recurrence of the polynomials, and p'v of the basis v, (m,) each."""
     basis: list[FloatArray] = []
     images: list[FloatArray] = []

@@ -174,7 +174,7 @@ class CutFacet:
         """The piece, turned where that is better, with y monotone along t; None where it is monotone along neither."""
         along = self.slopes(piece, *self._samples(piece))
         most = max(float(np.abs(slope).max()) for slope in along)
-        least = [float(np.abs(slope).min()) if _one_sign(slope) else 0.0 for slope in along]
+        least = [float(max(slope.min(), -slope.max(), 0.0)) for slope in along]
         if max(least) < STEEP * most:
             return None
         return piece if least[1] >= least[0] else piece.turned
@@ -254,10 +254,6 @@ def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, 
     at, weight = legendre.leggauss(count)
     half = (high - low) / 2.0
     return low + half * (at + 1.0), half * weight
-
-
-def _one_sign(values: FloatArray) -> bool:
-    return bool((values > 0.0).all() or (values < 0.0).all())
 
 
 def _roots(fitted: FloatArray, level: float) -> FloatArray:

@@ -14,6 +14,7 @@ from geometry.materials import Material
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.cost import LARGE
+from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import FaceQuadrature, Frame, Skin, face_quadrature, skin_faces
 from solvers.measures.confinement import TouchField
 
@@ -42,38 +43,25 @@ def free_mask(mesh: AnyMesh, clamped: Iterable[Support] = (), mirrors: Mapping[s
     return free
 
 
-def rigid_body_modes(nodes: FloatArray) -> FloatArray:
-    """Three translations and three rotations about the centroid, shape (n, 3, 6), columns of like size."""
-    arm = nodes - nodes.mean(axis=0)
-    arm = arm / max(float(np.abs(arm).max()), 1e-300)
+def rigid_body_modes(nodes: FloatArray, about_m: FloatArray | None = None, length_m: float | None = None) -> FloatArray:
+    """Three translations and three rotations about a point, or the centroid, shape (n, 3, 6); these move by 1 at a distance, by
+    default that of the farthest node along an axis.
+    """
+    arm = nodes - (nodes.mean(axis=0) if about_m is None else about_m)
+    arm = arm / (length_m or max(float(np.abs(arm).max()), 1e-300))
     motions = np.zeros((len(nodes), 3, 6))
     motions[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    for axis in range(3):
-        turn = np.zeros(3)
-        turn[axis] = 1.0
+    for axis, turn in enumerate(np.eye(3)):
         motions[:, :, 3 + axis] = np.cross(turn, arm)
     return motions
 
 
-@dataclass(frozen=True)
-class Pencil:
+@dataclass(frozen=True, kw_only=True)
+class Pencil(PlainPencil):
     """K and M of the free degrees of freedom, with the maps between free and full vectors."""
 
-    stiffness: sp.csc_array
-    mass: sp.csc_array
     free: BoolArray
     system: System
-    rigid_count: int
-
-    @property
-    def dof(self) -> int:
-        """Free degrees of freedom."""
-        return int(self.stiffness.shape[0])
-
-    @property
-    def scale(self) -> Scale:
-        """Units of the pencil."""
-        return self.system.scale
 
     def apply_mass(self, vectors: FloatArray) -> FloatArray:
         """M x for (dof,) or (dof, k), as the scalar mass on three components."""
@@ -93,9 +81,14 @@ class Pencil:
 
     def expand(self, vectors: FloatArray) -> FloatArray:
         """Free vectors (dof, k) as nodal fields (n, 3, k), zero where clamped."""
-        full = np.zeros((*self.free.shape, vectors.shape[1]), dtype=vectors.dtype)
-        full[self.free] = vectors
-        return full
+        return expanded(self.free, vectors)
+
+
+def expanded(free: BoolArray, vectors: FloatArray) -> FloatArray:
+    """Vectors (dof, k) of free degrees of freedom (n, 3) as nodal fields (n, 3, k), zero where clamped."""
+    full = np.zeros((*free.shape, vectors.shape[1]), dtype=vectors.dtype)
+    full[free] = vectors
+    return full
 
 
 def constrain(system: System, free: BoolArray) -> Pencil:
@@ -104,9 +97,10 @@ def constrain(system: System, free: BoolArray) -> Pencil:
     return Pencil(
         _symmetric(_restrict(system.stiffness, keep)),
         _symmetric(sp.csr_array(mass_rows(system, keep)[:, keep])),
-        free,
-        system,
+        system.scale,
         _surviving(system.mesh.nodes, free),
+        free=free,
+        system=system,
     )
 
 
@@ -176,8 +170,7 @@ class SolidModel:
 
     def pencil(self, symmetry: str | None) -> Pencil:
         """K and M of one symmetry class."""
-        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
-        pencil = constrain(self.system, free_mask(self.mesh, self.clamped, mirrors))
+        pencil = constrain(self.system, self._free(symmetry))
         if self.mesh.dof > LARGE and self.scale:
             del self.system  # assembled anew for the next class: both stiffnesses at once are a quarter of the peak
             pencil = replace(pencil, system=replace(pencil.system, stiffness=sp.csr_array(pencil.stiffness.shape)))
@@ -185,11 +178,10 @@ class SolidModel:
 
     def field(self, symmetry: str | None, vectors: FloatArray) -> FloatArray:
         """Nodal displacements (n, 3, k) from free degrees of freedom (dof, k)."""
-        mirrors = {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {}
-        free = free_mask(self.mesh, self.clamped, mirrors)
-        full = np.zeros((*free.shape, vectors.shape[1]))
-        full[free] = vectors
-        return full
+        return expanded(self._free(symmetry), vectors)
+
+    def _free(self, symmetry: str | None) -> BoolArray:
+        return free_mask(self.mesh, self.clamped, {"x-": symmetry[0], "y-": symmetry[1]} if symmetry else {})
 
     @cached_property
     def _touch_rule(self) -> FaceQuadrature:

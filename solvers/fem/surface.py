@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.polynomial import legendre
 
-from geometry.elements import TRIANGLES, BoolArray, FloatArray, IntArray, corner_ring, gauss_lobatto, lagrange
+from geometry.elements import TRIANGLES, BoolArray, Element, FloatArray, IntArray, corner_ring, element
 from geometry.mesh import AnyMesh, Mesh
 from solvers.fem import quadrature
 
@@ -84,7 +84,8 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
     """The same over facets (f, k) of one shape on nodes (n, 3) in m."""
     if not len(lines_m):
         return _uncut(nodes, faces, order)
-    straight = quadrature.is_straight(nodes[faces], _facet_nodes(faces.shape[1], order))
+    solid, own = _solid(faces.shape[1], order)
+    straight = quadrature.is_straight(nodes[faces], solid.points[own, :2])
     cut = quadrature.may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
     rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
     return joined([_uncut(nodes, faces[~cut], order), *rules])
@@ -94,10 +95,11 @@ def _uncut(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
     """The same rule on every facet."""
     if faces.shape[1] in TRIANGLES:
         at, weights = _dunavant()
-        value, slopes = triangle_shape(order, at)
     else:
-        value, slopes, weights = _square(order)
-    return _mapped(nodes, faces, value, slopes, weights)
+        line, weight = legendre.leggauss(order + 1)
+        at = np.column_stack([np.tile(line, len(line)), np.repeat(line, len(line))])
+        weights = np.asarray(np.kron(weight, weight))
+    return _mapped(nodes, faces, *_shape(_solid(faces.shape[1], order), at), weights)
 
 
 def _mapped(
@@ -120,7 +122,7 @@ def _cut_rules(
 ) -> list[FaceQuadrature]:
     """A rule of its own for every facet that lines may cut."""
     is_triangle, rules = faces.shape[1] in TRIANGLES, []
-    shape = partial(triangle_shape if is_triangle else square_shape, order)
+    shape = partial(_shape, _solid(faces.shape[1], order))
     whole = quadrature.TRIANGLE if is_triangle else quadrature.SQUARE
     for facet, flat in zip(faces, straight.tolist(), strict=True):
         at, weights = quadrature.CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
@@ -128,31 +130,18 @@ def _cut_rules(
     return rules
 
 
-def _facet_nodes(count: int, order: int) -> FloatArray:
-    """Reference places of a facet's nodes, (count, 2)."""
-    return _triangle_nodes(order) if count in TRIANGLES else _square_nodes(order)
+def _solid(count: int, order: int) -> tuple[Element, IntArray]:
+    """The element that has a facet of so many nodes at its least z, and which of its nodes these are, in the facet's order."""
+    solid = element("tet" if count in TRIANGLES else "hex", order)
+    height = solid.points[:, 2]
+    return solid, np.flatnonzero(height == height.min())
 
 
-def square_shape(order: int, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (q, k) and slopes (2, q, k) of a square facet's functions at points (q, 2) of [-1, 1]^2, u fastest."""
-    nodes = gauss_lobatto(order)
-    (u, du), (v, dv) = (lagrange(nodes, at[:, axis]) for axis in (0, 1))
-
-    def product(second: FloatArray, first: FloatArray) -> FloatArray:
-        return np.asarray(np.einsum("qb,qa->qba", second, first).reshape(len(at), -1))
-
-    return product(v, u), np.stack([product(v, du), product(dv, u)])
-
-
-def _square_nodes(order: int) -> FloatArray:
-    line = gauss_lobatto(order)
-    return np.column_stack([np.tile(line, len(line)), np.repeat(line, len(line))])
-
-
-def _square(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    at, weight = legendre.leggauss(order + 1)
-    grid = np.column_stack([np.tile(at, len(at)), np.repeat(at, len(at))])
-    return *square_shape(order, grid), np.asarray(np.kron(weight, weight))
+def _shape(solid: tuple[Element, IntArray], at: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Values (q, k) and slopes (2, q, k) of a facet's functions at points (q, 2) of [-1, 1]^2 or of the unit triangle."""
+    body, own = solid
+    value, slope = body.shape(np.column_stack([at, np.full(len(at), body.points[own[0], 2])]))
+    return value[:, own], slope[:, own, :2].transpose(2, 0, 1)
 
 
 def _dunavant() -> tuple[FloatArray, FloatArray]:
@@ -165,23 +154,6 @@ def _dunavant() -> tuple[FloatArray, FloatArray]:
             points.append(point[1:])
             weights.append(weight / 2.0)
     return np.array(points), np.array(weights)
-
-
-def triangle_shape(order: int, at: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values (q, k) and slopes (2, q, k) of a triangular facet's functions at points (q, 2) of the unit triangle."""
-    bary, slope = np.column_stack([1.0 - at.sum(axis=1), at]), np.array([[-1.0, 1.0, 0.0], [-1.0, 0.0, 1.0]])
-    if order == 1:
-        return bary, np.repeat(slope[:, None, :], len(bary), axis=1)
-    first, second = np.array([0, 1, 2]), np.array([1, 2, 0])
-    value = np.hstack([bary * (2 * bary - 1), 4 * bary[:, first] * bary[:, second]])
-    corner = (4 * bary - 1) * slope[:, None, :]
-    edge = 4 * (bary[:, first] * slope[:, None, second] + bary[:, second] * slope[:, None, first])
-    return value, np.concatenate([corner, edge], axis=2)
-
-
-def _triangle_nodes(order: int) -> FloatArray:
-    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    return corners if order == 1 else np.vstack([corners, (corners + np.roll(corners, -1, axis=0)) / 2.0])
 
 
 def triangles(facets: IntArray) -> IntArray:
@@ -221,11 +193,8 @@ def _cut(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
     for v_bent, u_bent in product((False, True), repeat=2):
         own = grid[(along_v == v_bent) & (along_u == u_bent)]
         lines = own[:, :: 1 if v_bent else order, :: 1 if u_bent else order]
-        pieces.append(
-            np.stack([lines[:, :-1, :-1], lines[:, :-1, 1:], lines[:, 1:, 1:], lines[:, 1:, :-1]], axis=-1).reshape(
-                -1, 4
-            )
-        )
+        corners = [lines[:, :-1, :-1], lines[:, :-1, 1:], lines[:, 1:, 1:], lines[:, 1:, :-1]]
+        pieces.append(np.stack(corners, axis=-1).reshape(-1, 4))
     return np.concatenate(pieces)
 
 

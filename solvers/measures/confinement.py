@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,6 +72,16 @@ class Confinement:
         return verdict(self.strength, self.zone_share, self.mac)
 
 
+@dataclass(frozen=True)
+class AcrossModes:
+    """Modes across a plate at one wavenumber along it, u_z even about y = 0, ascending: frequency_hz (k,) and how well each is
+    confined.
+    """
+
+    frequency_hz: FloatArray
+    confinement: Confinement
+
+
 def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
     """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
     across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
@@ -99,10 +109,6 @@ class TouchField:
     def is_active(self, design: Design) -> BoolArray:
         """Which points lie on the active face, (q,)."""
         return np.asarray(np.abs(self.points[:, 1]) < design.width_m / 2.0)
-
-    def is_beyond_rows(self, design: Design) -> BoolArray:
-        """Which points lie beyond the last row, (q,)."""
-        return is_beyond_rows(self.points[:, 1], design)
 
 
 @dataclass(frozen=True)
@@ -156,27 +162,34 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
     """The same of a motion known over y and the wanted one there, which may be zero: nothing is alike then."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
-    active, beyond = y < design.width_m / 2.0, is_beyond_rows(y, design)
-    inside, everywhere = weights[active] @ squares[active], weights @ squares
+    active = y < design.width_m / 2.0
+    parts = [weights * part for part in (active, ~active, is_beyond_rows(y, design))]
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)
-    levels = [_level_db(weights, squares, active, part) for part in (~active, beyond)]
+    surface = design.material.density_kg_m3 * design.thickness_m
+    integrals, areas = [part @ squares for part in parts], [float(part.sum()) for part in parts]
+    return confined(integrals, areas, projection, surface / profile.modal_mass)
+
+
+def confined(
+    squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
+) -> Confinement:
+    """From integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, their areas, and the squares
+    (k,) of what the zone's motion has of the wanted shape; per_mass: mass per area over the modal mass.
+    """
+    (inside, passive, beyond), (zone, aside, outer) = squares, areas
+    level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(np.isnan(levels[0]), np.nan, inside / everywhere)
-    strength = design.material.density_kg_m3 * design.thickness_m * projection / profile.modal_mass
-    return Confinement(share, levels[0], projection / np.maximum(inside, 1e-300), levels[1], strength)
+        share = np.where(np.isnan(level), np.nan, inside / (inside + passive))
+    return Confinement(share, level, projection / np.maximum(inside, 1e-300), further, per_mass * projection)
 
 
-def _level_db(
-    weights: FloatArray, squares: FloatArray, first: NDArray[np.bool_], second: NDArray[np.bool_]
-) -> FloatArray:
+def _level_db(inside: FloatArray, zone: float, outside: FloatArray, area: float) -> FloatArray:
     """20 log10 of rms on one part over that on another, (k,); NaN where a part is empty."""
-    areas = weights[first].sum(), weights[second].sum()
-    if min(areas) <= NEGLIGIBLE * max(areas):
-        return np.full(squares.shape[1], np.nan)
-    rms = [np.sqrt(weights[part] @ squares[part] / area) for part, area in zip((first, second), areas, strict=True)]
-    return ratio_db(*rms)
+    if min(zone, area) <= NEGLIGIBLE * max(zone, area):
+        return np.full(len(inside), np.nan)
+    return ratio_db(np.sqrt(np.maximum(inside, 0.0) / zone), np.sqrt(np.maximum(outside, 0.0) / area))
 
 
 # -- zones -------------------------------------------------------------------------------------------------------------

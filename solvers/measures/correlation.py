@@ -148,14 +148,9 @@ def weigh(points_m: FloatArray, design: Design) -> Weights:
     parts = [[_part(points_m, box, spacing) for box in boxes] for boxes in (active, passive)]
     if not len(parts[0][0][0]):
         raise SolverError(f"no point of the map lies on the active touch face, |y| <= {1e3 * border:g} mm")
-    whole = [part for side in parts for part in side]
-    return Weights(
-        np.concatenate([index for index, _, _ in whole]),
-        np.concatenate([place for _, place, _ in whole]),
-        np.concatenate([area for _, _, area in whole]),
-        _covered(parts[0], active),
-        _covered(parts[1], passive) if passive else None,
-    )
+    index, places, area_m2 = (np.concatenate(each) for each in zip(*parts[0], *parts[1], strict=True))
+    aside = _covered(parts[1], passive) if passive else None
+    return Weights(index, places, area_m2, _covered(parts[0], active), aside)
 
 
 def _covered(parts: list[tuple[IntArray, FloatArray, FloatArray]], boxes: list[Rectangle]) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.layout import Design
-from solvers.measures.confinement import NEGLIGIBLE, TouchField, shape_at
+from solvers.measures.confinement import NEGLIGIBLE, TouchField, is_beyond_rows, shape_at
 
 DECIBELS = 20.0 / log(10.0)
 
@@ -49,14 +49,10 @@ class Overlaps:
     @classmethod
     def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
         """The same with the plate beyond the last row in the passive face's place; None without any."""
-        active, beyond = touch.is_active(design), touch.is_beyond_rows(design)
+        active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
         if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
             return None
         return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
-
-    def _mixed(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...]) -> FloatArray:
-        """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode, one at most."""
-        return mixed_shares(frequency_hz, index, error, ends_hz)
 
     def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
         """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
@@ -65,26 +61,13 @@ class Overlaps:
         neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij/A_ii - P_ij/P_ii)
         with the overlaps A and P. Neighbours add up by their squares.
 
-        Parameters
-        ----------
-        frequency_hz : (k,) array
-            Of the modes.
-        index : int
-            The mode whose level it is.
-        error : float
-            Relative error of the frequencies.
-        ends_hz : tuple of float
-            Of the interval in which all modes are known; beyond each one more may lie, as unlike as the most unlike of these.
-
-        Returns
-        -------
-        float
-            Decibels.
+        frequency_hz (k,): of the modes. ends_hz: of the interval in which all modes are known; beyond each one more may lie, as
+        unlike as the most unlike of these.
         """
         inside, outside = (part[index] / part[index, index] for part in (self.active, self.passive))
         unlike = np.abs(inside - outside)
         unlike = np.append(unlike, [np.delete(unlike, index).max(initial=0.0)] * len(ends_hz))
-        return float(DECIBELS * np.linalg.norm(self._mixed(frequency_hz, index, error, ends_hz) * unlike))
+        return float(DECIBELS * np.linalg.norm(mixed_shares(frequency_hz, index, error, ends_hz) * unlike))
 
     def mixing_shape(
         self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = (), share: float = 1.0
@@ -94,7 +77,7 @@ class Overlaps:
         With c of mode j mixed in, of either sign, the MAC is (q_i + c q_j)^2 / (A_ii + 2 c A_ij + c^2 A_jj) and the strength
         s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the wanted shape. Parameters as of `mixing_db`.
         """
-        mixed = share * self._mixed(frequency_hz, index, error, ends_hz)
+        mixed = share * mixed_shares(frequency_hz, index, error, ends_hz)
         others = np.delete(np.arange(len(frequency_hz)), index)
         if not len(others):
             return np.nan, np.nan
@@ -105,10 +88,8 @@ class Overlaps:
 
     def _moved(self, index: int, others: IntArray, mixed: FloatArray | float) -> FloatArray:
         """Changes (2, k) of a mode's MAC and strength by a share of each of the others, of the sign that moves them most."""
-        own, signed = (
-            self.active[index, index],
-            np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others))),
-        )
+        own = self.active[index, index]
+        signed = np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others)))
         projected = (self.projection[index] + signed * self.projection[others]) ** 2
         inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
         both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
@@ -131,16 +112,8 @@ def mixed_energy(
 ) -> tuple[float, float]:
     """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
 
-    Parameters
-    ----------
-    share_of : callable
-        Gives the share (k,) of M-orthonormal motions (dof, k).
-    vectors : ndarray, shape (dof, k)
-        Of the modes.
-    index : int
-        The mode whose share it is.
-    mixed : ndarray, shape (k,)
-        How much of each of the others is added.
+    share_of: gives the share (k,) of M-orthonormal motions (dof, k). vectors (dof, k): of the modes. mixed (k,): how much of
+    each of the others is added to the mode `index`.
     """
     own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
     added = [
@@ -149,16 +122,3 @@ def mixed_energy(
     shares = share_of(np.hstack([own, *added]))
     moved = np.abs(shares[1:] - shares[0]).reshape(2, -1).max(axis=0, initial=0.0)
     return float(shares[0]), float(np.linalg.norm(moved))
-
-
-def mixing_db(
-    touch: TouchField,
-    frequency_hz: FloatArray,
-    index: int,
-    design: Design,
-    error: float,
-    ends_hz: tuple[float, ...] = (),
-) -> float | None:
-    """Bound one mode's level as `Overlaps.mixing_db` does; None without a passive face."""
-    overlaps = Overlaps.of(touch, design)
-    return None if overlaps is None else overlaps.mixing_db(frequency_hz, index, error, ends_hz)

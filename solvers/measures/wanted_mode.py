@@ -49,14 +49,12 @@ class Verdict:
 NONE = Verdict("none", None)
 
 
-def score(strength: FloatArray, zone_share: FloatArray) -> FloatArray:
-    """Strength times zone share, (k,); a plate without passive face has all of its motion in the zone, unknown counts 0."""
-    return np.asarray(np.nan_to_num(strength) * np.where(np.isfinite(zone_share), zone_share, 1.0))
-
-
 def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """The score counted by what of a mode looks like the wanted shape, (k,)."""
-    return score(strength, zone_share) * np.nan_to_num(mac)
+    """Strength times zone share, counted by what of a mode looks like the wanted shape, (k,); a plate without passive face has
+    all of its motion in the zone, unknown strengths and likenesses count 0.
+    """
+    share = np.where(np.isfinite(zone_share), zone_share, 1.0)
+    return np.asarray(np.nan_to_num(strength) * share * np.nan_to_num(mac))
 
 
 def verdict(
@@ -68,19 +66,8 @@ def verdict(
     The candidate of the largest weight, similar to the wanted shape. It is single where it is clear, leads by LEAD every other
     mode, computed or not, and carries more than all others near it together.
 
-    Parameters
-    ----------
-    strength, zone_share, mac : ndarray, shape (k,)
-        Measures of every mode known.
-    candidate, near : ndarray of bool, shape (k,), optional
-        Modes that may be the wanted one; modes that its share is counted among. All by default.
-    missing : float
-        Upper bound of the weight of any mode that is not known.
-
-    Returns
-    -------
-    Verdict
-        Status, index, rivals and share.
+    strength, zone_share, mac (k,): of every mode known. candidate, near (k,): modes that may be the wanted one, and those that
+    its share is counted among; all by default. missing: upper bound of the weight of any mode that is not known.
     """
     modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
@@ -122,24 +109,13 @@ class Measured(Protocol):
     """A mode with its measures (`solvers.measures.confinement`); None or NaN where one is unknown."""
 
     @property
-    def frequency_hz(self) -> float:
-        """In Hz."""
-        ...
-
+    def frequency_hz(self) -> float: ...
     @property
-    def strength(self) -> float | None:
-        """Effective-mass fraction in the wanted shape."""
-        ...
-
+    def strength(self) -> float | None: ...
     @property
-    def zone_share(self) -> float | None:
-        """Fraction of its motion on the active face."""
-        ...
-
+    def zone_share(self) -> float | None: ...
     @property
-    def mac(self) -> float | None:
-        """Likeness to the wanted shape."""
-        ...
+    def mac(self) -> float | None: ...
 
 
 T = TypeVar("T", bound=Measured)
@@ -150,20 +126,10 @@ Largest = Callable[[Sequence[T], Interval], float]
 
 @dataclass(frozen=True)
 class Found(Generic[T]):
-    """Outcome of a search.
+    """Outcome of a search: the verdict, whose indices are into `modes`, every mode of the class within `reach_hz`, ascending.
 
-    Attributes
-    ----------
-    verdict : Verdict
-        Indices into `modes`.
-    modes : tuple
-        Every mode of the class within `reach_hz`, ascending.
-    window_hz : (float, float)
-        Interval, Hz, whose modes the wanted one's share is counted among.
-    reach_hz : (float, float)
-        Interval, Hz, in which every mode of the class is known.
-    missing : float
-        Upper bound of the weight of any mode outside `reach_hz`.
+    window_hz: whose modes the wanted one's share is counted among. missing: upper bound of the weight of any mode outside
+    reach_hz.
     """
 
     verdict: Verdict
@@ -182,25 +148,11 @@ class Found(Generic[T]):
 def search(
     window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T], largest: Largest[T] | None = None
 ) -> Found[T]:
-    """Search the wanted mode from a window outwards.
+    """Search the wanted mode from a window outwards, with the same outcome whatever is known before.
 
-    Parameters
-    ----------
-    window_hz : (float, float)
-        Where the search begins, Hz; no candidate lies below it.
-    known_hz : (float, float)
-        Interval, Hz, whose modes `known` holds: they are not computed again.
-    known : sequence
-        Modes of the class.
-    solve : callable
-        Returns every mode of the class between two frequencies in Hz.
-    largest : callable, optional
-        Returns an upper bound of the strength of any one mode outside an interval, from all modes within it.
-
-    Returns
-    -------
-    Found
-        The same for every `known`.
+    window_hz: where the search begins; no candidate lies below it. known: every mode of the class within known_hz, none of them
+    computed again. solve: gives every mode of the class between two frequencies, Hz. largest: gives an upper bound of the
+    strength of any one mode outside an interval, from all modes within it.
     """
     ends = reach = window_hz
     steps = 0

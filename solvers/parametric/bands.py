@@ -7,7 +7,7 @@ design's own clamped modes and inertial answers. All pencils are small, real and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -95,9 +95,8 @@ def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> Fl
     """Eigenvalues less what the inner functions left out take from them, to first order: l - l^2 u'Du, (k, count)."""
     own = [parts[number] for number in sector.classes]
     out = []
-    for stiffness, mass, basis in zip(*pencils(own, sector.bases), sector.bases, strict=True):
-        values, waves = lowest(stiffness, mass, count)
-        free, row, taken = basis @ waves[: basis.shape[1]], 0, np.zeros(len(values))
+    for basis, (values, edge, _) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+        free, row, taken = basis @ edge, 0, np.zeros(len(values))
         for part in own:
             piece = free[row : row + part.parity.shape[1]]
             taken += np.einsum("ij,ij->j", piece, part.lost @ piece)
@@ -106,9 +105,13 @@ def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> Fl
     return np.array(out)
 
 
-def lowest(stiffness: FloatArray, mass: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
-    return np.asarray(values), np.asarray(waves)
+def lowest(
+    parts: Sequence[ClassAtDesign], bases: FloatArray, count: int
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """At each wavevector the lowest eigenvalues (count,), the waves' free boundary coordinates and their inner functions."""
+    for stiffness, mass in zip(*pencils(parts, bases), strict=True):
+        values, waves = eigh(stiffness, mass, subset_by_index=(0, min(count, len(mass)) - 1), driver="gvx")
+        yield np.asarray(values), waves[: bases.shape[2]], waves[bases.shape[2] :]
 
 
 def pencils(parts: Sequence[ClassAtDesign], bases: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -172,16 +175,13 @@ def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Se
     further = ((0.5, 0.5),) if cell.box.foot.is_alike else ((0.5, 1.0), (0.0, 1.0), (0.0, 0.5))
     points = ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), *further)
     of, worst = sectors(cell.interface, points, cell.symmetry), 0.0
+
+    def solved(each: ParametricCell, sizes: Sizes) -> FloatArray:
+        own = [_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of]
+        return _merged(own, of, len(points), count)
+
     for one, sizes in zip(alone, designs, strict=True):
-        ours, theirs = (
-            _merged(
-                [_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of],
-                of,
-                len(points),
-                count,
-            )
-            for each in (cell, one)
-        )
+        ours, theirs = solved(cell, sizes), solved(one, sizes)
         moving = theirs > FLAT**2 * theirs[:, -1:]
         worst = max(worst, float(0.5 * np.abs(ours[moving] / theirs[moving] - 1.0).max()))
     return worst
@@ -191,16 +191,11 @@ def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, size
     """For each sector the boundary coordinates of one design's lowest waves of unit energy, (k, m, count)."""
     with one_thread():
         parts = cell.parts(sizes, INNER, cell.interface)
-        out = []
-        for sector in of:
-            scaled = []
-            for stiffness, mass in zip(
-                *pencils([parts[member] for member in sector.classes], sector.bases), strict=True
-            ):
-                values, waves = lowest(stiffness, mass, count)
-                scaled.append(waves[: sector.bases.shape[2]] / np.sqrt(np.maximum(values, 0.0) + SLOWEST))
-            out.append(np.array(scaled))
-    return out
+        solved = (lowest([parts[member] for member in sector.classes], sector.bases, count) for sector in of)
+        return [
+            np.array([edge / np.sqrt(np.maximum(values, 0.0) + SLOWEST) for values, edge, _ in sector])
+            for sector in solved
+        ]
 
 
 def _pod(waves: FloatArray, metric: FloatArray) -> FloatArray:

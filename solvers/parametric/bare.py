@@ -6,7 +6,6 @@ they are the interface's own, so that the panel joins any cell. Sizes enter as s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
@@ -97,62 +96,39 @@ def bare_matrices(
     return stiffness.reshape(count, count), mass
 
 
-@dataclass(frozen=True)
-class _Inside:
-    """Eigenvalues (m,), modes (m, m) and parity (m, 2) of a panel's inside, and what it answers to the boundary, (m, b)."""
-
-    values: FloatArray
-    modes: FloatArray
-    parity: IntArray
-    static: FloatArray
-
-    @property
-    def shapes(self) -> FloatArray:
-        """The panel's functions by its degrees of freedom [boundary, modes], (b + m, b + m)."""
-        m, b = self.static.shape
-        return np.block([[np.eye(b), np.zeros((b, m))], [self.static, self.modes]])
-
-
 @lru_cache(maxsize=64)
-def _inside(size_m: tuple[float, float, float], material: Material, face: Interface) -> _Inside:
+def _inside(
+    size_m: tuple[float, float, float], material: Material, face: Interface
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Eigenvalues (m,) and parity (m, 2) of a panel's inside, and the panel's functions by its degrees of freedom [boundary,
+    modes], (b + m, b + m).
+    """
     stiffness, mass = bare_matrices(size_m, material, face)
     b = face.count
     values, modes, parity = _modes(stiffness[b:, b:], mass[b:, b:], face)
     static = -modes @ ((modes.T @ stiffness[b:, :b]) / values[:, None])  # all modes: K_II^-1 = sum of u u' / l
-    return _Inside(values, modes, parity, static)
+    return values, parity, np.block([[np.eye(b), np.zeros((b, len(values)))], [static, modes]])
 
 
 @lru_cache(maxsize=64)
 def bare_strip(
-    size_m: tuple[float, float, float], material: Material, face: Interface, span: Span
+    size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE
 ) -> tuple[FloatArray, FloatArray, Expansion]:
     """K, M and touch face of what lies within a span of [-1, 1] along x, in the degrees of freedom of the panel's cell."""
-    shapes = _inside(size_m, material, face).shapes
+    _, _, shapes = _inside(size_m, material, face)
     stiffness, mass = (shapes.T @ matrix @ shapes for matrix in bare_matrices(size_m, material, face, span))
-    touch = _touch(size_m, face, span)
-    return stiffness, mass, Expansion(touch.points, (touch.matrix[:, 0] @ shapes[2::3])[:, None], touch.weights)
+    return stiffness, mass, _touch(size_m, face, span, shapes[2::3])
 
 
 @lru_cache(maxsize=64)
 def bare_cell(size_m: tuple[float, float, float], material: Material, face: Interface) -> Cell:
     """The panel's cell; every mode of its inside is kept."""
-    stiffness, mass = bare_matrices(size_m, material, face)
-    b, inside = face.count, _inside(size_m, material, face)
-    values, modes, parity, static = inside.values, inside.modes, inside.parity, inside.static
-    moving = mass[b:, :b] + mass[b:, b:] @ static
-    scale = Scale(size_m[2], material.young_pa, material.density_kg_m3)
-    k, m = np.zeros((2, *stiffness.shape))
-    k[:b, :b] = stiffness[:b, :b] + stiffness[:b, b:] @ static
-    m[:b, :b] = mass[:b, :b] + mass[:b, b:] @ static + static.T @ moving
-    m[b:, :b] = modes.T @ moving
-    m[:b, b:] = m[b:, :b].T
-    k[b:, b:], m[b:, b:] = np.diag(values), np.eye(len(values))
-    touch = _touch(size_m, face)
-    touch = Expansion(touch.points, (touch.matrix[:, 0] @ inside.shapes[2::3])[:, None], touch.weights)
-    none = Expansion(np.empty((0, 3)), np.empty((0, 3, len(k))), facets=np.empty((0, 4), dtype=np.int64))
+    values, parity, _ = _inside(size_m, material, face)
+    stiffness, mass, touch = bare_strip(size_m, material, face)
+    b, scale = face.count, Scale(size_m[2], material.young_pa, material.density_kg_m3)
     return Cell(
-        (k + k.T) / 2.0, (m + m.T) / 2.0, np.zeros_like(m), face, scale, size_m, scale.frequency(values), parity,
-        float("inf"), np.zeros((b, b)), touch, none, len(stiffness),
+        (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0, np.zeros_like(mass), face, scale, size_m,
+        scale.frequency(values), parity, float("inf"), np.zeros((b, b)), touch, Expansion.nothing(len(mass)), len(mass),
     )  # fmt: skip
 
 
@@ -169,8 +145,8 @@ def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[Fl
     return values, modes, parity
 
 
-def _touch(size_m: tuple[float, float, float], face: Interface, span: Span = WHOLE) -> Expansion:
-    """The scalar functions (q, 1, n) at Gauss points of the touch face z = 0."""
+def _touch(size_m: tuple[float, float, float], face: Interface, span: Span, normal: FloatArray) -> Expansion:
+    """u_z, the scalar functions' parts (n, dof) in it, at Gauss points of the touch face z = 0."""
     at, weights = gauss_points()
     half = (span[1] - span[0]) / 2.0
     at[:, 0] = span[0] + half * (at[:, 0] + 1.0)
@@ -178,4 +154,4 @@ def _touch(size_m: tuple[float, float, float], face: Interface, span: Span = WHO
     chosen = functions(face)
     matrix = flat[:, chosen[:, 0]] * across[:, chosen[:, 1]] * through[0, chosen[:, 2]]
     points = np.column_stack([at * np.array(size_m[:2]) / 2.0, np.zeros(len(at))])
-    return Expansion(points, matrix[:, None], half * weights * size_m[0] * size_m[1] / 4.0)
+    return Expansion(points, (matrix @ normal)[:, None], half * weights * size_m[0] * size_m[1] / 4.0)

@@ -106,6 +106,7 @@ class Block:
         self.on_boundary = np.unique(self.forms.fold[rows].indices)
         self.inner = np.setdiff1d(np.arange(self.forms.dof), self.on_boundary)
         self.functions = self._functions()
+        self.factorise = Factoriser()  # one symbolic analysis among all designs
 
     def traces(self, sizes: FloatArray | Sizes) -> FloatArray:
         """The class's boundary polynomials of a stretched cell at its boundary degrees of freedom, (b, m)."""
@@ -136,10 +137,6 @@ class Block:
         t, h, _, p = self.cell.reference
         return t, h, float(share) * p / self.cell.box.foot.reach, p
 
-    def coordinates(self, sizes: FloatArray | Sizes) -> FloatArray:
-        """The polynomials of a design among the functions, (f, m)."""
-        return np.asarray(self.functions.T @ self.traces(sizes))
-
     def stretched(self, sizes: FloatArray | Sizes) -> tuple[sp.csc_array, sp.csc_array]:
         """K and M of the class at a design."""
         cell, forms = self.cell, self.forms
@@ -152,11 +149,6 @@ class Block:
         """The inside of a design's rigid-body modes as far as they belong to the class, (inner, 6)."""
         motions = rigid_body_modes(self.cell.plan(self.cell.mesh.nodes, sizes)).reshape(-1, 6)
         return np.asarray((self.forms.fold.T @ motions)[self.inner])
-
-    @cached_property
-    def factorise(self) -> Factoriser:
-        """Shares one symbolic analysis among all designs."""
-        return Factoriser()
 
     @cached_property
     def _places(self) -> dict[str, tuple[sp.csc_array, sp.csc_array]]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from itertools import product
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, eigh
@@ -18,7 +17,7 @@ from solvers.parametric.greedy import chosen
 from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, reduced_block
 from solvers.parametric.sectors import Symmetry, symmetry_of
 from solvers.parametric.touch_face import fitted_touch
-from solvers.superelement.cell import Cell, Expansion, rigid_polynomials
+from solvers.superelement.cell import Cell, Expansion, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
@@ -80,10 +79,9 @@ class ParametricCell:
 
     def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
         """theta of K and of M, (q,) and (r,)."""
-        return (
-            theta(self.stiffness_exponents, sizes, self.reference, self.box.foot),
-            theta(self.mass_exponents, sizes, self.reference, self.box.foot),
-        )
+        exponents = self.stiffness_exponents, self.mass_exponents
+        stiffness, mass = (theta(each, sizes, self.reference, self.box.foot) for each in exponents)
+        return stiffness, mass
 
     def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
         theta_k, theta_m = self.weights(sizes)
@@ -173,7 +171,7 @@ def lower(parity: FloatArray, full: Interface, face: Interface) -> tuple[FloatAr
 
 def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, sizes: FloatArray | Sizes) -> Cell:
     """The symmetry classes in the sides' own degrees of freedom, in units of the design's thickness."""
-    places = _places(parts, face)
+    places = places_of([part.parity for part in parts], [len(part.fixed_hz) for part in parts])
     matrices = [
         np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in range(3)
     ]
@@ -187,22 +185,8 @@ def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, s
         (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
         fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
         min(part.dropped_hz for part in parts), ratio**5 * lost,
-        _touch(cell, parts, places, sizes), _no_skin(len(stiffness)), cell.mesh_dof,
+        _touch(cell, parts, places, sizes), Expansion.nothing(len(stiffness)), cell.mesh_dof,
     )  # fmt: skip
-
-
-def _places(parts: list[ClassAtDesign], face: Interface) -> list[FloatArray]:
-    """From each class's degrees of freedom to the cell's, (count, m)."""
-    places, start = [], face.count
-    count = face.count + sum(len(part.fixed_hz) for part in parts)
-    for part in parts:
-        width, inner = part.parity.shape[1], np.arange(len(part.fixed_hz))
-        place = np.zeros((count, width + len(inner)))
-        place[: face.count, :width] = part.parity
-        place[start + inner, width + inner] = 1.0
-        start += len(inner)
-        places.append(place)
-    return places
 
 
 def _touch(
@@ -214,18 +198,9 @@ def _touch(
     a, p = foot.reach * sizes[SIDE] / 2.0, sizes[PITCH] / 2.0
     points = np.column_stack([across(cell.touch_m, cell.reference, sizes, foot), np.zeros(len(cell.touch_m))])
     stretch = np.where(cell.touch_m < a0, a / a0, (p - a) / (p0 - a0)).prod(axis=1)
-    everywhere, rows = [], []
-    for images in product((1, -1), repeat=2):
-        flips = [np.prod([part.signs[axis] for axis in (0, 1) if images[axis] < 0]) for part in parts]
-        everywhere.append(points * np.array([*images, 1.0]))
-        own = zip(flips, parts, places, strict=True)
-        rows.append(sum(float(flip) * part.touch @ place.T for flip, part, place in own))
-    weights = np.tile(cell.touch_weights * stretch, 4)
-    return Expansion(np.concatenate(everywhere), np.concatenate(rows)[:, None, :], weights)
-
-
-def _no_skin(count: int) -> Expansion:
-    return Expansion(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
+    fields = [(part.touch @ place.T)[:, None] for part, place in zip(parts, places, strict=True)]
+    everywhere, matrix = mirrored(points, fields, [dict(enumerate(part.signs[:2])) for part in parts], (0, 1))
+    return Expansion(everywhere, matrix, np.tile(cell.touch_weights * stretch, 4))
 
 
 def parametric_cell(

@@ -14,7 +14,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from solvers.parametric.affine import PITCH, SIDE, Sizes
-from solvers.parametric.bands import SLOWEST, lowest, pencils
+from solvers.parametric.bands import SLOWEST, lowest
 from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell, rigid_span
 from solvers.parametric.reduced_block import RIGID, ReducedBlock, orthonormal, symmetric
 from solvers.parametric.sectors import Sector
@@ -49,13 +49,12 @@ def _inside(
 ) -> list[tuple[int, FloatArray]]:
     """Each class's block and what its inside does in the lowest waves of unit energy, (inside, waves)."""
     own, out = [parts[number] for number in sector.classes], []
-    for stiffness, mass, basis in zip(*pencils(own, sector.bases), sector.bases, strict=True):
-        values, waves = lowest(stiffness, mass, count)
-        waves = waves / np.sqrt(np.maximum(values, 0.0) + SLOWEST)
-        free, row, start = basis @ waves[: basis.shape[1]], 0, basis.shape[1]
+    for basis, (values, edge, inner) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+        size, row, start = np.sqrt(np.maximum(values, 0.0) + SLOWEST), 0, 0
+        free, inner = basis @ (edge / size), inner / size
         for number, part in zip(sector.classes, own, strict=True):
             width, modes = part.parity.shape[1], len(part.fixed_hz)
-            motion = np.vstack([free[row : row + width], waves[start : start + modes]])
+            motion = np.vstack([free[row : row + width], inner[start : start + modes]])
             stored = min(number, len(cell.blocks) - 1)
             out.append((stored, part.shapes[cell.blocks[stored].functions :] @ motion))
             row, start = row + width, start + modes
@@ -72,9 +71,8 @@ def _block(
     left, size, _ = np.linalg.svd(np.hstack([block.boundary(share) for share in shares]), full_matrices=False)
     boundary = left[:, size > FUNCTION * size[0]]
     energy = np.tensordot(np.ones(len(block.stiffness)), block.stiffness, axes=1)[f:, f:]
-    still = (
-        orthonormal(np.hstack(rigid), energy, RIGID) if any(part.size for part in rigid) else np.empty((len(energy), 0))
-    )
+    known = any(part.size for part in rigid)
+    still = orthonormal(np.hstack(rigid), energy, RIGID) if known else np.empty((len(energy), 0))
     inner = np.hstack([still, _leading(np.hstack(moving), still, energy, KEPT[foot.is_alike])])
     whole = np.zeros((block.stiffness.shape[1], boundary.shape[1] + inner.shape[1]))
     whole[:f, : boundary.shape[1]], whole[f:, boundary.shape[1] :] = boundary, inner

@@ -24,7 +24,7 @@ import numpy as np
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.fem.assembly import Scale
-from solvers.measures.confinement import NEGLIGIBLE, Confinement, wanted_shape
+from solvers.measures.confinement import NEGLIGIBLE, Confinement, confined, wanted_shape
 from solvers.parametric.bare import bare_cell, bare_strip
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell, Expansion, SurfaceRule
@@ -84,11 +84,8 @@ class FinitePlate:
         self.pieces = [
             _piece(columns, vectors, number, design.touch_lines_m) for number in range(len(columns[0].placed_cells))
         ]
-        self.strips = (
-            [self._strip(piece, about) for piece in self.pieces]
-            if abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m
-            else []
-        )
+        ends = abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m
+        self.strips = [self._strip(piece, about) for piece in self.pieces] if ends else []
 
     @property
     def _beyond_m(self) -> float:
@@ -99,9 +96,8 @@ class FinitePlate:
         """The strip of a piece's row: part of the cell that would follow, or of the last one."""
         beyond, cell = self._beyond_m, piece.cell
         width = 2.0 * abs(beyond) / self.pitch_m
-        span, x = (
-            ((-1.0, -1.0 + width), self.x_m[-1] + self.pitch_m) if beyond > 0.0 else ((1.0 - width, 1.0), self.x_m[-1])
-        )
+        follows = beyond > 0.0
+        span, x = (-1.0, -1.0 + width) if follows else (1.0 - width, 1.0), self.x_m[-1] + follows * self.pitch_m
         even, odd = self._along(self.kx * x)
         moved = even * piece.even + odd * piece.odd
         stiffness, mass, touch = bare_strip(cell.size_m, self.design.material, cell.interface, span)
@@ -110,7 +106,7 @@ class FinitePlate:
                 bare_cell(cell.size_m, self.design.material, cell.interface), moved[: cell.interface.count], about
             )
         rule = _at_quadrature(touch, [line - piece.middle for line in self.design.touch_lines_m])
-        return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if beyond > 0.0 else -2.0)
+        return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if follows else -2.0)
 
     @cached_property
     def _kernels(self) -> tuple[FloatArray, FloatArray]:
@@ -144,10 +140,6 @@ class FinitePlate:
             return 2
         return 1 if abs(piece.middle) < self.design.width_m / 2.0 else 0
 
-    def pencil(self) -> tuple[FloatArray, FloatArray]:
-        """K and M among the trial functions, (n, n) each."""
-        return self._forms("stiffness")[0], self._forms("mass")[0]
-
     def modes(self, low_hz: float, high_hz: float) -> FiniteModes:
         """The modes between two frequencies, ascending; from rigid-body motions on if these begin below 0."""
         with one_thread():
@@ -172,9 +164,8 @@ class FinitePlate:
         places, weights, squares = [], [], []
         for piece in self.pieces:
             touch = piece.touch
-            moved = (
-                even_along * vector @ (touch.normal @ piece.even).T + odd_along * vector @ (touch.normal @ piece.odd).T
-            )
+            halves = ((even_along, piece.even), (odd_along, piece.odd))
+            moved = np.sum([along * vector @ (touch.normal @ motion).T for along, motion in halves], axis=0)
             places.append(np.abs(touch.points[:, 1] + piece.middle))
             weights.append(touch.weights)
             squares.append((moved**2).mean(axis=0))
@@ -278,21 +269,8 @@ class Faces:
 
     def measured(self, vectors: FloatArray) -> Confinement:
         """How well modes (n, k) hold the wanted shape, as `measure` has it of a whole plate."""
-        inside, passive, beyond = (np.einsum("ik,ik->k", vectors, form @ vectors) for form in self.forms)
-        levels = [
-            self._level_db(inside, other, area) for other, area in zip((passive, beyond), self.areas[1:], strict=True)
-        ]
-        share = np.where(np.isnan(levels[0]), np.nan, inside / np.maximum(inside + passive, 1e-300))
-        projection = (self.overlap @ vectors) ** 2 / self.norm
-        return Confinement(
-            share, levels[0], projection / np.maximum(inside, 1e-300), levels[1], self.factor * projection
-        )
-
-    def _level_db(self, inside: FloatArray, other: FloatArray, area: float) -> FloatArray:
-        if min(area, self.areas[0]) <= NEGLIGIBLE * max(area, self.areas[0]):
-            return np.full(len(inside), np.nan)
-        ratio = np.maximum(inside, 1e-300) * area / (self.areas[0] * np.maximum(other, 1e-300))
-        return np.asarray(10.0 * np.log10(ratio))
+        squares = [np.einsum("ik,ik->k", vectors, form @ vectors) for form in self.forms]
+        return confined(squares, self.areas, (self.overlap @ vectors) ** 2 / self.norm, self.factor)
 
 
 def _middles(design: Design, pitch_m: float) -> FloatArray:

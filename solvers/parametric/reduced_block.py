@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
+from solvers.fem.assembly import on_components
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import Sizes
 from solvers.parametric.block import Block
@@ -85,10 +86,10 @@ def _block(
         block.functions.shape[1],
         symmetric(np.array([whole.T @ (one @ whole) for one in stiffness])),
         symmetric(np.array([whole.T @ (one @ whole) for one in mass])),
-        symmetric(np.array([_of_a_component(one, nodal) for one in pillar])),
+        symmetric(np.array([nodal.T @ on_components(one, nodal) for one in pillar])),
         np.asarray(rule.interpolation @ nodal[2::3]),
         block.shares,
-        np.array([block.coordinates(block.of_share(share)) for share in block.shares]),
+        np.array([block.functions.T @ block.traces(block.of_share(share)) for share in block.shares]),
         block.parity,
     )
 
@@ -122,12 +123,6 @@ def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least:
     size, turn = eigh(functions.T @ (energy @ functions), overwrite_a=True, check_finite=False)
     chosen = size > max(kept * size[-1], least)
     return np.asarray(functions @ (turn[:, chosen] / np.sqrt(size[chosen])))
-
-
-def _of_a_component(matrix: Sparse, nodal: FloatArray) -> FloatArray:
-    """N'(A x 1)N of a scalar form A (n, n) among nodal motions N (3n, m)."""
-    flat = nodal.reshape(len(nodal) // 3, -1)
-    return np.asarray(nodal.T @ np.asarray(matrix @ flat).reshape(nodal.shape))
 
 
 def symmetric(matrices: FloatArray) -> FloatArray:

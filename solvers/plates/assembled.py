@@ -21,10 +21,9 @@ from geometry.mesh import Mesh, check_mesh
 from geometry.tiling import Panel, Signature, signature, tile
 from solvers.accuracy.cell import extrapolated, recovered
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
-from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.fem.eigen import PlainPencil, SymmetricPencil
-from solvers.fem.factor.factoriser import Factoriser, side_by_side
+from solvers.fem.eigen import PlainPencil
+from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField
@@ -168,10 +167,8 @@ class Reductions:
         settings, face = self.reduction.hexahedra, self.reduction.ample
         order = min(max(settings.order, face.through + 1), HIGHEST)
         along, through = ceil(face.along / (order - 1)), ceil(face.through / (order - 1))
-        least, size = (
-            ceil(along / 2) if panel.halved == (0, 1) else along,
-            self.reduction.bare_size_m or settings.size_m,
-        )
+        least = ceil(along / 2) if panel.halved == (0, 1) else along
+        size = self.reduction.bare_size_m or settings.size_m
         return replace(settings, order=order, size_m=size, least=least, through=max(least, through))
 
     def _key(self, panel: Panel) -> str:
@@ -234,22 +231,6 @@ class PlateModel:
     def pencil(self, symmetry: str | None) -> PlainPencil:
         """K and M of one symmetry class."""
         return self.assembled(symmetry).pencil()
-
-    def mode_errors(self, symmetry: str | None, pencil: SymmetricPencil, vectors: FloatArray) -> ModeErrors:
-        """How far the reduction may put each of these modes of the class's pencil too high."""
-        return mode_errors(self.assembled(symmetry), pencil, vectors)
-
-    def more_below(
-        self,
-        symmetry: str | None,
-        pencil: SymmetricPencil,
-        edge_hz: float,
-        reduced: int | None = None,
-        factorise: Factoriser | None = None,
-        degrees: float = 0.0,
-    ) -> int | None:
-        """How many more modes the meshes have at most below a frequency than the class's pencil; None without a bound."""
-        return more_below(self.assembled(symmetry), pencil, edge_hz, reduced, factorise, degrees)
 
     def touch(self, symmetry: str | None, vectors: FloatArray) -> TouchField:
         """u_z on the touch face."""

@@ -14,9 +14,9 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
-from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, last_bubbles, last_layer
+from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, energy, last_bubbles, last_layer
 from solvers.errors import SolverError
-from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
+from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
@@ -37,21 +37,10 @@ Level = Callable[[float], float | None]
 
 
 def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | None, level: Level) -> list[float | None]:
-    """Bound the error of levels by the relative error of frequencies.
+    """Bound the error of levels by the relative error of frequencies: half-widths in dB, None without a level or an estimate.
 
-    Parameters
-    ----------
-    frequency_hz, level_db : ndarray, shape (n,)
-        The samples, ascending; NaN for no level.
-    error : float or None
-        Relative half-width of the bars of frequencies; None without an estimate.
-    level : callable
-        The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
-
-    Returns
-    -------
-    list of float or None
-        Half-widths in dB; None where there is no level or no estimate.
+    frequency_hz, level_db (n,): the samples, ascending; NaN for no level. error: half-width of the bars of frequencies. level:
+    gives that in dB at a frequency in Hz; called where the samples do not resolve the curve.
     """
     if error is None or not np.isfinite(error):
         return [None] * len(level_db)
@@ -129,15 +118,10 @@ def _brought(
     """Relative rise of each frequency without some functions of every cell, to first order, (k,)."""
     where = np.unique(np.concatenate([place.dofs[place.columns[part(place.cell)]] for place in column.placed_cells]))
     where = where[where >= 0]
-    stiff, heavy = (_energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
+    stiff, heavy = (energy(vectors[where], matrix[np.ix_(where, where)] @ vectors[where]) for matrix in pencil)
     moving, rise = value > 0.0, np.zeros_like(value)
     rise[moving] = np.maximum(stiff - value * heavy, 0.0)[moving] / (2.0 * value[moving])
     return rise
-
-
-def _energy(vectors: ComplexArray, images: ComplexArray) -> FloatArray:
-    """u^H v of each pair of columns, (k,)."""
-    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
 
 
 def forced_bars(
@@ -149,23 +133,11 @@ def forced_bars(
     error: FloatArray,
     mixed: float,
 ) -> FloatArray:
-    """Half-widths of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
+    """Half-widths (t,) of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
 
-    Parameters
-    ----------
-    parts : two of (weights (q,), values (q, k))
-        The faces whose rms are compared: areas of their points, and the modes there.
-    force, value, error : ndarray, shape (k,)
-        Modal forces, scaled eigenvalues, and relative half-widths of the bars of the frequencies.
-    moved : ndarray, shape (t,)
-        Scaled eigenvalues of the driving frequencies.
-    quality_factor : float
-    mixed : float
-        Expected share of the bound on what modes mix.
-
-    Returns
-    -------
-    ndarray, shape (t,)
+    parts: weights (q,) and values (q, k) of the two faces whose rms are compared, areas of their points and the modes there.
+    force, value, error (k,): modal forces, scaled eigenvalues, relative half-widths of the bars of the frequencies. moved (t,):
+    scaled eigenvalues of the driving frequencies. mixed: expected share of the bound on what modes mix.
     """
     lossy = 1.0 + 1j / quality_factor
     stiff, error = value[:, None] * lossy, np.minimum(error, MOST)
@@ -196,14 +168,6 @@ def forced_bars(
 
 
 @dataclass(frozen=True)
-class ColumnModes:
-    """Modes with u_z even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
-
-    frequency_hz: FloatArray
-    confinement: Confinement
-
-
-@dataclass(frozen=True)
 class Driven:
     """All modes, and the confinement (n,) in dB of the forced motion at each frequency asked for.
 
@@ -212,7 +176,7 @@ class Driven:
     what mixing moves a mode's own level by, from its number and the relative half-width of its frequency's.
     """
 
-    modes: ColumnModes
+    modes: AcrossModes
     confinement_db: FloatArray
     errors: Callable[[], ModeErrors]
     bar_db: Callable[[FloatArray, float], FloatArray]
@@ -289,10 +253,10 @@ class Column:
             mass[here] += place.row.mass[np.ix_(live, live)]
         return stiffness, mass
 
-    def modes(self, low_hz: float, high_hz: float) -> ColumnModes:
+    def modes(self, low_hz: float, high_hz: float) -> AcrossModes:
         """Every mode with low <= f <= high, Hz, and how well it is confined. Errors as solve."""
         frequency_hz, vectors = self.solve(low_hz, high_hz)
-        return ColumnModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
+        return AcrossModes(frequency_hz, measure_profile(self.profile(vectors), self.design))
 
     def zones(self, low_hz: float, high_hz: float, quality_factor: float) -> DrivenZones:
         """Zones of a plate of several driven in turn at their peaks within a window, by its modes and those somewhat beyond.
@@ -328,7 +292,7 @@ class Column:
         def mixing_db(index: int, error: float) -> float:
             return Overlaps.between(parts).mixing_db(tones_hz, index, error)
 
-        modes = ColumnModes(tones_hz, measure_profile(own, self.design))
+        modes = AcrossModes(tones_hz, measure_profile(own, self.design))
         errors = lambda: mode_errors(self, self.pencil(), stiff, vectors)  # noqa: E731
         return Driven(modes, forced.confinement_db, errors, bar_db, mixing_db)
 

@@ -18,7 +18,7 @@ from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import free_kx_per_m, pillar_beam, strip_of
 from solvers.analytic.timoshenko import Beam
 from solvers.errors import SolverError
-from solvers.measures.confinement import BESIDE, Confinement, DrivenZones, Profile, drive_zones, measure_profile
+from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
 
 # -- standing pillars --------------------------------------------------------------------------------------------------
 # A pillar on a moving foot: what it carries rigidly and how its own vibrations follow, ready to stand on a plate.
@@ -138,21 +138,13 @@ PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long
 _GAUSS = legendre.leggauss(4)
 
 
-@dataclass(frozen=True)
-class StripModes:
-    """Modes even about y = 0, ascending: frequency_hz (k,) and how well each is confined."""
-
-    frequency_hz: FloatArray
-    confinement: Confinement
-
-
-def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> StripModes:
+def strip_modes(design: Design, low_hz: float, high_hz: float, softness: float = 0.5) -> AcrossModes:
     """Modes with low <= f <= high, Hz. SolverError for a design without zone or thickness.
 
     `softness` scales how far the pillars' feet give way beyond what the strip bends there: 1 is a half-space's compliance.
     """
     frequency_hz, profile = _solved(design, (low_hz, high_hz), softness)
-    return StripModes(frequency_hz, measure_profile(profile, design))
+    return AcrossModes(frequency_hz, measure_profile(profile, design))
 
 
 def strip_zones(
@@ -197,10 +189,8 @@ def _rows(design: Design) -> list[tuple[int, float]]:
 
 def _nodes(design: Design) -> FloatArray:
     """Nodes from the middle line (with several zones from the other edge) to the plate's edge, one on every row and border."""
-    half, borders = (
-        design.half_span_m,
-        np.add.outer(design.zone_centres_m, [-design.width_m / 2.0, design.width_m / 2.0]),
-    )
+    half = design.half_span_m
+    borders = np.add.outer(design.zone_centres_m, [-design.width_m / 2.0, design.width_m / 2.0])
     ends = [0.0, design.width_m / 2.0, half] if design.zones == 1 else [-half, *borders.ravel(), half]
     fixed = np.unique(np.round([*ends, *(y for _, y in _rows(design))], 9))
     longest = design.width_m / PER_WIDTH
@@ -256,24 +246,18 @@ def _with_rows(
     stiffness: FloatArray, mass: FloatArray, nodes: FloatArray, design: Design, kx: float, softness: float
 ) -> tuple[FloatArray, FloatArray]:
     """K and M with a line of pillars on every row: lift by Y, turn across by Y', turn along by k Y."""
-    lever_m = design.thickness_m / 2.0
-    bodies = {
-        pillar: (
-            bending_effective_mass(pillar, lever_m, softness * root_compliance(pillar)),
-            lifting_effective_mass(pillar),
-        )
-        for pillar in design.kinds
-    }
+
+    @cache
+    def bodies(pillar: Pillar) -> tuple[EffectiveMass, EffectiveMass]:
+        give_way = softness * root_compliance(pillar)
+        return bending_effective_mass(pillar, design.thickness_m / 2.0, give_way), lifting_effective_mass(pillar)
+
     for row, y in _rows(design):
         pillar = design.row_pillars[row]
         density = pillar.faces * len(design.column_centres(row)) / design.length_m
-        turning, lifting = bodies[pillar]
+        turning, lifting = bodies(pillar)
         node = int(np.argmin(np.abs(nodes - y)))
-        for body, dof, factor in (
-            (lifting, 2 * node, 1.0),
-            (turning, 2 * node + 1, 1.0),
-            (turning, 2 * node, kx),
-        ):
+        for body, dof, factor in ((lifting, 2 * node, 1.0), (turning, 2 * node + 1, 1.0), (turning, 2 * node, kx)):
             stiffness, mass = _standing(stiffness, mass, body, dof, factor, density)
     return stiffness, mass
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from math import inf
 
 import numpy as np
 import scipy.sparse as sp
@@ -105,9 +107,8 @@ class ResidualModes:
 # -- cell --------------------------------------------------------------------------------------------------------------
 
 RIGID = 1e-8
-MASS_TOLERANCE = (
-    1e-6  # of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
-)
+# of the mass: slender stiff pillars on a soft plate follow it to 1e-8 times their stiffness over the plate's
+MASS_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -124,6 +125,11 @@ class Expansion:
     weights: FloatArray | None = None
     facets: IntArray | None = None
     order: int | None = None
+
+    @classmethod
+    def nothing(cls, count: int) -> Expansion:
+        """A skin without facets, of so many degrees of freedom."""
+        return cls(np.empty((0, 3)), np.empty((0, 3, count)), facets=np.empty((0, 4), dtype=np.int64))
 
     def rule(self, lines_m: Sequence[float] = ()) -> SurfaceRule:
         """Quadrature over the surface, parted at the lines y = const."""
@@ -255,26 +261,29 @@ class Cell:
         return out
 
 
-def restricted(cell: Cell, face: Interface) -> Cell:
-    """The same cell with the boundary functions of a lower interface alone; the others stay known as `further`.
+def restricted(cell: Cell, face: Interface, top_hz: float = inf) -> Cell:
+    """The same cell with the boundary functions of a lower interface and fixed-interface modes up to top_hz alone; other
+    functions stay known as `further`.
 
     Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
     """
-    own = cell.interface.within(face)
-    keep = np.concatenate([own, np.arange(cell.interface.count, cell.dof)])
-    square = np.ix_(keep, keep)
+    count, own, within = cell.interface.count, cell.interface.within(face), cell.fixed_hz <= top_hz
+    left, keep = count + np.flatnonzero(~within), np.concatenate([own, count + np.flatnonzero(within)])
+    pushed, square = cell.mass[:count, left], np.ix_(keep, keep)
+    dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
     matrices = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
     fields = {name: each and each.kept(keep) for name in ("touch", "skin", "bare") if (each := getattr(cell, name))}
-    further = Further(cell.interface.through, cell.stiffness, cell.mass)
-    error = cell.mesh_error and cell.mesh_error.kept(keep)
     return replace(
         cell,
         **matrices,
         **fields,
         interface=face,
-        dropped=cell.dropped[np.ix_(own, own)],
-        mesh_error=error,
-        further=further,
+        fixed_hz=cell.fixed_hz[within],
+        fixed_parity=cell.fixed_parity[within],
+        dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
+        dropped=dropped[np.ix_(own, own)],
+        mesh_error=cell.mesh_error and cell.mesh_error.kept(keep),
+        further=Further(cell.interface.through, cell.stiffness, cell.mass),
     )
 
 
@@ -283,6 +292,33 @@ def with_further(cell: Cell) -> Cell:
     assert cell.further
     face, further = replace(cell.interface, through=cell.further.through), cell.further
     return replace(cell, interface=face, stiffness=further.stiffness, mass=further.mass, mesh_error=None, further=None)
+
+
+def places_of(bases: Sequence[FloatArray], modes: Sequence[int]) -> list[FloatArray]:
+    """From each class's degrees of freedom to the cell's, (dof, m): of a basis (boundary, b) and so many modes."""
+    start, places, count = len(bases[0]), [], len(bases[0]) + sum(modes)
+    for basis, own in zip(bases, modes, strict=True):
+        place = np.zeros((count, basis.shape[1] + own))
+        place[: len(basis), : basis.shape[1]] = basis
+        place[start : start + own, basis.shape[1] :] = np.eye(own)
+        places.append(place)
+        start += own
+    return places
+
+
+def mirrored(
+    points: FloatArray, fields: Sequence[FloatArray], signs: Sequence[Mapping[int, int]], axes: Sequence[int]
+) -> tuple[FloatArray, FloatArray]:
+    """Points (p, 3) and a cell's matrix (p, 3 or 1, dof) there on every mirror image, from each class's field and signs."""
+    copies, flips = 2 ** len(axes), np.ones((2 ** len(axes), 3))
+    flips[:, list(axes)] = list(product((1, -1), repeat=len(axes)))
+    matrix = np.zeros((copies, *fields[0].shape))
+    for total, flip in zip(matrix, flips, strict=True):
+        for field, own in zip(fields, signs, strict=True):
+            total += np.prod([own[axis] for axis in axes if flip[axis] < 0]) * field
+        if matrix.shape[2] == 3:
+            total *= flip[:, None]
+    return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
 
 
 def check_rigid(cell: Cell, whole: float) -> None:
@@ -301,17 +337,6 @@ def rigid_boundary(cell: Cell) -> FloatArray:
     out = np.zeros((cell.dof, 6))
     out[: cell.interface.count] = rigid_polynomials(cell.interface, cell.size_m)
     return out
-
-
-def rigid_field(nodes: FloatArray, size_m: tuple[float, float, float]) -> FloatArray:
-    """The motions of `rigid_polynomials` at nodes (n, 3) of a panel whose lower face lies at z = 0, (3n, 6)."""
-    half = np.array(size_m) / 2.0
-    arm = (nodes - [0.0, 0.0, half[2]]) / half.max()
-    motions = np.zeros((len(nodes), 3, 6))
-    motions[:, [0, 1, 2], [0, 1, 2]] = 1.0
-    for axis in range(3):
-        motions[:, :, 3 + axis] = np.cross(np.eye(3)[axis], arm)
-    return motions.reshape(-1, 6)
 
 
 def rigid_polynomials(face: Interface, size_m: tuple[float, float, float]) -> FloatArray:

@@ -28,11 +28,6 @@ class Interface:
     through: int
 
     @property
-    def bubbles(self) -> int:
-        """Bubble functions of one side, before thickness and components."""
-        return self.along - 1
-
-    @property
     def layers(self) -> int:
         """Functions through the thickness."""
         return self.through + 1
@@ -44,8 +39,8 @@ class Interface:
 
     @property
     def side_block(self) -> int:
-        """Degrees of freedom of one side."""
-        return 3 * self.layers * self.bubbles
+        """Degrees of freedom of one side: its bubble functions times those through the thickness, of three components."""
+        return 3 * self.layers * (self.along - 1)
 
     @property
     def count(self) -> int:

@@ -18,7 +18,7 @@ from scipy.linalg import LinAlgError, eigh
 
 from geometry.elements import ComplexArray, FloatArray
 from solvers.errors import SolverError
-from solvers.superelement.cell import Cell
+from solvers.superelement.cell import Cell, restricted
 from solvers.superelement.interface import OFFSETS, Interface, Ties
 from solvers.superelement.symmetry import C2Symmetry, c2_symmetry
 from solvers.threads import one_thread
@@ -100,10 +100,6 @@ class Lattice:
         Raises SolverError where the mass is not positive: more boundary functions than the mesh can tell apart.
         """
         return self.waves(wavevector, count).frequency_hz
-
-    def eigenvalues(self, wavevector: FloatArray, count: int) -> FloatArray:
-        """The same in the cell's scale, (2 pi f / angular)^2."""
-        return self.waves(wavevector, count).eigenvalue
 
     def waves(self, wavevector: FloatArray, count: int) -> Waves:
         """The `count` lowest waves at a wavevector (2,) in rad/m, every one counted. Errors as frequencies."""
@@ -188,42 +184,9 @@ class Lattice:
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
 
-    def transform(self, wavevector: FloatArray) -> ComplexArray:
-        """T(k) with u_cell = T u_free: u(r + a) = u(r) exp(i k.a), shape (cell dof, dof)."""
-        transform = np.zeros((self.cell.dof, self.dof), dtype=complex)
-        transform[np.arange(self.cell.dof), self.column] = self._phases(np.asarray(wavevector, dtype=float))
-        return transform
-
     def up_to(self, face: Interface, top_hz: float) -> Lattice:
-        """The lattice of the same mesh reduced to boundary functions of lower degrees and fixed-interface modes up to top_hz.
-
-        Constraint shapes are made one by one, so a part of the matrices is what such a reduction would give.
-        """
-        cell = self.cell
-        within = cell.fixed_hz <= top_hz
-        left = cell.interface.count + np.flatnonzero(~within)
-        pushed = cell.mass[: cell.interface.count, left]
-        dropped = cell.dropped + (pushed / np.diag(cell.stiffness)[left]) @ pushed.T
-        own = cell.interface.within(face)
-        keep = np.concatenate([own, cell.interface.count + np.flatnonzero(within)])
-        square = np.ix_(keep, keep)
-        small = {name: getattr(cell, name)[square] for name in ("stiffness", "mass", "pillar_mass")}
-        return Lattice(
-            replace(
-                cell,
-                **small,
-                interface=face,
-                fixed_hz=cell.fixed_hz[within],
-                fixed_parity=cell.fixed_parity[within],
-                dropped_hz=float(cell.fixed_hz[~within].min(initial=cell.dropped_hz)),
-                dropped=dropped[np.ix_(own, own)],
-                touch=cell.touch.kept(keep),
-                skin=cell.skin.kept(keep),
-                mesh_error=None,
-                bare=None,
-                further=None,
-            )
-        )
+        """The lattice of the same mesh reduced to boundary functions of lower degrees and modes up to top_hz."""
+        return Lattice(replace(restricted(self.cell, face, top_hz), mesh_error=None, further=None))
 
 
 def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:

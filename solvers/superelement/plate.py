@@ -22,7 +22,7 @@ from solvers.fem.eigen import PlainPencil
 from solvers.fem.surface import Skin, triangles
 from solvers.measures.confinement import TouchField
 from solvers.superelement.cell import Cell, Expansion, SurfaceRule, with_further
-from solvers.superelement.interface import SIDES, VERTICES, Interface
+from solvers.superelement.interface import OFFSETS, SIDES, VERTICES, Interface
 
 WHOLE = ""  # no mirror: every panel is assembled
 DUST = 1e-14  # over sqrt(a_ii a_jj): what symmetry makes zero is left by rounding, and would fill the factor
@@ -190,12 +190,15 @@ class Grid:
         _fit(tiling, cells)
         self.nx, self.ny = len(tiling.x) - 1, len(tiling.y) - 1
         self.interface: Interface = next(iter(cells.values())).interface
-        vertices, side = (self.nx + 1) * (self.ny + 1), self.interface.side_block
-        self.start_x = vertices * self.interface.vertex_block
-        self.start_y = self.start_x + (self.nx + 1) * self.ny * side
-        self.start_modes = self.start_y + self.nx * (self.ny + 1) * side
-        modes = np.array([[self._modes(i, j) for j in range(self.ny)] for i in range(self.nx)])
-        self.mode_start = self.start_modes + np.concatenate([[0], np.cumsum(modes.ravel())])
+        corner, side = self.interface.vertex_block, self.interface.side_block
+        shapes = (self.nx + 1, self.ny + 1, corner), (self.nx + 1, self.ny, side), (self.nx, self.ny + 1, side)
+        starts = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)])
+        # of the vertex lines, of the sides on lines x = x[i] and of those on lines y = y[j], degrees of freedom last
+        self._corners, self._beside_x, self._beside_y = (
+            start + np.arange(np.prod(shape)).reshape(shape) for start, shape in zip(starts, shapes, strict=False)
+        )
+        modes = [len(self.cell(i, j).fixed_hz) for i in range(self.nx) for j in range(self.ny)]
+        self.mode_start = starts[-1] + np.concatenate([[0], np.cumsum(modes)])
         self.count = int(self.mode_start[-1])
         self._touch_rules: dict[tuple[float, ...], SurfaceRule] = {}
 
@@ -218,29 +221,12 @@ class Grid:
             return i, j
         return max(i, self.nx - 1 - i), max(j, self.ny - 1 - j)
 
-    def _modes(self, i: int, j: int) -> int:
-        return len(self.cell(i, j).fixed_hz)
-
-    def _vertex(self, i: int, j: int) -> IntArray:
-        return (i * (self.ny + 1) + j) * self.interface.vertex_block + np.arange(self.interface.vertex_block)
-
-    def _side_x(self, i: int, j: int) -> IntArray:
-        """Degrees of freedom on the line x = x[i], between y[j] and y[j + 1]."""
-        return self.start_x + (i * self.ny + j) * self.interface.side_block + np.arange(self.interface.side_block)
-
-    def _side_y(self, i: int, j: int) -> IntArray:
-        """Degrees of freedom on the line y = y[j], between x[i] and x[i + 1]."""
-        return self.start_y + (i * (self.ny + 1) + j) * self.interface.side_block + np.arange(self.interface.side_block)
-
-    def _fixed(self, i: int, j: int) -> IntArray:
-        cell = i * self.ny + j
-        return np.arange(self.mode_start[cell], self.mode_start[cell + 1])
-
     def dofs(self, i: int, j: int) -> IntArray:
         """Degrees of freedom of panel (i, j) in the order of its cell."""
-        corners = [self._vertex(i, j), self._vertex(i + 1, j), self._vertex(i, j + 1), self._vertex(i + 1, j + 1)]
-        sides = [self._side_x(i, j), self._side_x(i + 1, j), self._side_y(i, j), self._side_y(i, j + 1)]
-        return np.concatenate([*corners, *sides, self._fixed(i, j)])
+        corners = [self._corners[i + dx, j + dy] for dx, dy in OFFSETS]
+        sides = [self._beside_x[i, j], self._beside_x[i + 1, j], self._beside_y[i, j], self._beside_y[i, j + 1]]
+        first, last = self.mode_start[i * self.ny + j :][:2]
+        return np.concatenate([*corners, *sides, np.arange(first, last)])
 
     def copies(self, i: int, j: int) -> int:
         """How many panels a representative one stands for."""

@@ -7,10 +7,9 @@ V = [constraint shapes K_II Psi = -K_IB P, fixed-interface modes of (K_II, M_II)
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,12 +18,12 @@ from scipy.linalg import block_diag
 from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
-from solvers.fem.assembly import System
-from solvers.fem.eigen import Modes, Shared, SymmetricPencil, lowest_hz, modes_in_band
+from solvers.fem.assembly import System, on_components
+from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
-from solvers.fem.solid import constrain, free_mask
+from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
-from solvers.superelement.cell import Cell, Expansion, check_rigid, rigid_field, rigid_polynomials
+from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import SIDES, Interface
 from solvers.superelement.symmetry import DiagonalSector, diagonal_mirror
 from solvers.threads import one_thread
@@ -86,25 +85,8 @@ class SymmetryClass:
     turned: SymmetryClass | None = None  # the class that this one is, turned over: its matrices are the same
 
 
-class Sector(Protocol):
-    """Fields of one symmetry: K and M of their degrees of freedom, and what takes degrees of freedom to fields and back."""
-
-    @property
-    def pencil(self) -> SymmetricPencil:
-        """K and M of the degrees of freedom."""
-        ...
-
-    def spread(self, vectors: FloatArray) -> FloatArray:
-        """Fields at every node, (3n, k), of degrees of freedom (m, k)."""
-        ...
-
-    def gathered(self, field: FloatArray) -> FloatArray:
-        """Loads on the degrees of freedom, (m, k), of loads at every node (3n, k) that have this symmetry."""
-        ...
-
-
 class ClassSector:
-    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3)."""
+    """All fields of one symmetry class whose free degrees of freedom are `inside` (n, 3), with their K and M."""
 
     def __init__(self, system: System, inside: BoolArray) -> None:
         self.keep = np.flatnonzero(inside.ravel())
@@ -117,6 +99,9 @@ class ClassSector:
     def gathered(self, field: FloatArray) -> FloatArray:
         """What of a load (3n, k) acts on the degrees of freedom."""
         return np.asarray(field[self.keep])
+
+
+Sector = ClassSector | DiagonalSector
 
 
 @dataclass(frozen=True)
@@ -167,15 +152,8 @@ class CellBuilder:
         assert self.diagonal is not None
         shapes = part.shapes.reshape(len(self.diagonal), 3, -1)[self.diagonal][:, [1, 0, 2]]
         signs = {0: part.signs[1], 1: part.signs[0]}
-        return SymmetryClass(
-            signs,
-            part.basis[self.interface.diagonal()],
-            shapes.reshape(part.shapes.shape),
-            part.fixed_hz,
-            part.dropped_hz,
-            part.flexibility,
-            part,
-        )
+        basis, shapes = part.basis[self.interface.diagonal()], shapes.reshape(part.shapes.shape)
+        return replace(part, signs=signs, basis=basis, shapes=shapes, turned=part)
 
     def classes(self, top_hz: float, bounded: bool = True) -> list[SymmetryClass]:
         """Every symmetry class reduced; where x and y are alike, the class (-, +) is (+, -) turned over.
@@ -185,15 +163,13 @@ class CellBuilder:
         classes = list(product((1, -1), repeat=len(self.halved)))
         turned = {(-1, 1)} if self.diagonal is not None else set()
         tasks = [(signs, half) for signs in classes if signs not in turned for half in self._halves(signs)]
-        reduced = side_by_side(lambda task: self.reduce(self._by_axis(task[0]), task[1], top_hz, bounded), tasks)
+        named = [(dict(zip(self.halved, signs, strict=True)), half) for signs, half in tasks]
+        reduced = side_by_side(lambda task: self.reduce(*task, top_hz, bounded), named)
         parts = {
             signs: _together([part for task, part in zip(tasks, reduced, strict=True) if task[0] == signs])
             for signs, _ in tasks
         }
         return [parts[signs] if signs in parts else self.swapped(parts[signs[::-1]]) for signs in classes]
-
-    def _by_axis(self, signs: tuple[int, ...]) -> dict[int, int]:
-        return dict(zip(self.halved, signs, strict=True))
 
     def _halves(self, signs: tuple[int, ...]) -> tuple[int, ...]:
         """What the mirror x <-> y leaves alone (1) and what it turns over (-1), where x and y are alike in a class; else 0."""
@@ -220,7 +196,9 @@ class CellBuilder:
         """The constraint shapes of one symmetry class, or of what the mirror x <-> y does to it: K_II Psi = -K_IB P."""
         sector, basis = self._sector(signs, half), self.interface.parity_basis(signs, half)
         boundary = self._at_boundary(basis)
-        factorise, factor = _static(sector.pencil)
+        factorise, pencil = Factoriser(), sector.pencil  # one symbolic analysis serves the shifted matrices too
+        # stored zeros dropped, as in every shifted matrix
+        factor = factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
         shapes = boundary - sector.spread(factor.solve(sector.gathered(self._pull(boundary))))
         return ClampedBoundaryClass(basis, self._moved_rigidly(basis, shapes), sector, factorise, factor)
 
@@ -233,8 +211,9 @@ class CellBuilder:
         rigid = rigid_polynomials(self.interface, size_m)
         own = basis.T @ rigid
         own[np.abs(own) < SAME * np.abs(rigid).max()] = 0.0  # motions of other classes
+        middle = np.array([0.0, 0.0, self.thickness / 2.0])
         within = np.linalg.lstsq(rigid, basis @ own, rcond=None)[0]  # a class's part of a rigid-body motion is one, too
-        exact = rigid_field(self.system.mesh.nodes, size_m) @ within
+        exact = rigid_body_modes(self.system.mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 6) @ within
         return np.asarray(shapes + (exact - shapes @ own) @ np.linalg.pinv(own, rcond=SAME))
 
     def _sector(self, signs: dict[int, int], half: int) -> Sector:
@@ -251,21 +230,18 @@ class CellBuilder:
         modes = modes_in_band(pencil, 0.0, top_hz, Shared(clamped.factorise, factor))
         dropped, flexible = top_hz, np.zeros((clamped.basis.shape[1],) * 2)
         if bounded:
-            dropped = _dropped_hz(pencil, modes, top_hz, factor)
-            flexible = _left_out(pencil, modes.vectors, clamped.sector.gathered(self._pushed(clamped.shapes)), factor)
+            if not len(modes.frequency_hz):  # the lowest mode where that lies above the top of the count
+                dropped = max(top_hz, lowest_hz(pencil, factor))
+            pushed = clamped.sector.gathered(on_components(self.system.mass, clamped.shapes))
+            flexible = _left_out(pencil, modes.vectors, pushed, factor)
         shapes = np.hstack([clamped.shapes, clamped.sector.spread(modes.vectors)])
         return SymmetryClass(signs, clamped.basis, shapes, modes.frequency_hz, dropped, flexible)
-
-    def _pushed(self, shapes: FloatArray) -> FloatArray:
-        """M Psi at every node, (3n, m)."""
-        nodes = len(self.system.mesh.nodes)
-        return np.asarray(self.system.mass @ shapes.reshape(nodes, -1)).reshape(shapes.shape)
 
     def join(self, parts: list[SymmetryClass]) -> Cell:
         """One cell from its symmetry classes: block-diagonal in the classes, then in the sides' own degrees of freedom."""
         system, interface = self.system, self.interface
         fixed = np.concatenate([part.fixed_hz for part in parts])
-        places = self.places(parts, interface.count + len(fixed))
+        places = self.places(parts)
         side_by_side(self.projected, [part for part in parts if not part.turned])
         stiffness, mass, pillar = (np.zeros((places[0].shape[0],) * 2) for _ in range(3))
         for part, place in zip(parts, places, strict=True):
@@ -311,33 +287,16 @@ class CellBuilder:
         stiffness, mass = shapes.T @ (system.stiffness @ shapes), weighted(shapes, system.mass)
         return stiffness, mass, np.zeros_like(mass) if pillar is None else weighted(shapes, pillar)
 
-    def places(self, parts: list[SymmetryClass], count: int) -> list[FloatArray]:
-        """From each class's degrees of freedom to the cell's, (count, m)."""
-        start, places = self.interface.count, []
-        for part in parts:
-            place = np.zeros((count, part.shapes.shape[1]))
-            width = part.basis.shape[1]
-            place[: self.interface.count, :width] = part.basis
-            rows = np.arange(len(part.fixed_hz))
-            place[start + rows, width + rows] = 1.0
-            places.append(place)
-            start += len(rows)
-        return places
+    def places(self, parts: list[SymmetryClass]) -> list[FloatArray]:
+        """From each class's degrees of freedom to the cell's, (dof, m)."""
+        return places_of([part.basis for part in parts], [len(part.fixed_hz) for part in parts])
 
     def _mirrored(
         self, points: FloatArray, rows: list[FloatArray], parts: list[SymmetryClass], places: list[FloatArray]
     ) -> tuple[FloatArray, FloatArray]:
         """Points and matrices on every mirror image; rows[c] (p, 3 or 1, m) is the class's field at the points."""
         moved = [row @ place.T for row, place in zip(rows, places, strict=True)]
-        matrix = np.zeros((self.copies, *moved[0].shape))
-        flips = np.ones((self.copies, 3))
-        flips[:, list(self.halved)] = list(product((1, -1), repeat=len(self.halved)))
-        for total, flip in zip(matrix, flips, strict=True):
-            for field, part in zip(moved, parts, strict=True):
-                total += np.prod([part.signs[axis] for axis in self.halved if flip[axis] < 0]) * field
-            if matrix.shape[2] == 3:
-                total *= flip[:, None]
-        return (points * flips[:, None]).reshape(-1, 3), matrix.reshape(-1, *matrix.shape[2:])
+        return mirrored(points, moved, [part.signs for part in parts], self.halved)
 
     def _touch(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
@@ -353,10 +312,7 @@ class CellBuilder:
 
     def _skin(self, parts: list[SymmetryClass], places: list[FloatArray]) -> Expansion:
         mesh = self.system.mesh
-        inner = [
-            *self.outer,
-            *self.planes.values(),
-        ]  # sides to which another panel, or the panel's own image, is joined
+        inner = [*self.outer, *self.planes.values()]  # to which another panel, or the panel's own image, is joined
         hidden = [np.isin(skin_faces(mesh), mesh.nodes_of(face)).all(axis=1) for face in inner]
         facets = skin_faces(mesh)[~np.any(hidden, axis=0)]
         used, local = np.unique(facets, return_inverse=True)
@@ -368,7 +324,8 @@ class CellBuilder:
         if mesh.kind != "hex" or not self._is_grid(mesh.nodes[nodes]):
             return None
         points, matrix = self._at_nodes(nodes, parts, places)
-        first = self._once(points)
+        # in one order, each once though a mirror holds it twice
+        _, first = np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)
         return Expansion(points[first], matrix[first], order=mesh.order)
 
     def _bare_nodes(self) -> IntArray:
@@ -381,10 +338,6 @@ class CellBuilder:
         """Whether points of the plate's faces are tensor grids, as about every foot that is a union of rectangles."""
         x, y, z = (len(np.unique(np.round(points[:, axis] / (SAME * self.thickness)))) for axis in range(3))
         return x * y * z == len(points)
-
-    def _once(self, points: FloatArray) -> IntArray:
-        """Points in one order, each once though a mirror holds it twice."""
-        return np.asarray(np.unique(np.round(points / (SAME * self.thickness)), axis=0, return_index=True)[1])
 
     def _at_nodes(
         self, nodes: IntArray, parts: list[SymmetryClass], places: list[FloatArray]
@@ -413,14 +366,7 @@ def _together(halves: list[SymmetryClass]) -> SymmetryClass:
     )
 
 
-def _static(pencil: SymmetricPencil) -> tuple[Factoriser, Factor]:
-    """K_II^-1, and the factoriser whose one symbolic analysis serves the shifted matrices too."""
-    factorise = Factoriser()
-    # stored zeros dropped, as in every shifted matrix
-    return factorise, factorise(sp.csc_array(pencil.stiffness - 0.0 * pencil.mass))
-
-
-def _left_out(pencil: SymmetricPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
+def _left_out(pencil: PlainPencil, kept: FloatArray, pushed: FloatArray, factor: Factor) -> FloatArray:
     """R' K_II^-1 R, R the part of the loads M Psi (free, m) that no mode kept (free, k) answers to, (m, m).
 
     Loads and answers are projected, R = (1 - M Phi Phi') M Psi: the lowest mode of a slender rod is 1e8 times as flexible as
@@ -433,13 +379,6 @@ def _left_out(pencil: SymmetricPencil, kept: FloatArray, pushed: FloatArray, fac
     return np.asarray(rest.T @ answer)
 
 
-def _dropped_hz(pencil: SymmetricPencil, modes: Modes, top_hz: float, static: Factor) -> float:
-    """Below it no mode was left out, Hz: the top of the count, or the lowest mode where that lies above it."""
-    return top_hz if len(modes.frequency_hz) else max(top_hz, lowest_hz(pencil, static))
-
-
 def weighted(shapes: FloatArray, mass: sp.csr_array) -> FloatArray:
     """V' (m (x) I3) V."""
-    nodes = len(shapes) // 3
-    heavy = mass @ shapes.reshape(nodes, -1)
-    return np.asarray(shapes.T @ heavy.reshape(shapes.shape))
+    return np.asarray(shapes.T @ on_components(mass, shapes))

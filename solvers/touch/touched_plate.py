@@ -198,12 +198,8 @@ class TouchedPlate(ForcedPlate):
     def __init__(self, forced: ForcedPlate, finger: Finger) -> None:
         self.free, self.finger = forced, finger
         self.beyond: dict[bool, list[tuple[FloatArray, FloatArray]]] = {}
-        self.plate, self.design, self.band_hz, self.circuit = (
-            forced.plate,
-            forced.design,
-            forced.band_hz,
-            forced.circuit,
-        )
+        self.plate, self.design = forced.plate, forced.design
+        self.band_hz, self.circuit = forced.band_hz, forced.circuit
         self.drivers, self.sensors, self.loss = forced.drivers, forced.sensors, forced.loss
         self.margin, self.signs = forced.margin, forced.signs
         self.modes = forced.modes

@@ -6,23 +6,19 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations, product
-from typing import Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.moved import FLUSH_M, PillarChange, VariedPanel
-from geometry.hex.scenes import HexSettings
-from geometry.layout import PLAIN, Pillar, region_materials
-from geometry.materials import Material
-from geometry.mesh import Mesh, check_mesh
+from geometry.layout import PLAIN, Pillar
+from geometry.mesh import Mesh
 from geometry.tiling import Panel, Signature, signature
 from solvers.errors import SolverError
-from solvers.fem.assembly import Scale, System, assemble
-from solvers.plates.assembled import Reductions
+from solvers.fem.assembly import on_components
+from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
 from solvers.superelement.reduction import CellBuilder, ClampedBoundaryClass, Coarser, weighted
 
 # -- families ----------------------------------------------------------------------------------------------------------
@@ -111,27 +107,18 @@ def _node(ones: Sequence[int]) -> Node:
     return a, b, c, d
 
 
-@dataclass(frozen=True)
-class Setting:
-    """What every panel of a plate shares: thickness (m), materials, pillar, boundary functions, modes' limit, mesh."""
-
-    thickness_m: float
-    material: Material
-    pillar: Pillar
-    interface: Interface
-    top_hz: float
-    hexahedra: HexSettings
-
-
-def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None) -> CellFamily:
+def cell_family(
+    reductions: Reductions, panel: Panel, reach_m: FloatArray, coarser: Coarser | None = None
+) -> CellFamily:
     """Reduce a panel at every node. SolverError for a pillar that cannot grow as a whole, MeshError for one that reaches out of
     its panel.
 
     `coarser` takes the mesh's error from the nominal cell; what varies keeps that of its mesh, which it hardly changes.
     """
-    if not setting.pillar.is_plain or panel.foot is None:
+    pillar = reductions.pillar_of(panel)
+    if pillar is None or not pillar.is_plain or panel.foot is None:
         raise SolverError(f"only {PLAIN} can be varied")
-    sampler = _Sampler(setting, panel)
+    sampler = _Sampler(reductions, panel, pillar)
     reach = np.asarray(reach_m, dtype=float)
     nodes = nodes_of(reach)
     zero = sampler.matrices(np.zeros(4))
@@ -154,11 +141,11 @@ def cell_family(setting: Setting, panel: Panel, reach_m: FloatArray, coarser: Co
 class _Sampler:
     """Reductions of one piece on moved meshes, in the degrees of freedom of its nominal cell."""
 
-    def __init__(self, setting: Setting, panel: Panel) -> None:
-        self.setting, self.panel = setting, panel
-        nominal = self._system(self._varied(()).still)
-        self.build = CellBuilder(nominal, setting.interface, panel.halved, panel.free)
-        self.parts = self.build.classes(setting.top_hz)
+    def __init__(self, reductions: Reductions, panel: Panel, pillar: Pillar) -> None:
+        self.reductions, self.panel, self.pillar = reductions, panel, pillar
+        nominal, reduction = reductions.system(self._varied(()).still), reductions.reduction
+        self.build = CellBuilder(nominal, reduction.interface, panel.halved, panel.free)
+        self.parts = self.build.classes(reduction.top_hz)
         self.cell: Cell = self.build.join(self.parts)
         self.nodes = nominal.mesh.nodes
 
@@ -194,8 +181,8 @@ class _Sampler:
         kept = tuple(axis for axis in self.panel.halved if change_m[X + axis] == 0.0)
         opened = [axis for axis in self.panel.halved if axis not in kept]
         varied = self._varied(opened)
-        still, moved = varied.still, self._system(varied.moved(PillarChange(*np.asarray(change_m, dtype=float))))
-        build = CellBuilder(moved, self.setting.interface, kept, self.panel.free)
+        still, moved = varied.still, varied.moved(PillarChange(*np.asarray(change_m, dtype=float)))
+        build = CellBuilder(self.reductions.system(moved), self.build.interface, kept, self.panel.free)
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
             wanted = dict(zip(kept, signs, strict=True))
@@ -222,14 +209,8 @@ class _Sampler:
         return stiffness, build.copies * place @ weighted(shapes, moved.mass) @ place.T
 
     def _varied(self, opened: Sequence[int]) -> VariedPanel:
-        setting = self.setting
-        return VariedPanel(self.panel, setting.thickness_m, setting.pillar, setting.hexahedra, tuple(opened))
-
-    def _system(self, mesh: Mesh) -> System:
-        setting = self.setting
-        check_mesh(mesh)
-        scale = Scale(setting.thickness_m, setting.material.young_pa, setting.material.density_kg_m3)
-        return assemble(mesh, region_materials(setting.material, setting.pillar), scale)
+        own = self.reductions
+        return VariedPanel(self.panel, own.thickness_m, self.pillar, own.reduction.hexahedra, tuple(opened))
 
     def _fixed(self, still: Mesh, opened: list[int], signs: dict[int, int]) -> tuple[IntArray, FloatArray]:
         """The nominal modes of a symmetry class, numbers and nodal shapes (3n, m), on the mesh unfolded about `opened`."""
@@ -260,8 +241,7 @@ def _prolonged_modes(
     build: CellBuilder, clamped: ClampedBoundaryClass, fixed: FloatArray, eigenvalue: FloatArray
 ) -> FloatArray:
     """K_II^-1 M_II Phi_0 Lambda_0 at every node, (3n, m)."""
-    nodes = len(build.system.mesh.nodes)
-    heavy = (build.system.mass @ (fixed * eigenvalue).reshape(nodes, -1)).reshape(fixed.shape)
+    heavy = on_components(build.system.mass, fixed * eigenvalue)
     return clamped.sector.spread(clamped.factor.solve(clamped.sector.gathered(heavy)))
 
 
@@ -281,24 +261,12 @@ def _orthonormal(gram: FloatArray, eigenvalue: FloatArray) -> FloatArray:
 # Reductions of a plate whose pillars differ: a family for each kind of panel with a pillar, bare panels as ever.
 
 
-class ParametricCellCache(Protocol):
-    """Where families are kept between runs."""
-
-    def get(self, key: str) -> CellFamily | None:
-        """A family kept under this key, or None."""
-        ...
-
-    def put(self, key: str, family: CellFamily) -> None:
-        """Keep a family."""
-        ...
-
-
 @dataclass
 class VariedReductions(Reductions):
     """reach_m: how far a pillar's height, side, x and y may go from nominal; `families` fills as panels are asked for."""
 
     reach_m: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    parametric_cache: ParametricCellCache | None = None
+    parametric_cache: Cache[CellFamily] | None = None
     families: dict[Signature, CellFamily] = field(default_factory=dict)
 
     def cell(self, panel: Panel) -> Cell:
@@ -310,23 +278,14 @@ class VariedReductions(Reductions):
         return self.families[signature(panel)].cell
 
     def _family(self, panel: Panel) -> CellFamily:
-        pillar = self.pillar_of(panel)
-        if pillar is None or self.mesher is not None:
+        if self.mesher is not None:
             raise SolverError(f"only {PLAIN} meshed by hexahedra can be varied")
         key = hashlib.sha256(repr(("family", self._key(panel), self.reach_m)).encode()).hexdigest()
         kept = self.parametric_cache.get(key) if self.parametric_cache else None
         if kept is not None:
             self.reused += 1
             return kept
-        setting = Setting(
-            self.thickness_m,
-            self.material,
-            pillar,
-            self.reduction.interface,
-            self.reduction.top_hz,
-            self.reduction.hexahedra,
-        )
-        family = cell_family(setting, panel, np.array(self.reach_m), self.coarser(panel))
+        family = cell_family(self, panel, np.array(self.reach_m), self.coarser(panel))
         self.fresh += 1
         if self.parametric_cache:
             self.parametric_cache.put(key, family)

@@ -18,7 +18,7 @@ from solvers.fem.eigen import factor_near
 from solvers.measures.wanted_mode import Verdict, verdict
 from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
-from solvers.variation.cells import HEIGHT, SIDE, CellFamily, X, Y
+from solvers.variation.cells import CellFamily
 
 # -- plate on few motions ----------------------------------------------------------------------------------------------
 # A driven plate on few motions: its modes about the band and its answers to the loads, changed by what is added to K
@@ -168,19 +168,20 @@ class ChangedPlate:
     def curve(self, frequency_hz: FloatArray) -> Curve:
         """Response at frequencies in Hz."""
         forced, count = self.forced, len(frequency_hz)
+
+        def charge(denominator: ComplexArray) -> ComplexArray:
+            return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * forced.plate.stiffness_unit)
+
         amplitudes = np.zeros((len(self.eigenvalue), count), dtype=complex)
         sensors = np.zeros((count, len(forced.sensors)), dtype=complex)
         for row, frequency in enumerate(frequency_hz):
             at = forced.plate.scale.eigenvalue(float(frequency))
             denominator = np.asarray(self.eigenvalue * (1.0 + 1j * self.loss) - at, dtype=complex)
-            volts = forced.patch_volts(partial(self._charge, denominator))
+            volts = forced.patch_volts(partial(charge, denominator))
             sensors[row] = volts[forced.sensors]
             amplitudes[:, row] = (self.gain @ volts) / denominator
         energies = [quadratic(gram, amplitudes) for gram in (self.inside, self.outside)]
         return Curve(np.asarray(frequency_hz), *rms(energies[0], energies[1], forced.areas_m2), sensors)
-
-    def _charge(self, denominator: ComplexArray) -> ComplexArray:
-        return np.asarray(self.gain.T @ (self.gain / denominator[:, None]) * self.forced.plate.stiffness_unit)
 
 
 # -- shapes that changes bring -----------------------------------------------------------------------------------------
@@ -197,21 +198,10 @@ Pulls = list[tuple[int, FloatArray]]
 def derivative_shapes(
     forced: ForcedPlate, families: Mapping[Signature, CellFamily], deviations: float
 ) -> list[FloatArray]:
-    """Answers of every group of the plate, (dof, k) each, to changes of each pillar by one standard deviation.
+    """Answers of every group of the nominal plate, (dof, k) each, to changes of each pillar by one standard deviation; none
+    where the band holds no wanted mode.
 
-    Parameters
-    ----------
-    forced : ForcedPlate
-        The nominal plate; none of the groups has any where the band holds no wanted mode.
-    families : mapping
-        Cells as functions of their pillars.
-    deviations : float
-        Standard deviations that a family reaches to.
-
-    Returns
-    -------
-    list of ndarray
-        One array a group of `forced.all_modes`.
+    families: cells as functions of their pillars. deviations: standard deviations that a family reaches to.
     """
     place = forced.wanted_place()
     if place is None:
@@ -232,12 +222,8 @@ def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamil
         if (i, j) not in tiling.feet:
             continue
         family = families[signature(tiling.panel(i, j))]
-        moved = np.hstack(
-            [
-                plate.cell_vectors(plate.placed_cells[number], part)
-                for plate, part in zip(group.plates, parts, strict=True)
-            ]
-        )
+        pairs = zip(group.plates, parts, strict=True)
+        moved = np.hstack([plate.cell_vectors(plate.placed_cells[number], part) for plate, part in pairs])
         forces = []
         for axis in np.flatnonzero(family.reach_m):
             weights = family.weights(np.eye(4)[axis] * family.reach_m / deviations)
@@ -437,6 +423,3 @@ def spread(values: FloatArray) -> Spread:
     """Statistics of at least one value; one alone tells no deviation."""
     deviation = float(np.std(values, ddof=1)) if len(values) > 1 else None
     return Spread(float(np.mean(values)), deviation, float(np.min(values)), float(np.max(values)))
-
-
-__all__ = ["CUT", "HEIGHT", "SIDE", "Deviations", "Spread", "VariedPlate", "X", "Y", "spread"]

@@ -15,7 +15,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
-from solvers.fem.eigen import PlainPencil, lowest_values
+from solvers.fem.eigen import PlainPencil, lowest_pairs
 
 MATCH = 1e-6  # of the pitch: how far opposite nodes may lie apart
 REAL_PHASE = 1e-12
@@ -85,7 +85,7 @@ class BlochCell:
     def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
         """The `count` lowest Bloch frequencies at a wavevector (2,) in rad/m, ascending, Hz, every one counted."""
         pencil, multiplicity = self.pencil(np.asarray(wavevector, dtype=float))
-        return self.scale.frequency(lowest_values(pencil, count, multiplicity))
+        return self.scale.frequency(lowest_pairs(pencil, count, multiplicity)[0][::multiplicity])
 
     def prolonged(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
         """The matrix from a coarser cell's pencil at a wavevector to this one's, by that of the fields of their nodes."""

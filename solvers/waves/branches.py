@@ -94,16 +94,11 @@ def modal_overlap(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
     return np.asarray(np.abs(one.dofs.conj().T @ heavy) ** 2)
 
 
-def groups(lattice: Lattice, eigenvalue: FloatArray) -> list[slice]:
-    """Degenerate groups of ascending eigenvalues, those of one wave included."""
-    return degenerate(eigenvalue, lattice.rounding)
-
-
 def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slopes d lambda / d s of the sorted bands along a direction (2,), beyond the wavevector and before it, (n,) each."""
     slope = np.tensordot(direction, lattice.slopes(waves), axes=1)
     beyond, before = np.empty(len(slope)), np.empty(len(slope))
-    for group in groups(lattice, waves.eigenvalue):
+    for group in degenerate(waves.eigenvalue, lattice.rounding):
         beyond[group] = np.linalg.eigvalsh(slope[group, group])
         before[group] = beyond[group][::-1]
     return beyond, before
@@ -111,7 +106,7 @@ def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[Fl
 
 def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Waves) -> Waves:
     """Degenerate waves turned into those with a slope each along a direction; of equal slopes, towards the neighbour's."""
-    several = [group for group in groups(lattice, waves.eigenvalue) if group.stop - group.start > 1]
+    several = [group for group in degenerate(waves.eigenvalue, lattice.rounding) if group.stop - group.start > 1]
     if not several:
         return waves
     dofs = waves.dofs.copy()
@@ -138,10 +133,8 @@ def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> 
 
 def _partner(like: FloatArray) -> IntArray:
     """For each row the column assigned so that the sum of the likenesses is largest."""
-    every = sp.csr_array(
-        1.0 + like
-    )  # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
-    _, column = min_weight_full_bipartite_matching(every, maximize=True)
+    # no entry is nought, or it would be no edge; scipy.optimize has the same, slow to import
+    _, column = min_weight_full_bipartite_matching(sp.csr_array(1.0 + like), maximize=True)
     return np.asarray(column, dtype=np.int64)
 
 

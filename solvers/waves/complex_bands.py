@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 
 import numpy as np
 from scipy.linalg import eig, lu_factor, lu_solve
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.periodic import Periodic
@@ -25,7 +25,7 @@ from solvers.superelement.periodic import Periodic
 PROPAGATING = 1e-7  # of |log|lambda||: below it a wave carries energy and does not decay
 MIRROR = 1e-9  # relative: how far a row may be from its mirror image
 TINY = 1e-150
-MAX_KEPT = 128  # frequencies of a row that keeps its waves, the oldest let go: less than a megabyte each
+MAX_KEPT = 128  # frequencies of a row that keeps its waves, the longest unused let go: less than a megabyte each
 
 
 @dataclass(frozen=True)
@@ -158,28 +158,17 @@ class KeptRow(Row):
 
     def __init__(self, cells: Cell | Periodic, kx_per_m: float) -> None:
         super().__init__(cells, kx_per_m)
-        self._known: dict[float, RowWaves] = {}
-
-    def waves(self, frequency_hz: float) -> RowWaves:
-        """As those of any row."""
-        if frequency_hz not in self._known:
-            if len(self._known) >= MAX_KEPT:
-                self._known.pop(next(iter(self._known)))
-            self._known[frequency_hz] = super().waves(frequency_hz)
-        return self._known[frequency_hz]
+        self.waves = lru_cache(MAX_KEPT)(super().waves)  # type: ignore[method-assign]
 
     @property
     def same(self) -> tuple[object, ...]:
         """What two rows with the same waves have in common."""
         own = [
-            (cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *(each.tobytes() for each in _matrices(cell)))
+            (cell.size_m, cell.interface, cell.scale, cell.dropped_hz, *(part.tobytes() for part in matrices))
             for cell in self.periodic.cells
+            for matrices in ((cell.stiffness, cell.mass, cell.dropped),)
         ]
         return self.kx, self.periodic.shift, *own
-
-
-def _matrices(cell: Cell) -> tuple[FloatArray, ...]:
-    return cell.stiffness, cell.mass, cell.dropped
 
 
 def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArray]:
@@ -191,8 +180,9 @@ def _paired(d: RowStiffness, sign: FloatArray) -> tuple[ComplexArray, ComplexArr
     even, odd = np.flatnonzero(sign > 0), np.flatnonzero(sign < 0)
     together, apart = d.bb + d.bt * sign, d.bb - d.bt * sign
     coupling = apart[np.ix_(even, odd)] - together[np.ix_(even, odd)]
-    left = _blocks(together, -coupling, None, apart, even, odd)
-    right = _blocks(apart, None, -coupling.conj().T, together, even, odd)
+    none, evens, odds = np.zeros_like(coupling), np.ix_(even, even), np.ix_(odd, odd)
+    left = np.block([[together[evens], -coupling], [none.T, apart[odds]]])
+    right = np.block([[apart[evens], none], [-coupling.conj().T, together[odds]]])
     scale = np.abs(left).max()
     (alpha, beta), vectors = eig(left / scale, right / scale, homogeneous_eigvals=True)
     root = _root(alpha, beta)
@@ -214,24 +204,6 @@ def _root(alpha: ComplexArray, beta: ComplexArray) -> tuple[ComplexArray, Comple
     inverse = np.sqrt(np.where(small, beta / np.where(small, alpha, 1.0), 1.0))
     direct = np.sqrt(np.where(small, 1.0, alpha / np.where(small, 1.0, beta)))
     return np.where(small, 1.0, direct), np.where(small, inverse, 1.0)
-
-
-def _blocks(
-    first: ComplexArray,
-    upper: ComplexArray | None,
-    lower: ComplexArray | None,
-    last: ComplexArray,
-    even: IntArray,
-    odd: IntArray,
-) -> ComplexArray:
-    out = np.zeros((len(even) + len(odd),) * 2, dtype=complex)
-    out[: len(even), : len(even)] = first[np.ix_(even, even)]
-    out[len(even) :, len(even) :] = last[np.ix_(odd, odd)]
-    if upper is not None:
-        out[: len(even), len(even) :] = upper
-    if lower is not None:
-        out[len(even) :, : len(even)] = lower
-    return out
 
 
 def _general(d: RowStiffness) -> tuple[ComplexArray, ComplexArray]:
@@ -277,34 +249,14 @@ def _upwards(
 
 @dataclass(frozen=True)
 class Scattering:
-    """Shares of the incoming power in each propagating wave of the half-plates, (n,): reflected and transmitted.
+    """Shares of the incoming power in each propagating wave of the half-plates, (n,): reflected and transmitted."""
 
-    `propagating` holds the indices of those waves among the half-plate's.
-    """
-
-    propagating: list[int]
     reflected: FloatArray
     transmitted: FloatArray
 
 
-def stacked(row: RowStiffness, count: int) -> RowStiffness:
-    """Dynamic stiffness of `count` equal rows between the outermost edges, by doubling. SolverError unless count >= 1."""
-    if count < 1:
-        raise SolverError(f"rows = {count}: must be at least 1")
-    total: RowStiffness | None = None
-    power = row
-    while count:
-        if count & 1:
-            total = power if total is None else _joined(total, power)
-        count >>= 1
-        if count:
-            power = _joined(power, power)
-    assert total is not None
-    return total
-
-
 def chain(rows: Iterable[RowStiffness]) -> RowStiffness:
-    """Dynamic stiffness of rows that may differ between the outermost edges, the first one lowest."""
+    """Dynamic stiffness of one or more rows that may differ between the outermost edges, the first one lowest."""
     return reduce(_joined, rows)
 
 
@@ -332,7 +284,7 @@ def scatter(rows: RowStiffness, half: RowWaves, sign: FloatArray, incoming: int)
     size = np.abs(left).max(axis=0)
     answer: ComplexArray = np.linalg.solve(left / size, right) / size
     count = phi.shape[1]
-    going = [int(i) for i in np.flatnonzero(half.flux > 0.0)]
+    going = half.flux > 0.0
     power = half.flux / half.flux[incoming]
     reflected, transmitted = np.abs(answer[:count]) ** 2 * power, np.abs(answer[count:]) ** 2 * power
-    return Scattering(going, reflected[going], transmitted[going])
+    return Scattering(reflected[going], transmitted[going])

@@ -65,15 +65,12 @@ class Line:
         from scipy.optimize import minimize_scalar  # slow to import
 
         minimum = minimize_scalar(
-            lambda s: -sign * self._eigenvalue(float(s), band),
+            lambda s: -sign * self.solved(self.start + float(s) * self.along).eigenvalue[band],
             bounds=(low, high),
             method="bounded",
             options={"xatol": CLOSE * (high - low)},
         )
         return float(-minimum.fun), float(minimum.x)
-
-    def _eigenvalue(self, s: float, band: int) -> float:
-        return float(self.solved(self.start + s * self.along).eigenvalue[band])
 
 
 def cubic_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: FloatArray) -> FloatArray:
@@ -394,15 +391,11 @@ def _change(solved: Solved, step: _Step, name: str) -> float:
         keeping, lost = lost, keeping
     while abs(keeping[0] - lost[0]) > SHARP and abs(keeping[1] - lost[1]) > KNOWN * keeping[1]:
         middle = (keeping[0] + lost[0]) / 2.0
-        value, label = _between(solved, step, middle)
-        keeping, lost = ((middle, value), lost) if label.plate == name else (keeping, (middle, value))
+        waves, place = _in_between(solved, step, middle)
+        here = middle, float(waves.eigenvalue[place])
+        label = _labels(solved, waves, waves.wavevector)[place]
+        keeping, lost = (here, lost) if label.plate == name else (keeping, here)
     return keeping[1]
-
-
-def _between(solved: Solved, step: _Step, share: float) -> tuple[float, Label]:
-    """Eigenvalue and label of the step's wave on the way."""
-    waves, place = _in_between(solved, step, share)
-    return float(waves.eigenvalue[place]), _labels(solved, waves, waves.wavevector)[place]
 
 
 def _in_between(solved: Solved, step: _Step, share: float) -> tuple[Waves, int]:

@@ -17,7 +17,7 @@ from pipeline.models import parts
 from pipeline.paths import STUDIES
 from pipeline.units import KHZ
 from solvers.fem import block_lanczos
-from solvers.fem.eigen import SymmetricPencil, modes_in_band
+from solvers.fem.eigen import PlainPencil, modes_in_band
 from studies.benchmarks import timed
 
 CASE = STUDIES / "three-rows.toml"
@@ -30,12 +30,12 @@ def _case(*overrides: str) -> Case:
     return load_case(CASE, overrides)
 
 
-def _pencil(part: str, symmetry: str, *overrides: str) -> SymmetricPencil:
+def _pencil(part: str, symmetry: str, *overrides: str) -> PlainPencil:
     model = parts.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
     return model.pencil(symmetry)
 
 
-PROBLEMS: dict[str, tuple[Callable[[], SymmetricPencil], tuple[float, float]]] = {
+PROBLEMS: dict[str, tuple[Callable[[], PlainPencil], tuple[float, float]]] = {
     "lone pillar": (lambda: _pencil("pillar", "SS", "solve.accuracy=0.003"), (0.0, 900e3)),
     "bare zone": (lambda: _pencil("zone", "SS", "solve.accuracy=0.003"), (0.0, 250e3)),
     "assembled plate": (lambda: _pencil("plate", "SS", "solve.accuracy=0.01"), BAND_HZ),

@@ -146,7 +146,7 @@ def lattice_of(pillar: Pillar, pitch_m: float, mesher: Callable[[Panel], Mesh] |
 def exchanged(lattice: Lattice, count: int = 6) -> float:
     """The largest relative change of the lowest bands when kx and ky change places."""
     here = np.pi / lattice.cell.size_m[0] * np.array([0.9, 0.2])
-    one, other = (np.sqrt(lattice.eigenvalues(k, count)) for k in (here, here[::-1]))
+    one, other = (np.sqrt(lattice.waves(k, count).eigenvalue) for k in (here, here[::-1]))
     return float(np.abs(one / other - 1.0).max())
 
 

@@ -26,7 +26,7 @@ from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
 from solvers.superelement.interface import Interface
 from solvers.superelement.periodic import Periodic
-from solvers.waves.complex_bands import Row, chain, stacked
+from solvers.waves.complex_bands import Row, chain
 from tests.helpers.asked import attenuation_of as solve
 from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars
@@ -161,7 +161,7 @@ def test_waves_at_their_frequencies_have_their_wavenumbers_across_the_rows(coars
 def test_two_shifted_rows_are_two_rows_that_begin_with_the_other_panel(coarse: StaggeredCell) -> None:
     pillar, bare = coarse.row.cells
     two = chain(Row(Periodic(each), 200.0).condensed(35e3)[0] for each in ([pillar, bare], [bare, pillar]))
-    one = stacked(Row(coarse.row, 200.0).condensed(35e3)[0], 2)
+    one = chain(2 * [Row(coarse.row, 200.0).condensed(35e3)[0]])
     for name in ("bb", "bt", "tb", "tt"):
         ours, theirs = (np.abs(getattr(each, name)) for each in (one, two))
         assert ours == pytest.approx(theirs, abs=1e-9 * theirs.max())
@@ -183,7 +183,7 @@ def test_motion_within_a_deep_stack_falls_by_the_least_decay(coarse: StaggeredCe
     driven = np.random.default_rng(1).normal(size=len(one.bb))
 
     def moved(rows: int, of: int = 14) -> float:
-        lower, upper = stacked(one, rows), stacked(one, of - rows)
+        lower, upper = chain([one] * rows), chain([one] * (of - rows))
         return float(np.linalg.norm(np.linalg.solve(lower.tt + upper.bb, lower.tb @ driven)))
 
     assert 0.0 < size[0] < 0.99 and size[1] < 0.9 * size[0]

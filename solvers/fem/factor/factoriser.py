@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from geometry.elements import FloatArray
 from solvers.errors import SingularShift, SolverError
 from solvers.fem.factor import choice
 from solvers.fem.factor.rslab import Rslab
@@ -22,30 +21,7 @@ from solvers.threads import Item, Result, go_on
 from solvers.threads import side_by_side as in_threads
 
 BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
-
-
-class Factor(Protocol):
-    """A factorised symmetric matrix; `foreseen_bytes` is the peak that its analysis foretold."""
-
-    foreseen_bytes: int
-
-    @property
-    def negative(self) -> int:
-        """Eigenvalues below zero (Sylvester's law of inertia)."""
-        ...
-
-    @property
-    def memory_bytes(self) -> int:
-        """Bytes that the factor holds."""
-        ...
-
-    def solve(self, right: FloatArray) -> FloatArray:
-        """Solution of A x = right, for (n,) or (n, k)."""
-        ...
-
-    def free(self) -> None:
-        """Give the memory back; the factor cannot be used afterwards."""
-        ...
+Factor = Rslab | SuperLU
 
 
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:

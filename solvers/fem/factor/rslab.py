@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from queue import SimpleQueue
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 from weakref import finalize
 
 import numpy as np
@@ -30,18 +30,6 @@ Thing = TypeVar("Thing")
 Other = TypeVar("Other")
 
 
-class Hands(Protocol):
-    """What does calls: another thread, or the asking one."""
-
-    def run(self, call: Callable[[], Other]) -> Other:
-        """The call's result or exception."""
-        ...
-
-    def later(self, call: Callable[[], Any]) -> Any:
-        """Do the call, now or soon."""
-        ...
-
-
 class Alone:
     """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
 
@@ -60,9 +48,8 @@ class Keeper:
     def __init__(self) -> None:
         self._calls: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
         threading.Thread(target=self._serve, name="antinode-keeper", daemon=True).start()
-        atexit.register(
-            self.run, _nothing
-        )  # what finalizers handed over at the end of the process is freed by its own thread
+        # what finalizers handed over at the end of the process is freed by its own thread
+        atexit.register(self.run, lambda: None)
 
     def run(self, call: Callable[[], Other]) -> Other:
         """The call's result or exception, neither of which may hold anything of the library."""
@@ -79,10 +66,6 @@ class Keeper:
             _answered(*self._calls.get())
 
 
-def _nothing() -> None:
-    return None
-
-
 def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
     try:
         result = call()
@@ -96,7 +79,7 @@ def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
 class Kept(Generic[Thing]):
     """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
 
-    def __init__(self, make: Callable[[], Thing], keeper: Hands | None = None) -> None:
+    def __init__(self, make: Callable[[], Thing], keeper: Alone | Keeper | None = None) -> None:
         box: list[Thing] = []
         self._box, self._keeper = box, keeper or (_ALONE if workers() == 1 else _own.lease.keeper)
         self._keeper.run(lambda: box.append(make()))
@@ -182,9 +165,8 @@ class Rslab:
         right = np.ascontiguousarray(right)
 
         def solution(own: Any) -> FloatArray:
-            return np.array(
-                own.solve(right) if right.ndim == 1 else own.solve_many(right)
-            )  # a copy in memory of numpy's own
+            # a copy in memory of numpy's own
+            return np.array(own.solve(right) if right.ndim == 1 else own.solve_many(right))
 
         return self._factor.use(solution)
 

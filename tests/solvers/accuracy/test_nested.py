@@ -138,7 +138,7 @@ def test_a_plates_modes_know_what_was_taken_from_their_cells() -> None:
     model = plate(3)
     pencil = model.pencil("SS")
     modes = modes_in_band(pencil, 5e3, 100e3)
-    bars = model.mode_errors("SS", pencil, modes.vectors)
+    bars = mode_errors(model.assembled("SS"), pencil, modes.vectors)
     as_bands = mode_errors(model.assembled("SS"), pencil, modes.vectors, rims=1.0)
     assert (as_bands.mesh > bars.mesh).all() and (bars.mesh > AT_RIMS * as_bands.mesh).all()
     model.cells = {key: without(one) for key, one in model.cells.items()}
@@ -157,6 +157,6 @@ def test_the_bar_of_a_plates_modes_holds_a_finer_computation() -> None:
         pencil = model.pencil("SS")
         modes = modes_in_band(pencil, 5e3, 120e3)
         tones.append(modes.frequency_hz)
-        bars.append(model.mode_errors("SS", pencil, modes.vectors).mesh)
+        bars.append(mode_errors(model.assembled("SS"), pencil, modes.vectors).mesh)
     assert len(tones[0]) == len(tones[1]) >= 4
     assert (np.abs(tones[0] / tones[1] - 1.0) <= bars[0] + bars[1]).all()

@@ -10,7 +10,7 @@ import pytest
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.measures.confinement import TouchField, measure, share_error, strength_force
-from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixing_db
+from solvers.measures.mode_mixing import Overlaps, mixed_energy
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])
@@ -31,11 +31,16 @@ def level(values: np.ndarray) -> float:
     return float(measure(face(values[:, None]), DESIGN, None).confinement_db[0])
 
 
+def level_db(touch: TouchField, tones: np.ndarray, index: int, error: float, design: Design) -> float | None:
+    overlaps = Overlaps.of(touch, design)
+    return overlaps and overlaps.mixing_db(tones, index, error)
+
+
 def test_one_neighbour_moves_the_level_as_its_share_does() -> None:
     values, tones, error = fields(2), TONES[:2], 1e-5
     share = 2.0 * error * tones[0] * tones[1] / (tones[1] ** 2 - tones[0] ** 2)
     moved = level(values[:, 0] + share * values[:, 1]) - level(values[:, 0])
-    result = mixing_db(face(values), tones, 0, DESIGN, error)
+    result = level_db(face(values), tones, 0, error, DESIGN)
     assert result == pytest.approx(abs(moved), rel=10.0 * share)
 
 
@@ -50,7 +55,7 @@ def test_one_neighbour_moves_the_level_over_the_plate_beyond_the_rows_as_its_sha
     overlaps = Overlaps.of_extension(touch, design)
     assert overlaps and overlaps.mixing_db(TONES[:2], 0, error) == pytest.approx(abs(after - before), rel=10.0 * share)
     assert overlaps.mixing_db(TONES[:2], 0, error) != pytest.approx(
-        mixing_db(touch, TONES[:2], 0, design, error), rel=0.1
+        level_db(touch, TONES[:2], 0, error, design), rel=0.1
     )
     short = replace(design, extension_m=0.0)
     assert Overlaps.of_extension(face(values, short.half_span_m), short) is None
@@ -73,24 +78,24 @@ def test_complex_neighbours_move_the_level_as_that_of_the_worst_phase_does() -> 
 
 def test_neighbours_add_by_their_squares() -> None:
     values = fields()
-    both = mixing_db(face(values), TONES, 0, DESIGN, 1e-4)
-    alone = [mixing_db(face(values[:, [0, j]]), TONES[[0, j]], 0, DESIGN, 1e-4) for j in (1, 2)]
+    both = level_db(face(values), TONES, 0, 1e-4, DESIGN)
+    alone = [level_db(face(values[:, [0, j]]), TONES[[0, j]], 0, 1e-4, DESIGN) for j in (1, 2)]
     assert both == pytest.approx(np.hypot(*alone), rel=1e-12)
     assert alone[0] > alone[1]
 
 
 def test_it_is_proportional_to_the_error_until_modes_are_one() -> None:
     values = fields()
-    small = mixing_db(face(values), TONES, 1, DESIGN, 1e-4)
-    assert small and mixing_db(face(values), TONES, 1, DESIGN, 2e-4) == pytest.approx(2.0 * small)
-    same = mixing_db(face(values), np.array([30e3, 30e3, 40e3]), 0, DESIGN, 1e-4)
+    small = level_db(face(values), TONES, 1, 1e-4, DESIGN)
+    assert small and level_db(face(values), TONES, 1, 2e-4, DESIGN) == pytest.approx(2.0 * small)
+    same = level_db(face(values), np.array([30e3, 30e3, 40e3]), 0, 1e-4, DESIGN)
     assert same is not None and np.isfinite(same)
 
 
 def test_a_neighbour_of_the_same_field_moves_nothing_and_a_zone_alone_has_no_level() -> None:
     values = fields(1)
-    assert mixing_db(face(np.hstack([values, 3.0 * values])), TONES[:2], 0, DESIGN, 1e-2) == pytest.approx(0.0)
-    assert mixing_db(face(values, half_m=9e-3), TONES[:1], 0, DESIGN, 1e-2) is None
+    assert level_db(face(np.hstack([values, 3.0 * values])), TONES[:2], 0, 1e-2, DESIGN) == pytest.approx(0.0)
+    assert level_db(face(values, half_m=9e-3), TONES[:1], 0, 1e-2, DESIGN) is None
 
 
 def alike(values: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from solvers.accuracy.plate import mode_errors, more_below
 from solvers.fem.eigen import modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement import plate as plate_module
@@ -40,7 +41,7 @@ def test_the_meshes_have_no_more_modes_than_the_bound_allows(edge_hz: float, pil
     """The same meshes with all modes to 3 MHz stand for themselves; a model made for a sixth of the frequency misses some."""
     top_hz = 1.2 * edge_hz
     coarse = model(top_hz, pillars)
-    more = coarse.more_below("SS", coarse.pencil("SS"), edge_hz)
+    more = more_below(coarse.assembled("SS"), coarse.pencil("SS"), edge_hz)
     missing = count(FINE_HZ, edge_hz, pillars) - count(top_hz, edge_hz, pillars)
     assert more is not None and 0 <= missing <= more
 
@@ -50,14 +51,14 @@ def test_a_reduction_that_loses_modes_says_so() -> None:
     coarse = model(2e3, False)
     assert all(not len(cell.fixed_hz) for cell in coarse.cells.values())
     edge_hz = 300e3
-    more = coarse.more_below("SS", coarse.pencil("SS"), edge_hz)
+    more = more_below(coarse.assembled("SS"), coarse.pencil("SS"), edge_hz)
     assert more is not None and more >= count(FINE_HZ, edge_hz, False) - count(2e3, edge_hz, False) >= 1
 
 
 def test_above_the_modes_left_out_nothing_is_bounded() -> None:
     coarse = model(2e3, True)
     lowest = min(cell.dropped_hz for cell in coarse.cells.values())
-    assert coarse.more_below("SS", coarse.pencil("SS"), 1.01 * lowest) is None
+    assert more_below(coarse.assembled("SS"), coarse.pencil("SS"), 1.01 * lowest) is None
 
 
 @pytest.mark.parametrize(("top_hz", "pillars"), [(2e3, False), (400e3, True), (700e3, False)])
@@ -68,7 +69,7 @@ def test_the_estimate_is_the_true_error_to_first_order(top_hz: float, pillars: b
     ours, theirs = (modes_in_band(each.pencil("SS"), *band) for each in (coarse, fine))
     assert len(ours.frequency_hz) == len(theirs.frequency_hz) > 1
     rise = ours.frequency_hz / theirs.frequency_hz - 1.0
-    text = coarse.mode_errors("SS", coarse.pencil("SS"), ours.vectors).modes
+    text = mode_errors(coarse.assembled("SS"), coarse.pencil("SS"), ours.vectors).modes
     small = (rise < 0.005) & (rise > 1e-7)
     assert small.any() and np.abs(text[small] / rise[small] - 1.0).max() < 0.05
     assert (text[~small] >= 0.0).all()

@@ -19,22 +19,24 @@ from geometry.mesh import Mesh, cell_volumes
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
+from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.interface import Interface
+from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.reduction import reduce_cell
-from solvers.variation.cells import CellFamily, Setting, cell_family, nodes_of
+from solvers.variation.cells import CellFamily, cell_family, nodes_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
 THICK_M, TONE_HZ = 2e-3, 40e3
-SETTING = Setting(THICK_M, ALUMINIUM, PILLAR, Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
+REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
+SETTING = Reductions(THICK_M, ALUMINIUM, PILLAR, REDUCTION)
 MIDDLE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
 EDGE = Panel((0.0, -2e-3), (3.5e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
 FLUSH = Panel((0.0, -2e-3), (3e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
 REACH_M = np.array([0.15e-3, 0.06e-3, 0.15e-3, 0.15e-3])  # 3 % of height and side
 
 
-def anew(panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> Cell:
+def anew(panel: Panel, change_m: np.ndarray, setting: Reductions = SETTING) -> Cell:
     """The cell reduced from a mesh of the changed pillar."""
     side, height = setting.pillar.base_m + change_m[1], setting.pillar.height_m + change_m[0]
     grown = side / setting.pillar.base_m
@@ -42,10 +44,10 @@ def anew(panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> Cell
     pillar = replace(setting.pillar, base_m=side, tip_m=grown * setting.pillar.tip_m, height_m=height, more_m=more)
     assert panel.foot is not None
     whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
-    mesh = panel_mesh(whole, THICK_M, pillar, setting.hexahedra).mesh
+    mesh = panel_mesh(whole, THICK_M, pillar, REDUCTION.hexahedra).mesh
     scale = Scale(THICK_M, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
-    return reduce_cell(system, setting.interface, setting.top_hz, (), panel.free)
+    return reduce_cell(system, REDUCTION.interface, REDUCTION.top_hz, (), panel.free)
 
 
 def seen(stiffness: np.ndarray, mass: np.ndarray, boundary: int, scale: Scale) -> np.ndarray:
@@ -55,9 +57,11 @@ def seen(stiffness: np.ndarray, mass: np.ndarray, boundary: int, scale: Scale) -
     return dynamic[b, b] - dynamic[b, i] @ np.linalg.solve(dynamic[i, i], dynamic[i, b])
 
 
-def errors(family: CellFamily, panel: Panel, change_m: np.ndarray, setting: Setting = SETTING) -> tuple[float, float]:
+def errors(
+    family: CellFamily, panel: Panel, change_m: np.ndarray, setting: Reductions = SETTING
+) -> tuple[float, float]:
     """What the family misses of a change, over the change, and the change over the whole."""
-    count, scale = SETTING.interface.count, family.cell.scale
+    count, scale = REDUCTION.interface.count, family.cell.scale
     nominal = seen(family.cell.stiffness, family.cell.mass, count, scale)
     mine = seen(*family.at(change_m), count, scale)
     other = anew(panel, change_m, setting)
@@ -130,7 +134,7 @@ def test_the_check_tells_what_interpolation_misses(middle: CellFamily) -> None:
     """Of a pillar off in every way, beside a mesh of its own; its sign tells that what is missing is added, not taken."""
     checked = middle.checked_m
     assert checked == pytest.approx(2.0 / 3.0 * REACH_M)
-    count, scale, other = SETTING.interface.count, middle.cell.scale, anew(MIDDLE, checked)
+    count, scale, other = REDUCTION.interface.count, middle.cell.scale, anew(MIDDLE, checked)
     theirs = seen(other.stiffness, other.mass, count, scale)
     pair = middle.at(checked)
     plain = seen(*pair, count, scale)
@@ -169,7 +173,7 @@ def free_hz(stiffness: np.ndarray, mass: np.ndarray, scale: Scale) -> np.ndarray
 def test_a_moved_mesh_has_the_volume_and_the_place_of_the_changed_pillar(shape: str) -> None:
     pillar = SHAPES.get(shape, PILLAR)
     change = PillarChange(0.2e-3, 0.1e-3, 0.15e-3, -0.05e-3)
-    varied = VariedPanel(MIDDLE, THICK_M, pillar, SETTING.hexahedra, (0, 1))
+    varied = VariedPanel(MIDDLE, THICK_M, pillar, REDUCTION.hexahedra, (0, 1))
     still, moved = varied.still, varied.moved(change)
     grown = 1.0 + change.side_m / pillar.base_m
     for mesh in (still, moved):
@@ -187,7 +191,7 @@ def _volume(mesh: Mesh, region: str) -> float:
 
 
 def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
-    varied = VariedPanel(FLUSH, THICK_M, PILLAR, SETTING.hexahedra)
+    varied = VariedPanel(FLUSH, THICK_M, PILLAR, REDUCTION.hexahedra)
     still, moved = varied.still, varied.moved(PillarChange(0.0, 0.1e-3, 0.05e-3, 0.0))
     foot = moved.nodes[np.unique(moved.cells[moved.regions["pillar"]]), 0]
     assert moved.nodes[:, 0].max() == pytest.approx(still.nodes[:, 0].max()) == pytest.approx(1.5e-3)
@@ -204,7 +208,7 @@ def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
 
 
 def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_refused() -> None:
-    varied = VariedPanel(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra, (0, 1))
+    varied = VariedPanel(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra, (0, 1))
     for change, said in (
         (PillarChange(x_m=1.1e-3), "too wide for the pitch"),
         (PillarChange(height_m=-5e-3), "above 0"),
@@ -212,7 +216,7 @@ def test_a_pillar_that_reaches_out_of_its_piece_and_one_that_cannot_grow_are_ref
         with pytest.raises(MeshError, match=said):
             varied.moved(change)
     with pytest.raises(MeshError, match="begin at 0"):
-        unfolded(unfolded(boxes_of(panel_scene(MIDDLE, THICK_M, PILLAR, SETTING.hexahedra)), 0), 0)
+        unfolded(unfolded(boxes_of(panel_scene(MIDDLE, THICK_M, PILLAR, REDUCTION.hexahedra)), 0), 0)
     with pytest.raises(SolverError, match="without fillet or heavy tip"):
         cell_family(replace(SETTING, pillar=replace(PILLAR, fillet_m=0.2e-3)), MIDDLE, REACH_M)
 

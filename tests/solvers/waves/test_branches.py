@@ -17,8 +17,8 @@ from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
-from solvers.waves.branches import Mirrors, Solved, follow, groups, modal_overlap, turned
+from solvers.superelement.lattice import Lattice, degenerate
+from solvers.waves.branches import Mirrors, Solved, follow, modal_overlap, turned
 from tests.helpers.lattice_waves import shear_hz
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -128,7 +128,7 @@ def test_degenerate_waves_are_turned_to_those_that_go_on() -> None:
     """At G the pillar's two bending waves and the three translations; along x each is likest one of its neighbours."""
     one, k = lattice(), np.array([8.0, 0.0])
     still, near = one.waves(np.zeros(2), 10), one.waves(k, 10)
-    assert [group.stop - group.start for group in groups(one, still.eigenvalue)][:2] == [3, 2]
+    assert [group.stop - group.start for group in degenerate(still.eigenvalue, one.rounding)][:2] == [3, 2]
     mixed = still.dofs.copy()
     mixed[:, 3:5] = mixed[:, 3:5] @ np.array([[0.6, 0.8], [-0.8, 0.6]])
     for dofs in (still.dofs, mixed):

@@ -60,7 +60,7 @@ def test_degenerate_waves_stay_degenerate() -> None:
     """Bending along x and along y at G and at M: what is left out couples pairs with pairs, never with half of one."""
     one = lattice()
     for k in (np.zeros(2), np.full(2, np.pi / SQUARE[0])):
-        known = one.eigenvalues(k, 20)
+        known = one.waves(k, 20).eigenvalue
         for count in range(6, 16):
             groups = [group.stop - group.start for group in degenerate(one.waves(k, count).eigenvalue, one.rounding)]
             theirs = [group.stop - group.start for group in degenerate(known, one.rounding)]
