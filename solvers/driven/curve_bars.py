@@ -92,8 +92,17 @@ def changes(
 ) -> Iterator[Change]:
     """What each kind of source makes of a plate's forms: S (k, t, m, s, d, d) of m sources, s plates each.
 
-    eigenvalue (t,): of the tones; the changes may be asked of forms of the same plate at as many other tones, too.
-    volts (t, d): by which loads on a mode add up. still: number of a mode that stays where it is.
+    Parameters
+    ----------
+    known : Doubts
+    forms : Forms or Motions
+        At the tones; the changes may be asked of forms of the same plate at as many other tones, too.
+    eigenvalue : ndarray, shape (t,)
+        Of the tones, scaled.
+    volts : ndarray, shape (t, d)
+        By which loads on a mode add up.
+    still : int, optional
+        Number of a mode that stays where it is.
     """
     softer = forms.lossy * forms.own
     nearest = np.clip(-softer.real / np.abs(softer) ** 2, *known.change.T)
@@ -156,7 +165,15 @@ def rms_bars(
 ) -> FloatArray:
     """Half-widths of the bars of the rms of u_z over k parts, in the unit of the rms, (f, k, t).
 
-    grams (k, columns, columns): means over the parts, as of `forms`. volts (f, d): of the drivers, f ways to feed them.
+    Parameters
+    ----------
+    known : Doubts
+    forced : ForcedPlate
+    grams : ndarray, shape (k, columns, columns)
+        Means over the parts, as of `forms`.
+    frequency_hz : ndarray, shape (t,)
+    volts : ndarray, shape (f, d)
+        Of the drivers, f ways to feed them.
     """
 
     def bars(part: FloatArray) -> FloatArray:
@@ -360,8 +377,17 @@ def peak_half_widths(
 ) -> FloatArray:
     """Half-widths (f, t) of the bars of figures at a peak that follows its mode, the nearest one.
 
-    motions: of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
-    volts (d,): of the drivers. figures: gives them, (f, t, k, s), from the outputs (t, k, s, m) of each of the motions.
+    Parameters
+    ----------
+    known : Doubts
+    motions : callable
+        Of the plate at scaled eigenvalues, free and touched, say; the last one is what changes are made for.
+    eigenvalue : float
+        Of the peak.
+    volts : ndarray, shape (d,)
+        Of the drivers.
+    figures : callable
+        Gives them, (f, t, k, s), from the outputs (t, k, s, m) of each of the motions.
     """
     mode, ends = known.ends(eigenvalue)
     own = motions(eigenvalue)

@@ -282,7 +282,16 @@ class WidthRates:
 
 
 def width_rates(forced: ForcedPlate, peak_hz: float, half_hz: tuple[float, float]) -> WidthRates:
-    """Rates of a peak's quality factor, from its frequency and its half-power points."""
+    """Rates of a peak's quality factor.
+
+    Parameters
+    ----------
+    forced : ForcedPlate
+    peak_hz : float
+        The peak's frequency, Hz.
+    half_hz : (float, float)
+        Its half-power points, Hz.
+    """
     width = half_hz[1] - half_hz[0]
     step = STEP * width
     tones = np.concatenate([tone + step * np.arange(-1, 2) for tone in (peak_hz, *half_hz)])

@@ -214,9 +214,14 @@ class Forms:
 
 
 def forms(forced: ForcedPlate, grams: FloatArray, frequency_hz: FloatArray) -> Forms:
-    """The forms of a plate whose drivers hold voltages, at frequencies (t,).
+    """The forms of a plate whose drivers hold voltages.
 
-    grams (k, columns, columns): integrals over k parts per pair of all groups' columns, one group after another.
+    Parameters
+    ----------
+    forced : ForcedPlate
+    grams : ndarray, shape (k, columns, columns)
+        Integrals over k parts per pair of all groups' columns, one group after another.
+    frequency_hz : ndarray, shape (t,)
     """
     at = forced.plate.scale.eigenvalue(frequency_hz)
     opened, clamped = forced.sensors, clamped_charges(forced, at)[1]

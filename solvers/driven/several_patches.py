@@ -119,8 +119,23 @@ def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
 
 
 def curve_half_widths(zones: Zones, volts: FloatArray, frequency_hz: FloatArray, known: Doubts | None) -> FloatArray:
-    """Half-widths (driven, zones, n) of the error bars of every zone's rms at frequencies (n,) while each is driven by voltages
-    (driven, patches), in m/V; NaN without an estimate.
+    """Half-widths of the error bars of every zone's rms while each is driven.
+
+    Parameters
+    ----------
+    zones : Zones
+        The zones of a driven plate.
+    volts : ndarray, shape (driven, patches)
+        Voltages that drive one zone each.
+    frequency_hz : ndarray, shape (n,)
+        Frequencies in Hz.
+    known : Doubts or None
+        What the plate's resonances and loads may be off by.
+
+    Returns
+    -------
+    ndarray, shape (driven, zones, n)
+        In m/V; NaN without an estimate.
     """
     forced, count = zones.forced, zones.forced.design.zones
     if known is None:

@@ -23,11 +23,24 @@ ENDED = 1e-10  # of a vector left: every mode that the load moves is in the basi
 def largest_outside(
     pencil: PlainPencil, shared: Shared, load: FloatArray, vectors: FloatArray, reach: tuple[float, float]
 ) -> float:
-    """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1; what the
-    strengths leave where it says no more.
+    """Upper bound of the strength of any one mode outside an interval, where all strengths together are at most 1.
 
-    shared: its kept factor serves where the shift lies within the interval. load (dof,): p, scaled so that phi'p squared is a
-    strength. vectors (dof, k): M-orthonormal modes within the interval, all of them. reach: the interval, scaled eigenvalues.
+    Parameters
+    ----------
+    pencil : SymmetricPencil
+    shared : Shared
+        Its kept factor serves where the shift lies within the interval.
+    load : ndarray, shape (dof,)
+        p, scaled so that phi'p squared is a strength.
+    vectors : ndarray, shape (dof, k)
+        M-orthonormal modes within the interval, all of them.
+    reach : (float, float)
+        The interval, scaled eigenvalues.
+
+    Returns
+    -------
+    float
+        What the strengths leave where it says no more.
     """
     missing = max(0.0, 1.0 - float(np.square(vectors.T @ load).sum()))
     kept = shared.near if shared.near and reach[0] < shared.near[1] < reach[1] else None

@@ -61,8 +61,21 @@ class Overlaps:
         neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij/A_ii - P_ij/P_ii)
         with the overlaps A and P. Neighbours add up by their squares.
 
-        frequency_hz (k,): of the modes. ends_hz: of the interval in which all modes are known; beyond each one more may lie, as
-        unlike as the most unlike of these.
+        Parameters
+        ----------
+        frequency_hz : (k,) array
+            Of the modes.
+        index : int
+            The mode whose level it is.
+        error : float
+            Relative error of the frequencies.
+        ends_hz : tuple of float
+            Of the interval in which all modes are known; beyond each one more may lie, as unlike as the most unlike of these.
+
+        Returns
+        -------
+        float
+            Decibels.
         """
         inside, outside = (part[index] / part[index, index] for part in (self.active, self.passive))
         unlike = np.abs(inside - outside)
@@ -112,8 +125,16 @@ def mixed_energy(
 ) -> tuple[float, float]:
     """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
 
-    share_of: gives the share (k,) of M-orthonormal motions (dof, k). vectors (dof, k): of the modes. mixed (k,): how much of
-    each of the others is added to the mode `index`.
+    Parameters
+    ----------
+    share_of : callable
+        Gives the share (k,) of M-orthonormal motions (dof, k).
+    vectors : ndarray, shape (dof, k)
+        Of the modes.
+    index : int
+        The mode whose share it is.
+    mixed : ndarray, shape (k,)
+        How much of each of the others is added.
     """
     own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
     added = [

@@ -66,8 +66,19 @@ def verdict(
     The candidate of the largest weight, similar to the wanted shape. It is single where it is clear, leads by LEAD every other
     mode, computed or not, and carries more than all others near it together.
 
-    strength, zone_share, mac (k,): of every mode known. candidate, near (k,): modes that may be the wanted one, and those that
-    its share is counted among; all by default. missing: upper bound of the weight of any mode that is not known.
+    Parameters
+    ----------
+    strength, zone_share, mac : ndarray, shape (k,)
+        Measures of every mode known.
+    candidate, near : ndarray of bool, shape (k,), optional
+        Modes that may be the wanted one; modes that its share is counted among. All by default.
+    missing : float
+        Upper bound of the weight of any mode that is not known.
+
+    Returns
+    -------
+    Verdict
+        Status, index, rivals and share.
     """
     modal_overlap, weights = np.nan_to_num(mac), weight(strength, zone_share, mac)
     everything = np.ones(len(weights), dtype=bool)
@@ -126,10 +137,20 @@ Largest = Callable[[Sequence[T], Interval], float]
 
 @dataclass(frozen=True)
 class Found(Generic[T]):
-    """Outcome of a search: the verdict, whose indices are into `modes`, every mode of the class within `reach_hz`, ascending.
+    """Outcome of a search.
 
-    window_hz: whose modes the wanted one's share is counted among. missing: upper bound of the weight of any mode outside
-    reach_hz.
+    Attributes
+    ----------
+    verdict : Verdict
+        Indices into `modes`.
+    modes : tuple
+        Every mode of the class within `reach_hz`, ascending.
+    window_hz : (float, float)
+        Interval, Hz, whose modes the wanted one's share is counted among.
+    reach_hz : (float, float)
+        Interval, Hz, in which every mode of the class is known.
+    missing : float
+        Upper bound of the weight of any mode outside `reach_hz`.
     """
 
     verdict: Verdict
@@ -148,11 +169,25 @@ class Found(Generic[T]):
 def search(
     window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T], largest: Largest[T] | None = None
 ) -> Found[T]:
-    """Search the wanted mode from a window outwards, with the same outcome whatever is known before.
+    """Search the wanted mode from a window outwards.
 
-    window_hz: where the search begins; no candidate lies below it. known: every mode of the class within known_hz, none of them
-    computed again. solve: gives every mode of the class between two frequencies, Hz. largest: gives an upper bound of the
-    strength of any one mode outside an interval, from all modes within it.
+    Parameters
+    ----------
+    window_hz : (float, float)
+        Where the search begins, Hz; no candidate lies below it.
+    known_hz : (float, float)
+        Interval, Hz, whose modes `known` holds: they are not computed again.
+    known : sequence
+        Modes of the class.
+    solve : callable
+        Returns every mode of the class between two frequencies in Hz.
+    largest : callable, optional
+        Returns an upper bound of the strength of any one mode outside an interval, from all modes within it.
+
+    Returns
+    -------
+    Found
+        The same for every `known`.
     """
     ends = reach = window_hz
     steps = 0

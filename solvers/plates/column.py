@@ -37,10 +37,21 @@ Level = Callable[[float], float | None]
 
 
 def level_bars(frequency_hz: FloatArray, level_db: FloatArray, error: float | None, level: Level) -> list[float | None]:
-    """Bound the error of levels by the relative error of frequencies: half-widths in dB, None without a level or an estimate.
+    """Bound the error of levels by the relative error of frequencies.
 
-    frequency_hz, level_db (n,): the samples, ascending; NaN for no level. error: half-width of the bars of frequencies. level:
-    gives that in dB at a frequency in Hz; called where the samples do not resolve the curve.
+    Parameters
+    ----------
+    frequency_hz, level_db : ndarray, shape (n,)
+        The samples, ascending; NaN for no level.
+    error : float or None
+        Relative half-width of the bars of frequencies; None without an estimate.
+    level : callable
+        The level in dB at a frequency in Hz; called where the samples do not resolve the curve.
+
+    Returns
+    -------
+    list of float or None
+        Half-widths in dB; None where there is no level or no estimate.
     """
     if error is None or not np.isfinite(error):
         return [None] * len(level_db)
@@ -133,11 +144,23 @@ def forced_bars(
     error: FloatArray,
     mixed: float,
 ) -> FloatArray:
-    """Half-widths (t,) of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
+    """Half-widths of the bars of the level of one part over another of a motion forced on M-orthonormal modes, dB.
 
-    parts: weights (q,) and values (q, k) of the two faces whose rms are compared, areas of their points and the modes there.
-    force, value, error (k,): modal forces, scaled eigenvalues, relative half-widths of the bars of the frequencies. moved (t,):
-    scaled eigenvalues of the driving frequencies. mixed: expected share of the bound on what modes mix.
+    Parameters
+    ----------
+    parts : two of (weights (q,), values (q, k))
+        The faces whose rms are compared: areas of their points, and the modes there.
+    force, value, error : ndarray, shape (k,)
+        Modal forces, scaled eigenvalues, and relative half-widths of the bars of the frequencies.
+    moved : ndarray, shape (t,)
+        Scaled eigenvalues of the driving frequencies.
+    quality_factor : float
+    mixed : float
+        Expected share of the bound on what modes mix.
+
+    Returns
+    -------
+    ndarray, shape (t,)
     """
     lossy = 1.0 + 1j / quality_factor
     stiff, error = value[:, None] * lossy, np.minimum(error, MOST)

@@ -198,10 +198,21 @@ Pulls = list[tuple[int, FloatArray]]
 def derivative_shapes(
     forced: ForcedPlate, families: Mapping[Signature, CellFamily], deviations: float
 ) -> list[FloatArray]:
-    """Answers of every group of the nominal plate, (dof, k) each, to changes of each pillar by one standard deviation; none
-    where the band holds no wanted mode.
+    """Answers of every group of the plate, (dof, k) each, to changes of each pillar by one standard deviation.
 
-    families: cells as functions of their pillars. deviations: standard deviations that a family reaches to.
+    Parameters
+    ----------
+    forced : ForcedPlate
+        The nominal plate; none of the groups has any where the band holds no wanted mode.
+    families : mapping
+        Cells as functions of their pillars.
+    deviations : float
+        Standard deviations that a family reaches to.
+
+    Returns
+    -------
+    list of ndarray
+        One array a group of `forced.all_modes`.
     """
     place = forced.wanted_place()
     if place is None:
