@@ -29,8 +29,8 @@ REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 # the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
-TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours", "side_view")
-STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
+TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours")
+STILLS = ("moving_plate", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 # What the template of a case's results writes them with.

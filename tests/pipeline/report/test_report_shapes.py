@@ -118,10 +118,10 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes(study: Path) -> None:
     cases = [case for case in read_study(study).cases if case.record.status == "OK"]
-    gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-side_view"})
+    gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-moving_plate"})
     assert [shape["group"] for shape in gallery.shapes].count(cases[0].case_id) == 1
     assert gallery.shapes[0]["group"] == cases[1].case_id and "wanted" in gallery.shapes[0]["name"]
-    assert gallery.shapes[0]["still"] == "case-2-side_view" and "16.0 dB" in gallery.shapes[0]["about"]
+    assert gallery.shapes[0]["still"] == "case-2-moving_plate" and "16.0 dB" in gallery.shapes[0]["about"]
     assert len(gallery.shapes) <= shapes.MAX_SHAPES
 
 
