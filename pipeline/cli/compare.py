@@ -8,17 +8,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.model import load_case
+from pipeline.case.diagnostics import nearest_file
+from pipeline.case.model import Case, load_case
 from pipeline.case.plausible import warn_of_doubts
-from pipeline.errors import CheckFailed
+from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
+from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import frequency, percent, percentage, signed
+from pipeline.quantity import figure, frequency, percent, percentage, signed
 from pipeline.questions.answer import Answer, emit, of_case
-from pipeline.questions.bands import Bands, BandsResult
+from pipeline.questions.bands import NAMES, Bands, BandsResult
 from pipeline.questions.question import Run, ask
-from pipeline.records.reading import reading_table
+from pipeline.records import outputs, store
+from pipeline.records.reading import bar_of, is_relative, reading_table
+from pipeline.units import KHZ
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FILE = REFERENCE / "band_gap.csv"
 
@@ -105,13 +112,6 @@ def check_gap(arguments: Namespace) -> int:
     return 0
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-    from pipeline.case.model import Case
-    from pipeline.logs import TerminalLog
-    from pipeline.plots.style import ReportFigure
-
 Flat = dict[str, Any]
 ROUNDING = 1e-9  # relative: what two computations of the same figure may differ by
 # what a part of a list is called by: states under a finger, methods of confining, complete gaps
@@ -141,9 +141,6 @@ class Design:
 
 def run(arguments: Namespace) -> int:
     """Read both, line up their quantities, and print those that differ."""
-    from pipeline.questions.answer import Answer, emit
-    from pipeline.records import outputs
-
     one, two = (read(Path(place), arguments.solve, arguments.quiet) for place in (arguments.a, arguments.b))
     known = lined_up(one.quantities, two.quantities)
     # a case, a record and a result each know what the others do not: that is no difference of two designs
@@ -163,17 +160,12 @@ def run(arguments: Namespace) -> int:
 
 def _in_words(row: dict[str, Any], one: Flat, two: Flat) -> list[str | None]:
     """A row for reading: figures with the digits of their bars, what was given as it is, the difference in percent."""
-    from pipeline.quantity import percentage, signed
-
     name, difference = row["quantity"], row["difference"]
     apart = None if difference is None else signed(percentage(difference))
     return [name, _shown(name, one), _shown(name, two), apart]
 
 
 def _shown(name: str, known: Flat) -> Any:
-    from pipeline.quantity import figure
-    from pipeline.records.reading import bar_of, is_relative
-
     value, bar = known.get(name), bar_of(name, known)
     if not isinstance(value, float) or name.startswith("case."):
         return value
@@ -183,20 +175,16 @@ def _shown(name: str, known: Flat) -> Any:
 
 def _figure_of_both(arguments: Namespace, one: Design, two: Design, rows: list[dict[str, Any]]) -> ReportFigure:
     """Both bands over one path where both have them, else relative differences as bars."""
-    from pipeline.plots import style
-
-    figure, axes = style.panels(3.6)
+    drawn, axes = style.panels(3.6)
     if one.bands and two.bands:
         _overlaid(axes, {f"A: {arguments.a}": one.bands, f"B: {arguments.b}": two.bands})
     else:
         _differences(axes, rows)
-    return style.ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", figure, True)
+    return ReportFigure("compare", "Two designs side by side", f"{arguments.a} and {arguments.b}", drawn, True)
 
 
 def _differences(ax: Axes, rows: list[dict[str, Any]]) -> None:
     """Relative differences of two designs as bars, the largest last and so on top."""
-    from pipeline.plots import style
-
     known = sorted((row for row in rows if row["difference"]), key=lambda row: abs(row["difference"]))
     ax.figure.set_size_inches(style.WIDTH_IN, 1.2 + 0.28 * max(1, len(known)))  # type: ignore[union-attr]
     ax.barh([row["quantity"] for row in known], [100.0 * row["difference"] for row in known], color=style.BLUE)
@@ -207,10 +195,6 @@ def _differences(ax: Axes, rows: list[dict[str, Any]]) -> None:
 def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:
     """Bands of several cells over one path, its corners at the same places whatever their pitch; gaps shaded."""
     import numpy as np
-
-    from pipeline.plots import style
-    from pipeline.questions.bands import NAMES, BandsResult
-    from pipeline.units import KHZ
 
     for (name, document), colour in zip(named.items(), style.CYCLE, strict=False):
         bands = BandsResult.from_document(document)
@@ -228,10 +212,6 @@ def _overlaid(ax: Axes, named: dict[str, dict[str, Any]]) -> None:
 
 def read(place: Path, solve: bool, quiet: bool) -> Design:
     """What is known of a design. InputError for what is neither a case nor a result."""
-    from pipeline.case.diagnostics import nearest_file
-    from pipeline.errors import InputError
-    from pipeline.records import store
-
     if place.suffix == ".toml":
         return _of_case(place, solve, quiet)
     file = place / store.RECORD if place.is_dir() else place
@@ -254,9 +234,6 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
 
 
 def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
-    from pipeline.case.model import load_case
-    from pipeline.case.plausible import warn_of_doubts
-    from pipeline.logs import TerminalLog
     from pipeline.questions.predesign import sized
 
     case, log = load_case(place), TerminalLog(quiet)
@@ -276,11 +253,9 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
 def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """The wanted mode and the gaps of a case, and its bands where it has one cell."""
     from pipeline.models.modes import solve_modes
-    from pipeline.planning.model_choice import of_case
-    from pipeline.questions.bands import Bands
-    from pipeline.questions.question import Run, ask
+    from pipeline.planning.model_choice import of_case as request_of
 
-    found = solve_modes(case, of_case(case), log).wanted_part()
+    found = solve_modes(case, request_of(case), log).wanted_part()
     wanted = found.to_dict() if found else {}
     quantities = {"wanted": {key: value for key, value in wanted.items() if not isinstance(value, list)}}
     if "array.pitch_mm" not in case.given or case.design.is_graded:

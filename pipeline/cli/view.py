@@ -12,7 +12,7 @@ import warnings
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ import numpy as np
 from geometry.decimation import closed_surface
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
-from pipeline.plots import rendering
+from pipeline.plots import rendering, style
 from pipeline.plots.fields import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency
 from pipeline.records import outputs, store
@@ -246,41 +246,28 @@ def show(scene: Scene) -> None:
 
 def draw(scene: Scene, place: Path) -> None:
     """Draw a scene into a file without a window. Raises NotAvailable where this machine's graphics library cannot."""
-    with tempfile.TemporaryDirectory(prefix="antinode-view-") as name:
-        folder, kind = Path(name), place.suffix.lower()
-        shapes = [shape for _, shape in scene.shapes[:1]]
-        names = [title for title, _ in scene.shapes[:1]]
-        about: dict[str, Any] = {
-            "points": scene.points,
-            "facets": scene.facets,
-            "shapes": np.array(shapes),
-            "names": np.array(names),
-        }
-        np.savez(folder / "scene.npz", title=scene.title, reach=scene.reach, kind=kind, **about)
-        fault = rendering.run_child("pipeline.cli.view", folder)
-        made = folder / f"scene{kind}"
-        if fault := fault or rendering.image_fault(rendering.read_image(made)):
-            raise NotAvailable(f"--off-screen: {fault}; {INSTEAD}")
-        with outputs.delivered(place) as temporary:
-            temporary.write_bytes(made.read_bytes())
-
-
-def _draw_in(folder: Path) -> None:
-    """The child's part of `draw`: one picture at the largest motion, or those of a period."""
     from PIL import Image
 
-    with np.load(folder / "scene.npz") as file:
-        shapes = list(zip(file["names"].tolist(), file["shapes"], strict=True))
-        scene = Scene(str(file["title"]), file["points"], file["facets"], shapes, float(file["reach"]))
-        kind = str(file["kind"])
+    film = place.suffix.lower() == ".gif" and bool(scene.shapes)
+    pixels, fault = rendering.drawn_apart(_frames, replace(scene, shapes=scene.shapes[:1]), STEPS if film else 1)
+    if fault:
+        raise NotAvailable(f"--off-screen: {fault}; {INSTEAD}")
+    first, *others = (Image.fromarray(each) for each in pixels)
+    more: dict[str, Any] = {"save_all": True, "append_images": others, "duration": PERIOD_MS // STEPS, "loop": 0}
+    with outputs.delivered(place) as temporary:
+        first.save(temporary, place.suffix[1:], **(more if others else {}))
+
+
+def _frames(scene: Scene, count: int) -> list[Any]:
+    """The child's part of `draw`: one picture at the largest motion, or those of a period."""
     plotter, motion = _staged(scene, off_screen=True, window_size=list(SIZE))
     frames = []
-    for step in range(STEPS if motion and kind == ".gif" else 1):
+    for step in range(count):
         if motion:
             motion.at(step / STEPS * PERIOD_MS)
-        frames.append(Image.fromarray(plotter.screenshot(None, return_img=True)))
-    more: dict[str, Any] = {"save_all": True, "append_images": frames[1:], "duration": PERIOD_MS // STEPS, "loop": 0}
-    frames[0].save(folder / f"scene{kind}", **(more if len(frames) > 1 else {}))
+        frames.append(np.asarray(plotter.screenshot(None, return_img=True)))
+    plotter.close()
+    return frames
 
 
 def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
@@ -294,11 +281,11 @@ def _staged(scene: Scene, **window: Any) -> tuple[Any, _Motion | None]:
     if scene.shapes:
         mesh["u_z"] = scene.shapes[0][1][:, 2]
         plotter.add_mesh(
-            mesh, scalars="u_z", cmap="RdBu_r", clim=(-1.0, 1.0), scalar_bar_args={"title": "u_z / largest"}
+            mesh, scalars="u_z", cmap=style.SIGNED, clim=(-1.0, 1.0), scalar_bar_args={"title": "u_z / largest"}
         )
         motion = _Motion(plotter, mesh, scene, "" if window else f"\n{KEYS}")
     else:
-        plotter.add_mesh(mesh, color="#AEB8C2", show_edges=False)
+        plotter.add_mesh(mesh, color=rendering.PLAIN_COLOUR, show_edges=False)
     plotter.add_axes()  # type: ignore[call-arg]
     plotter.view_vector((1.0, -1.6, 1.3), viewup=(0, 0, 1))  # type: ignore[arg-type]
     return plotter, motion
@@ -350,7 +337,3 @@ class _Motion:
         self.mesh.points = self.scene.points + now * self.reach * self.shape
         self.mesh["u_z"] = now * self.level
         self.plotter.render()
-
-
-if __name__ == "__main__":
-    _draw_in(Path(sys.argv[1]))

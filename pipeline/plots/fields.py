@@ -1,10 +1,8 @@
-"""Fields on the plate: a mode on the touch face, from the side, in the plane of the pillars, on both kinds of mesh."""
+"""Fields on the plate: modes on the touch face, on both kinds of mesh."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import floor, log10
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,11 +10,10 @@ from numpy.typing import NDArray
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import figure as figure_text
 from pipeline.quantity import frequency, level, percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import MM, UM
+from pipeline.units import MM
 from solvers.measures.confinement import CONFINED_DB
 
 if TYPE_CHECKING:
@@ -32,11 +29,6 @@ KINDS = {"hex": "structured hexahedra", "tet": "tetrahedra (pytetwild)"}
 def skin_faces(arrays: dict[str, Any], prefix: str) -> IntArray | None:
     """Faces (m, 3 or 4) of a stored skin, None when it is not stored."""
     return next((arrays[f"{prefix}_{kind}"] for kind in ("quads", "triangles") if f"{prefix}_{kind}" in arrays), None)
-
-
-def footprint_m(design: DesignRecord) -> float:
-    """Largest foot section of a pillar, m; 0 without pillars."""
-    return max((pillar.form.footprint_m(pillar.fillet_m) for pillar in design.pillars), default=0.0)
 
 
 def footprints_mm(design: DesignRecord, centres_m: FloatArray) -> list[FloatArray]:
@@ -86,46 +78,10 @@ def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
     return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
 
 
-@dataclass(frozen=True)
-class Pillars:
-    """Pillars on the stored skin: which faces and which tip nodes belong to which."""
-
-    centres: FloatArray  # (pillars, 2), m
-    faces: IntArray  # indices into the skin's faces
-    face_owner: IntArray
-    tips: IntArray  # indices into the skin's points
-    tip_owner: IntArray
-
-
-def find_pillars(arrays: dict[str, Any], design: DesignRecord) -> Pillars | None:
-    """Pillars of the skin by position: above or below the plate, the nearest centre; tips of those above."""
-    from scipy.spatial import cKDTree
-
-    faces, centres = skin_faces(arrays, "surface"), np.reshape(design.pillar_centres_m, (-1, 2))
-    if faces is None or design.pillar is None or not centres.size:
-        return None
-    points = arrays["surface_points"]
-    top, tree = design.thickness_m, cKDTree(centres)
-    heights = np.array([pillar.top_m for pillar in design.standing])
-    middles = points[faces].mean(axis=1)
-    beside = np.flatnonzero(np.abs(middles[:, 2] - top / 2.0) > top / 2.0 + 1e-3 * heights.min())
-    high = np.flatnonzero(points[:, 2] > top + 1e-3 * heights.min())
-    owner = tree.query(points[high, :2])[1]
-    tip = points[high, 2] > top + 0.98 * heights[owner]
-    return Pillars(centres, beside, tree.query(middles[beside, :2])[1], high[tip], owner[tip])
-
-
-def nice_below(value: float) -> float:
-    """Largest of 1, 2, 5 times a power of ten not above a positive value."""
-    decade = 10.0 ** floor(log10(value))
-    return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= value * (1 + 1e-12))
-
-
-DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the side view
 MAX_NEIGHBOURS = 4
 
 
-def _design(case: StoredCase, arrays: dict[str, Any]) -> DesignRecord | None:
+def moving_design(case: StoredCase, arrays: dict[str, Any]) -> DesignRecord | None:
     """The design of a case whose mode on the touch face is stored."""
     return case.record.design if {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys() else None
 
@@ -138,7 +94,7 @@ def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
     return float(kept[0]) if kept is not None and len(kept) else None
 
 
-def _at(case: StoredCase, arrays: dict[str, Any]) -> str:
+def mode_at(case: StoredCase, arrays: dict[str, Any]) -> str:
     """The frequency of the mode shown, in words."""
     tone, wanted = wanted_hz(case, arrays), case.record.wanted
     error = wanted.frequency_error if wanted else None
@@ -172,17 +128,17 @@ def _field(axes: Axes, points_m: FloatArray, triangles: IntArray, values: FloatA
 
 def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Normal displacement of the wanted mode on the touch face, zone and footprints drawn."""
-    design = _design(case, arrays)
+    design = moving_design(case, arrays)
     if design is None:
         return None
     figure, axes = style.panels(flat_height_in(design, 6.2) + 1.1)
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
     label = "u$_z$ / largest in the zone (no unit)"
     figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22, label=label)
-    title = f"Wanted mode on the touch face{_at(case, arrays)}"
+    title = f"Wanted mode on the touch face{mode_at(case, arrays)}"
     axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
-        f"Map of the normal displacement of the wanted mode{_at(case, arrays)} on the touch face of "
+        f"Map of the normal displacement of the wanted mode{mode_at(case, arrays)} on the touch face of "
         f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
     )
     return ReportFigure("touch_face", title, alt, figure)
@@ -190,7 +146,7 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """The kept modes side by side, the wanted one first."""
-    design = _design(case, arrays)
+    design = moving_design(case, arrays)
     if design is None or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None
     shapes = arrays["touch_uz"][:MAX_NEIGHBOURS]
@@ -213,129 +169,6 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
         "each over its own largest value."
     )
     return ReportFigure("neighbours", "The wanted mode and its neighbours", alt, figure)
-
-
-def pillars_in_plane(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """In-plane displacement of each pillar's tip, over the zone's largest normal displacement."""
-    design = _design(case, arrays)
-    if design is None or "surface_u" not in arrays:
-        return None
-    pillars = find_pillars(arrays, design)
-    if pillars is None or not pillars.tips.size:
-        return None
-    count = np.maximum(1, np.bincount(pillars.tip_owner, minlength=len(pillars.centres)))
-    tip = arrays["surface_u"][0][pillars.tips] / zone_peak(arrays, design)
-    mean = [np.bincount(pillars.tip_owner, tip[:, i], len(pillars.centres)) / count for i in (0, 1)]
-    limit = max(1e-12, float(np.max(np.abs(mean))))
-    reach = float(np.abs(pillars.centres[:, 1]).max())
-    figure, panels = style.panels(2 * 6.2 * 1.25 * reach / (design.length_m / 2) + 1.5, 2, 1, sharex=True)
-    for axes, values, name in zip(panels, mean, "xy", strict=True):
-        feet = _feet(axes, design, pillars, values, limit)
-        draw_outlines(axes, design)
-        frame_plate(axes, design)
-        edge = 1.25 * reach / MM
-        axes.set(title=f"Tip displacement along {name}", ylim=(-edge, edge))
-    panels[0].set_xlabel("")
-    label = "displacement of the tips /\nlargest u$_z$ in the zone (no unit)"
-    figure.colorbar(feet, ax=list(panels), shrink=0.7, pad=0.01, aspect=30, label=label)
-    title = f"In-plane motion of the pillars{_at(case, arrays)}"
-    alt = (
-        f"Two maps of the pillars of {case.case_id}, coloured by the displacement of their tips along x and along y; the "
-        f" largest is {figure_text(limit)} times the zone's largest normal displacement."
-    )
-    return ReportFigure("pillars_in_plane", title, alt, figure)
-
-
-def _feet(axes: Axes, design: DesignRecord, pillars: Pillars, values: FloatArray, limit: float) -> Any:
-    """Every pillar's footprint, coloured by its value."""
-    from matplotlib.collections import PolyCollection
-
-    feet = PolyCollection(footprints_mm(design, pillars.centres), cmap=style.SIGNED)
-    feet.set_array(values)
-    feet.set_clim(-limit, limit)
-    axes.add_collection(feet)
-    return feet
-
-
-def side_view(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Two side views with displacements exaggerated by a stated factor: across the zone, and along the first row."""
-    design = _design(case, arrays)
-    faces = skin_faces(arrays, "surface")
-    if design is None or "surface_u" not in arrays or faces is None:
-        return None
-    u = arrays["surface_u"][0] / zone_peak(arrays, design) * UM  # 1 um at the zone's largest
-    pillars = find_pillars(arrays, design)
-    tallest = design.pillar.top_m if pillars and design.pillar else design.thickness_m
-    factor = nice_below(DRAWN_SHARE * tallest / max(1e-30, float(np.max(np.abs(u)))))
-    x0, y0 = _cuts(arrays, design, pillars)
-    tall = design.thickness_m + 1.3 * tallest * (design.pillar.faces if pillars and design.pillar else 1)
-    heights = [7.0 * tall / (2 * half) for half in (design.half_span_m, design.length_m / 2)]
-    figure, panels = style.panels(sum(heights) + 2.0, 2, 1, height_ratios=heights)
-    across, along = (round(each / MM, 6) for each in (x0, y0))  # a middle is 0, not what rounding leaves of it
-    cuts = ((1, x0, f"Across the zone, at x = {across:g} mm"), (0, y0, f"Along the zone, at y = {along:g} mm"))
-    for axes, (axis, where, heading) in zip(panels, cuts, strict=True):
-        _plate_cut(axes, arrays, design, (axis, where), factor)
-        if pillars is not None:
-            in_view = np.abs(pillars.centres[pillars.face_owner, 1 - axis] - where) < footprint_m(design) / 2
-            _pillars_in_view(axes, arrays["surface_points"] + factor * u, faces[pillars.faces[in_view]], axis)
-        axes.autoscale_view(scalex=False)
-        axes.margins(y=0.08)
-        axes.set_title(heading)
-        style.mm_axes(axes, "xy"[axis], "z")
-    for side in (-1, 1):
-        panels[0].axvline(side * design.width_m / 2 / MM, **ZONE_EDGE)
-    times = f"{factor:,.0f}".replace(",", "\u202f")
-    title = f"Side views{_at(case, arrays)}, displacements drawn {times} times as large"
-    figure.suptitle(f"{title} (zone's largest u$_z$ = 1 µm)", fontsize=9, x=0.01, ha="left")
-    alt = (
-        f"Plate and pillars of {case.case_id} seen along x and along y in the wanted mode; displacements are exaggerated "
-        f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement. Dashed lines bound the active zone."
-    )
-    return ReportFigure("side_view", title, alt, figure)
-
-
-def _cuts(arrays: dict[str, Any], design: DesignRecord, pillars: Pillars | None) -> tuple[float, float]:
-    """Where to look: the pillar column nearest an antinode of the zone, the first row on the positive side."""
-    uz, xy = np.abs(arrays["touch_uz"][0]), arrays["touch_xy"]
-    inner = (np.abs(xy[:, 0]) < 0.3 * design.length_m) & (np.abs(xy[:, 1]) < design.width_m / 2)
-    antinode = float(xy[inner][np.argmax(uz[inner]), 0]) if inner.any() else 0.0
-    if pillars is None:
-        return antinode, 0.0
-    columns = np.unique(pillars.centres[:, 0])
-    rows = pillars.centres[:, 1]
-    return float(columns[np.argmin(np.abs(columns - antinode))]), float(rows[rows > 0].min())
-
-
-def _plate_cut(axes: Axes, arrays: dict[str, Any], design: DesignRecord, cut: tuple[int, float], factor: float) -> None:
-    """The plate cut along a line, lifted by its displacement."""
-    half = design.half_span_m if cut[0] else design.length_m / 2
-    line = np.linspace(-half, half, 400)
-    lift = _along(arrays, line, cut) / zone_peak(arrays, design) * UM * factor
-    axes.fill_between(line / MM, lift / MM, (lift + design.thickness_m) / MM, color="#B9C4CE", lw=0.4, ec="#44525E")
-    axes.set_xlim(-1.03 * half / MM, 1.03 * half / MM)
-
-
-def _pillars_in_view(axes: Axes, points_m: FloatArray, faces: IntArray, axis: int) -> None:
-    from matplotlib.collections import PolyCollection
-
-    outlines = points_m[faces][:, :, [axis, 2]] / MM
-    axes.add_collection(PolyCollection(list(outlines), facecolor=style.BLUE, edgecolor=style.BLUE, lw=0.3))
-
-
-def _along(arrays: dict[str, Any], line: FloatArray, cut: tuple[int, float]) -> FloatArray:
-    """u_z of the wanted mode on the touch face along a straight line: exact where triangle edges cross it, linear between."""
-    axis, where = cut
-    triangles = arrays["touch_triangles"]
-    edges = np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
-    off = arrays["touch_xy"][:, 1 - axis] - where
-    first, second = edges[off[edges[:, 0]] * off[edges[:, 1]] <= 0].T
-    apart = off[first] - off[second]
-    share = np.divide(off[first], apart, out=np.zeros_like(apart), where=apart != 0)
-    place, value = arrays["touch_xy"][:, axis], arrays["touch_uz"][0]
-    at = np.concatenate([place[first] + share * (place[second] - place[first]), place[second][apart == 0]])
-    field = np.concatenate([value[first] + share * (value[second] - value[first]), value[second][apart == 0]])
-    order = np.argsort(at, kind="stable")
-    return np.asarray(np.interp(line, at[order], field[order]))
 
 
 def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:

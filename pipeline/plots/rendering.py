@@ -1,4 +1,4 @@
-"""Shaded images of surfaces by PyVista, off-screen, in a process of its own, and pictures of geometry and meshes by them.
+"""Shaded images of surfaces by PyVista, off-screen, in a process of its own: geometry, the moving plate and meshes.
 
 A missing EGL library ends the process with a segmentation fault, which no exception handler sees: so a child draws, and
 the parent looks at the image before believing it. The child is kept: loading VTK takes longer than a picture. Without it, NumPy
@@ -7,14 +7,12 @@ makes a plain projection.
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
 import tempfile
-from collections.abc import MutableMapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from math import floor, log10
 from multiprocessing.util import Finalize
 from pathlib import Path
 from textwrap import fill
@@ -24,19 +22,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.decimation import with_sides
-from pipeline.paths import ROOT
 from pipeline.plots import style
-from pipeline.plots.fields import KINDS, FloatArray, IntArray, skin_faces
+from pipeline.plots.fields import KINDS, FloatArray, IntArray, mode_at, moving_design, skin_faces, zone_peak
 from pipeline.plots.style import ReportFigure
 from pipeline.quantity import figure as figure_text
 from pipeline.quantity import percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import GRAM, MM
+from pipeline.units import GRAM, MM, UM
 from pipeline.workers import LocalWorkers, WorkerLost
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 TIMEOUT_S = 120.0
-SAID = "said.txt"  # beside the requests
 SIZE = (1500, 940)
 MARGIN = 12
 MIN_INK, MAX_INK = 0.005, 0.995  # share of pixels that are not background
@@ -56,6 +55,7 @@ class Surface:
     values: NDArray[np.float64] | None = None
     edges: bool = False
     direction: tuple[float, float, float] = (1.0, -1.6, 1.3)
+    colours: str = style.QUALITY
 
 
 def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
@@ -63,49 +63,36 @@ def render(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
     if not surfaces:
         return [], ""
     if not _faults:
-        images, fault = _by_pyvista(surfaces)
-        if images:
+        images, fault = drawn_apart(_draw_all, list(surfaces))
+        if not fault:
             return [_crop(image) for image in images], ""
         _faults.append(fault)
     return [_crop(_by_hand(surface)) for surface in surfaces], _faults[0]
 
 
-def _by_pyvista(surfaces: Sequence[Surface]) -> tuple[list[NDArray[np.uint8]], str]:
-    with tempfile.TemporaryDirectory(prefix="antinode-render-") as name:
-        folder = Path(name)
-        for index, surface in enumerate(surfaces):
-            _write(surface, folder / f"{index}.npz")
-        fault = _drawn_apart(folder)
-        images = [] if fault else [read_image(folder / f"{index}.png") for index in range(len(surfaces))]
-    fault = fault or next((problem for image in images if (problem := image_fault(image))), "")
-    return ([], fault) if fault else ([image for image in images if image is not None], "")
-
-
-def _drawn_apart(folder: Path) -> str:
-    """Draw what a folder asks for in the kept child; '' or what went wrong."""
-    try:
-        _child().submit(_draw_all, folder).result(TIMEOUT_S)
-    except TimeoutError:
-        _end_child()
-        return f"rendering took longer than {TIMEOUT_S:g} s"
-    except WorkerLost as error:
-        return f"rendering failed: {error}{_last_words(folder)}"
-    except Exception as error:
-        return f"rendering failed ({type(error).__name__}: {str(error)[:120]})"
-    except BaseException:  # an interruption waits for no picture
-        _end_child()
-        raise
-    return ""
+def drawn_apart(draw: Callable[..., list[NDArray[np.uint8]]], *given: Any) -> tuple[list[NDArray[np.uint8]], str]:
+    """Images that a function draws in the kept child, and '' or why they are not to be believed."""
+    images: list[NDArray[np.uint8]] = []
+    with tempfile.NamedTemporaryFile(prefix="antinode-render-") as said:
+        try:
+            images = _child().submit(_draw_quietly, Path(said.name), draw, *given).result(TIMEOUT_S)
+            return images, next((fault for image in images if (fault := image_fault(image))), "")
+        except TimeoutError:
+            _end_child()
+            return [], f"rendering took longer than {TIMEOUT_S:g} s"
+        except WorkerLost as error:
+            lines = said.read().decode(errors="replace").strip().splitlines()
+            return [], f"rendering failed: {error}" + (f" ({lines[-1][:120]})" if lines else "")
+        except Exception as error:
+            return [], f"rendering failed ({type(error).__name__}: {str(error)[:120]})"
+        except BaseException:  # an interruption waits for no picture
+            _end_child()
+            raise
 
 
 def _end_child() -> None:
     _child().kill()
     _child.cache_clear()
-
-
-def _last_words(folder: Path) -> str:
-    lines = (folder / SAID).read_text(errors="replace").strip().splitlines() if (folder / SAID).exists() else []
-    return f" ({lines[-1][:120]})" if lines else ""
 
 
 @lru_cache(maxsize=1)
@@ -116,61 +103,22 @@ def _child() -> LocalWorkers:
     return workers
 
 
-def _draw_all(folder: Path) -> None:
-    """The child's part: an image beside each request; what graphics libraries say goes to a file, not to the terminal."""
-    _prepare(os.environ)
-    said = os.open(folder / SAID, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    for stream in (1, 2):
-        os.dup2(said, stream)
-    os.close(said)
-    for request in sorted(folder.glob("*.npz")):
-        _draw_with_pyvista(request)
+def _draw_quietly(said: Path, draw: Callable[..., Any], *given: Any) -> Any:
+    """The child's part: what graphics libraries say goes to a file, not to the terminal; without a display VTK draws by EGL."""
+    if not os.environ.get("DISPLAY"):
+        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+    with said.open("ab") as file:
+        for stream in (1, 2):
+            os.dup2(file.fileno(), stream)
+    return draw(*given)
 
 
-def _prepare(environment: MutableMapping[str, str]) -> None:
-    """Where there is no display, VTK draws by EGL."""
-    if not environment.get("DISPLAY"):
-        environment.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
+def _draw_all(surfaces: Sequence[Surface]) -> list[NDArray[np.uint8]]:
+    return [_draw_with_pyvista(surface) for surface in surfaces]
 
 
-def _write(surface: Surface, path: Path) -> None:
-    values = np.empty(0) if surface.values is None else surface.values
-    look = {name: getattr(surface, name) for name in ("edges", "direction")}
-    np.savez(path, points=surface.points, faces=surface.faces, values=values, look=np.array(json.dumps(look)))
-
-
-def run_child(module: str, folder: Path) -> str:
-    """Let a module draw what a folder asks for, in a process of its own; '' or what went wrong."""
-    env = dict(os.environ)
-    _prepare(env)
-    command = [sys.executable, "-m", module, str(folder)]
-    try:
-        done = subprocess.run(command, env=env, cwd=ROOT, capture_output=True, timeout=TIMEOUT_S, check=False)
-    except subprocess.TimeoutExpired:
-        return f"rendering took longer than {TIMEOUT_S:g} s"
-    except OSError as error:
-        return f"rendering could not start ({error})"
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines()
-        return f"rendering ended with code {done.returncode}" + (f" ({lines[-1][:120]})" if lines else "")
-    return ""
-
-
-def read_image(path: Path) -> NDArray[np.uint8] | None:
-    """Pixels (h, w, 3) of a PNG, None when it cannot be read."""
-    from PIL import Image
-
-    try:
-        with Image.open(path) as image:
-            return np.asarray(image.convert("RGB"))
-    except (OSError, SyntaxError):
-        return None
-
-
-def image_fault(image: NDArray[np.uint8] | None) -> str:
+def image_fault(image: NDArray[np.uint8]) -> str:
     """'' or why an image shows nothing."""
-    if image is None:
-        return "the image cannot be read"
     ink = float(np.mean(_inked(image)))
     if not MIN_INK < ink < MAX_INK:
         return f"the image is empty ({percentage(ink)} of it is not background)"
@@ -191,65 +139,54 @@ def _crop(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _by_hand(surface: Surface) -> NDArray[np.uint8]:
-    """Parallel projection, faces painted from back to front and shaded by their slope."""
+    """Parallel projection by matplotlib, shaded; edges and values as in a rendering."""
     from matplotlib import colormaps
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import to_rgb
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    eye = np.asarray(surface.direction, dtype=float) / np.linalg.norm(surface.direction)
-    right = np.cross([0.0, 0.0, 1.0], eye)
-    right = right / np.linalg.norm(right) if np.linalg.norm(right) > 1e-9 else np.array([1.0, 0.0, 0.0])
-    corners = surface.points[surface.faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    light = 0.55 + 0.45 * np.abs(normal @ (0.8 * eye + 0.6 * np.array([0.0, 0.0, 1.0]))) / np.sqrt(1.6)
-    colours = np.tile(to_rgb(PLAIN_COLOUR), (len(corners), 1))
-    if surface.values is not None:
-        colours = colormaps[style.QUALITY](surface.values)[:, :3]
-    order = np.argsort(corners.mean(axis=1) @ eye)
-    flat = corners @ np.column_stack([right, np.cross(eye, right)])
+    x, y, z = np.asarray(surface.direction) / np.linalg.norm(surface.direction)
+    colours = PLAIN_COLOUR if surface.values is None else colormaps[surface.colours](surface.values)
     figure = style.new_figure(SIZE[0] / 100, SIZE[1] / 100)
-    axes = figure.subplots()
-    shaded = np.clip(colours * light[:, None], 0, 1)[order]
-    outline: Any = "#33333388" if surface.edges else shaded
-    axes.add_collection(PolyCollection(flat[order], facecolors=shaded, edgecolors=outline, linewidths=0.25))
-    axes.autoscale_view()
-    axes.set_aspect("equal")
+    figure.set_layout_engine("none")
+    axes: Any = figure.add_axes((0, 0, 1, 1), projection="3d", proj_type="ortho")
+    look = {"edgecolors": "#33333388" if surface.edges else None, "linewidths": 0.25, "shade": surface.values is None}
+    axes.add_collection3d(Poly3DCollection(surface.points[surface.faces], facecolors=colours, **look))
+    low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+    size = np.maximum(high - low, 1e-3 * np.max(high - low))
+    axes.set(**dict(zip(("xlim", "ylim", "zlim"), zip(low, low + size, strict=True), strict=True)))
+    axes.set_box_aspect(size)
+    above = abs(z) > 0.99  # then x points to the right
+    axes.view_init(elev=np.degrees(np.arcsin(z)), azim=-90.0 if above else np.degrees(np.arctan2(y, x)))
     axes.set_axis_off()
     figure.set_dpi(100)
     figure.canvas.draw()
     return np.asarray(figure.canvas.buffer_rgba())[:, :, :3].copy()  # type: ignore[attr-defined]
 
 
-def _draw_with_pyvista(path: Path) -> None:
+def _draw_with_pyvista(surface: Surface) -> NDArray[np.uint8]:
     import pyvista as pv
 
-    with np.load(path) as file:
-        points, faces, values, look = file["points"], file["faces"], file["values"], json.loads(str(file["look"]))
-    counts = np.full((len(faces), 1), faces.shape[1])
-    mesh = pv.PolyData(np.asarray(points, dtype=float) / MM, np.hstack([counts, faces]).ravel())
+    mesh = pv.PolyData.from_regular_faces(surface.points / MM, surface.faces)  # type: ignore[arg-type]
     plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
     plotter.set_background("white")  # type: ignore[arg-type]
-    looks: dict[str, Any] = {"show_edges": look["edges"], "edge_color": "#333333", "line_width": 1, "ambient": 0.25}
-    if values.size:
-        looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be read as a value
-        mesh.cell_data["value"] = values
-        looks |= {"scalars": "value", "cmap": style.QUALITY, "clim": (0.0, 1.0), "show_scalar_bar": False}
-    else:
+    looks: dict[str, Any] = {"show_edges": surface.edges, "edge_color": "#333333", "line_width": 1, "ambient": 0.25}
+    if surface.values is None:
         looks["color"] = PLAIN_COLOUR
+    else:
+        looks |= {"ambient": 0.75, "diffuse": 0.3}  # shading must not be read as a value
+        mesh.cell_data["value"] = surface.values
+        looks |= {"scalars": "value", "cmap": surface.colours, "clim": (0.0, 1.0), "show_scalar_bar": False}
     plotter.add_mesh(mesh, **looks)
     plotter.enable_parallel_projection()  # type: ignore[call-arg]
-    up = (0, 0, 1) if abs(look["direction"][2]) < 0.99 * np.linalg.norm(look["direction"]) else (0, 1, 0)
-    plotter.view_vector(look["direction"], viewup=up)
+    up = (0, 0, 1) if abs(surface.direction[2]) < 0.99 * np.linalg.norm(surface.direction) else (0, 1, 0)
+    plotter.view_vector(surface.direction, viewup=up)
     plotter.camera.zoom(1.25)
     plotter.enable_anti_aliasing("ssaa")
-    plotter.screenshot(str(path.with_suffix(".png")))
+    image = np.asarray(plotter.screenshot(None, return_img=True))
     plotter.close()
+    return image
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
+DRAWN_SHARE = 0.3  # of a pillar's height: the largest displacement in the picture of a mode
 CORNER_M = 0.022
 CAPTION = 100  # characters of a line
 PLATE_PREFIXES = ("mesh", "tet")
@@ -258,26 +195,73 @@ TITLES = {"plate": "Meshes of the plate, one corner", "cell": "Meshes of the uni
 
 
 def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigure]:
-    """Geometry, the plate's meshes and the cell's, all rendered in one go."""
-    visible = {name: surface for name, surface in _surfaces(case, arrays).items() if surface is not None}
+    """Geometry, the moving plate and its pillars from above, its meshes and the cell's, all rendered in one go."""
+    factor = _drawn_factor(case, arrays)
+    visible = {name: surface for name, surface in _surfaces(case, arrays, factor).items() if surface is not None}
     images, fault = render(list(visible.values()))
     picture = dict(zip(visible, images, strict=True))
     images_of_parts = [
         _geometry(case, picture, fault),
+        _moving(case, arrays, picture, factor, fault),
+        _in_plane(case, arrays, picture, fault),
         _meshes(case, visible, picture, "plate", fault),
         _meshes(case, visible, picture, "cell", fault),
     ]
     return [report_figure for report_figure in images_of_parts if report_figure]
 
 
-def _surfaces(case: StoredCase, arrays: dict[str, Any]) -> dict[str, Surface | None]:
-    """What is rendered, by name: the whole plate, and each mesh's skin coloured by the quality of its faces."""
+def _surfaces(case: StoredCase, arrays: dict[str, Any], factor: float) -> dict[str, Surface | None]:
+    """What is rendered, by name: the plate, its wanted mode, and each mesh's skin coloured by the quality of its faces."""
     design, faces = case.record.design, skin_faces(arrays, "surface")
-    points, plain = arrays.get("surface_points"), None
-    if design and faces is not None and points is not None:
-        plain = Surface(points, with_sides(points, faces, design.thickness_m))
+    shown: dict[str, Surface | None] = {}
+    if design and faces is not None and "surface_points" in arrays:
+        points = arrays["surface_points"]
+        faces = with_sides(points, faces, design.thickness_m)
+        shown["geometry"] = Surface(points, faces)
+        if factor:
+            shown |= _of_mode(arrays, design, points, faces, factor)
     skins = {"plate hex": "mesh", "plate tet": "tet", "cell hex": "cell", "cell tet": "cell_tet"}
-    return {"geometry": plain, **{name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}}
+    return shown | {name: _mesh_surface(arrays, prefix, design) for name, prefix in skins.items()}
+
+
+def _drawn_factor(case: StoredCase, arrays: dict[str, Any]) -> float:
+    """How many times as large the wanted mode is drawn, 1 um at the zone's largest; 0 where none is stored."""
+    design = moving_design(case, arrays)
+    if design is None or "surface_u" not in arrays:
+        return 0.0
+    tallest = design.pillar.top_m if design.pillar else design.thickness_m
+    largest = float(np.max(np.abs(arrays["surface_u"][0]))) / zone_peak(arrays, design) * UM
+    return nice_below(DRAWN_SHARE * tallest / max(1e-30, largest))
+
+
+def nice_below(value: float) -> float:
+    """Largest of 1, 2, 5 times a power of ten not above a positive value."""
+    decade = 10.0 ** floor(log10(value))
+    return next(step * decade for step in (5.0, 2.0, 1.0) if step * decade <= value * (1 + 1e-12))
+
+
+def _of_mode(
+    arrays: dict[str, Any], design: DesignRecord, points: FloatArray, faces: IntArray, factor: float
+) -> dict[str, Surface]:
+    """The displaced plate coloured by u_z, and all pillars from above coloured by their displacement along x and along y."""
+    u = arrays["surface_u"][0] / zone_peak(arrays, design)
+    shown = {"mode": Surface(points + factor * UM * u, faces, _signed(u[:, 2], faces, 1.0), colours=style.SIGNED)}
+    if limit := in_plane_limit(arrays, design):
+        for axis, name in enumerate("xy"):
+            look: dict[str, Any] = {"direction": (0.0, 0.0, 1.0), "colours": style.SIGNED}
+            shown[f"{name} above"] = Surface(points, faces, _signed(u[:, axis], faces, limit), **look)
+    return shown
+
+
+def _signed(values: FloatArray, faces: IntArray, limit: float) -> FloatArray:
+    """A value a face in 0..1, a half for nothing."""
+    return np.asarray(np.clip(0.5 + 0.5 * values[faces].mean(axis=1) / limit, 0.0, 1.0))
+
+
+def in_plane_limit(arrays: dict[str, Any], design: DesignRecord) -> float:
+    """Largest displacement of pillars along x or y over the zone's largest normal one; 0 without pillars."""
+    high = arrays["surface_points"][:, 2] > design.thickness_m * (1.0 + 1e-6)
+    return float(np.max(np.abs(arrays["surface_u"][0][high, :2]), initial=0.0)) / zone_peak(arrays, design)
 
 
 def _mesh_surface(arrays: dict[str, Any], prefix: str, design: DesignRecord | None) -> Surface | None:
@@ -315,6 +299,46 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
     figure.supxlabel(fill(_dimensions(design, case.record.held("geometry")), CAPTION), fontsize=8.5)
     alt = f"The plate of {case.case_id} in perspective, pillars up: {_dimensions(design, None)}.{_note(fault)}"
     return ReportFigure("geometry", "Geometry", alt, figure)
+
+
+def _moving(
+    case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any], factor: float, fault: str
+) -> ReportFigure | None:
+    """The wanted mode with displacements exaggerated by a stated factor."""
+    if "mode" not in picture:
+        return None
+    image = picture["mode"]
+    figure, axes = style.panels(style.WIDTH_IN * image.shape[0] / image.shape[1] + 1.0)
+    _show(axes, image)
+    _bar(figure, [axes], "u$_z$ / largest in the zone (no unit)", (-1.0, 1.0), style.SIGNED)
+    times = f"{factor:,.0f}".replace(",", "\u202f")
+    title = f"Wanted mode{mode_at(case, arrays)}, displacements drawn {times} times as large"
+    axes.set_title(f"{title}\n(zone's largest u$_z$ = 1 µm)")
+    alt = (
+        f"Plate and pillars of {case.case_id} in perspective in the wanted mode; displacements are exaggerated "
+        f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement.{_note(fault)}"
+    )
+    return ReportFigure("moving_plate", title, alt, figure)
+
+
+def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any], fault: str) -> ReportFigure | None:
+    """In-plane displacement of the pillars, over the zone's largest normal displacement."""
+    design = case.record.design
+    if design is None or "x above" not in picture:
+        return None
+    height, width = picture["x above"].shape[:2]
+    figure, panels = style.panels(2 * style.WIDTH_IN * height / width + 1.2, 2, 1)
+    for axes, name in zip(panels, "xy", strict=True):
+        _show(axes, picture[f"{name} above"])
+        axes.set_title(f"Displacement along {name}, from above")
+    limit = in_plane_limit(arrays, design)
+    label = "displacement of the pillars / largest u$_z$ in the zone (no unit)"
+    _bar(figure, panels, label, (-limit, limit), style.SIGNED)
+    alt = (
+        f"Two maps of the pillars of {case.case_id} from above, coloured by their displacement along x and along y; the "
+        f"largest is {figure_text(limit)} times the zone's largest normal displacement.{_note(fault)}"
+    )
+    return ReportFigure("pillars_in_plane", f"In-plane motion of the pillars{mode_at(case, arrays)}", alt, figure)
 
 
 def _dimensions(design: DesignRecord, geometry: Any) -> str:
@@ -383,7 +407,8 @@ def _meshes(
         if quality is not None and quality.size:
             worst = f", face quality {figure_text(quality.min())} to {figure_text(quality.max())}"
         words.append(label.replace("\n", ", ") + worst)
-    _quality_bar(figure, panels[0])
+    label = "shape quality of the visible faces (no unit; 1: square or equilateral triangle)"
+    _bar(figure, panels[0], label, (0.0, 1.0), style.QUALITY)
     title = TITLES[what]
     alt = f"{title} of {case.case_id}: {'; '.join(words)}.{_note(fault)}"
     return ReportFigure(f"{what}_meshes", title, alt, figure)
@@ -397,10 +422,9 @@ def _mesh_words(case: StoredCase, what: str, kind: str) -> str:
     return f"{KINDS[kind]}, order {mesh.order}\n{cells} cells, {dof} degrees of freedom"
 
 
-def _quality_bar(figure: Any, panels: Any) -> None:
+def _bar(figure: Any, panels: Any, label: str, ends: tuple[float, float], colours: str) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
 
-    label = "shape quality of the visible faces (no unit; 1: square or equilateral triangle)"
     look = {"orientation": "horizontal", "shrink": 0.6, "aspect": 40, "pad": 0.02, "label": label}
-    figure.colorbar(ScalarMappable(Normalize(0, 1), style.QUALITY), ax=list(panels), **look)
+    figure.colorbar(ScalarMappable(Normalize(*ends), colours), ax=list(panels), **look)

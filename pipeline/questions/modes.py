@@ -28,7 +28,6 @@ Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
-FIELDS = ("touch_face", "side_view", "pillars_in_plane", "neighbours")
 SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
 COUNT = "how many, nearest to that frequency or the lowest"
 
@@ -216,7 +215,7 @@ class Modes(
     Question[ModesResult],
     example="modes studies/three-rows.toml --part zone --count 14",
     aliases=("confinement",),
-    pictures=("plots.rendering.report_figures", *(f"plots.fields.{name}" for name in FIELDS)),
+    pictures=("plots.rendering.report_figures", "plots.fields.touch_face", "plots.fields.neighbours"),
 ):
     """Compute the modes of plate, zone or pillar in a band, or some of them near a frequency.
 

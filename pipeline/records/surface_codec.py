@@ -43,7 +43,8 @@ def unfolded(arrays: dict[str, Any]) -> dict[str, Any]:
         Skin(points, facets, from_steps(u)[None]).unfolded(str(symmetry) or None)
         for u, symmetry in zip(arrays[f"{PREFIX}u"], arrays[f"{PREFIX}symmetry"], strict=True)
     ]
-    return kept | moving(quarter) | {"mesh_points": points, f"mesh_{kind}": facets}
+    symmetry = {"surface_symmetry": arrays[f"{PREFIX}symmetry"]}
+    return kept | moving(quarter) | symmetry | {"mesh_points": points, f"mesh_{kind}": facets}
 
 
 def moving(skins: Sequence[Skin]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.units import MM
 
 INDEX = "index.json"
-OF_THE_BEST = ("report_figures", "pillars_in_plane")  # drawn of a sweep's best case, unless those of all are asked for
+OF_THE_BEST = ("report_figures",)  # drawn of a sweep's best case, unless those of all are asked for
 OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
 
 

@@ -64,38 +64,21 @@ def data_url(name: str, data: bytes) -> str:
 EMBEDDED_BYTES = 2_700_000  # with shapes, diagrams, viewer and a dozen cases a page stays below 4 MB
 
 
-@dataclass(frozen=True)
-class EmbeddedFigure:
-    """A picture in the page: its pixels as data, its size, links and words."""
-
-    name: str
-    source: str
-    width: int
-    height: int
-    svg: str
-    png: str
-    title: str
-    alt: str
-    lines: bool
-
-
 class Embedder:
     """Puts pictures into the page until its budget is spent; a page sent alone misses nothing that it shows."""
 
     def __init__(self, study: Path, budget: int | None = None) -> None:
         self.study, self.left = study, EMBEDDED_BYTES if budget is None else budget
 
-    def show(self, folder: str, picture: style.StoredFigure) -> EmbeddedFigure | None:
-        """The picture of a folder (relative to the study), None where it does not fit any more."""
+    def show(self, folder: str, picture: style.StoredFigure) -> dict[str, Any] | None:
+        """The picture of a folder (relative to the study) with its pixels as data and its links; None where it does not fit."""
         source = data_url(picture.shown, (self.study / folder / picture.shown).read_bytes())
         if len(source) > self.left:
             return None
         self.left -= len(source)
-        links = (link(folder, picture.svg), link(folder, picture.png))
-        about = {"title": picture.title, "alt": picture.alt}
-        return EmbeddedFigure(picture.name, source, picture.width, picture.height, *links, **about, lines=picture.lines)
+        return vars(picture) | {"source": source, "svg": link(folder, picture.svg), "png": link(folder, picture.png)}
 
-    def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[EmbeddedFigure]:
+    def show_all(self, folder: str, pictures: list[style.StoredFigure]) -> list[dict[str, Any]]:
         """Those of a folder's pictures that fit."""
         return [embedded for picture in pictures if (embedded := self.show(folder, picture))]
 
@@ -148,22 +131,15 @@ def write_page(folder: Path, name: str, title: str, lead: str, page: Page) -> li
         with style.style():
             pictures = [style.save(draw(), folder / style.PICTURES) for draw in section.report_figures]
         embedded.append((section, embedder.show_all(style.PICTURES, pictures)))
-        kept.append(_kept(section, pictures))
+        names = [table.name for table in section.tables]
+        plain = {"heading": section.heading, "words": list(section.words), "tables": names}
+        kept.append(plain | {"pictures": [asdict(picture) for picture in pictures]})
     html = folder / "report.html"
     page_text = render("scripted.html.j2", name=name, title=title, lead=lead, sections=embedded, text=text)
     store.write_atomic(html, page_text.encode())
     store.write_atomic(folder / "report.md", markdown(title, lead, page).encode())
     store.write_json(folder / PAGE, {"schema": SCHEMA, "name": name, "title": title, "lead": lead, "sections": kept})
     return [*written, html]
-
-
-def _kept(section: Section, pictures: list[style.StoredFigure]) -> dict[str, Any]:
-    return {
-        "heading": section.heading,
-        "words": list(section.words),
-        "tables": [table.name for table in section.tables],
-        "pictures": [asdict(picture) for picture in pictures],
-    }
 
 
 def markdown(title: str, lead: str, page: Page) -> str:

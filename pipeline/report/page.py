@@ -20,7 +20,7 @@ from pipeline.records.study import StoredCase, StoredStudy, read_study
 from pipeline.report import explorer, gallery, text
 from pipeline.report import shapes as moving_shapes
 from pipeline.report.gallery import sketch
-from pipeline.report.html import EmbeddedFigure, Embedder, link, render, script_data, vendored
+from pipeline.report.html import Embedder, link, render, script_data, vendored
 from pipeline.report.other_studies import beside
 from pipeline.report.text import TITLE
 from pipeline.units import GRAM, MM
@@ -29,8 +29,8 @@ REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
 # the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
-TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours", "side_view")
-STILLS = ("side_view", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
+TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours")
+STILLS = ("moving_plate", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
 # What the template of a case's results writes them with.
@@ -58,7 +58,7 @@ class CasePage:
 
     case: StoredCase
     anchor: str
-    pictures: list[EmbeddedFigure]
+    pictures: list[dict[str, Any]]
     elsewhere: list[str]
     files: list[tuple[str, str]]
     seconds: dict[str, float]
@@ -67,20 +67,6 @@ class CasePage:
     overrides: list[str] = field(default_factory=list)
     drawn: bool = True
     twin: str = ""  # the anchor of a case of the same plate, whose pictures are this one's
-
-
-@dataclass(frozen=True)
-class Moving:
-    """Interactive parts of a page as JSON text ('' for none), the cells' names, and what could not be made of records.
-
-    `moves` tells whether any shape is there, so that the page needs its viewer.
-    """
-
-    shapes: Any
-    bands: Any
-    cells: list[str]
-    moves: bool
-    troubles: list[str]
 
 
 def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = False) -> Path:
@@ -97,23 +83,17 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = Fal
     compared = _without_failing(partial(gallery.draw_study, study))
     pictures = embedder.show_all(style.PICTURES, compared.pictures)
     pages = _case_pages(visible, figure_sets, embedder)
-    moving = _moving(visible, [page for page in pages if page.drawn])
+    moving, troubles = _moving(visible, [page for page in pages if page.drawn])
     path = folder / REPORT
     is_brief = any(figures.is_brief for figures in figure_sets.values())
-    shown = _page(study, pages, embedder, moving, (pictures, compared.troubles), is_brief)
+    more = {"pictures": pictures, "troubles": [*compared.troubles, *troubles], **moving}
+    shown = _page(study, pages, embedder, more, is_brief)
     store.write_atomic(path, shown.encode())
     return path
 
 
-def _page(
-    study: StoredStudy,
-    pages: list[CasePage],
-    embedder: Embedder,
-    moving: Moving,
-    compared: tuple[list[EmbeddedFigure], list[str]],
-    is_brief: bool,
-) -> str:
-    """The page's HTML; `compared` holds the pictures over the study and what could not be drawn.
+def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: dict[str, Any], is_brief: bool) -> str:
+    """The page's HTML; `more` holds the pictures over the study, its moving parts, and what could not be drawn.
 
     is_brief: some pictures were drawn of the best case alone.
     """
@@ -122,6 +102,7 @@ def _page(
         "study.html.j2",
         **SHOWN,
         **_answer(study),
+        **more,
         study=study,
         comparison=text.comparison(study),
         columns=columns,
@@ -130,8 +111,6 @@ def _page(
         program=metadata.version("antinode"),
         thesis=TITLE,
         pages=pages,
-        pictures=compared[0],
-        troubles=[*compared[1], *moving.troubles],
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
         explorer=explorer.link(study.folder),
@@ -143,10 +122,6 @@ def _page(
         plans=text.plans(study),
         repeat=shlex.join(["antinode", "run", str(study.about["name"])]) if study.about.get("name") else "",
         with_defaults=_with_defaults(study),
-        shapes=moving.shapes,
-        bands=moving.cells,
-        bands_data=moving.bands,
-        three=vendored("three.min.js") if moving.moves else "",
     )
 
 
@@ -164,28 +139,37 @@ def _answer(study: StoredStudy) -> dict[str, Any]:
     }
 
 
-def _moving(study: StoredStudy, pages: list[CasePage]) -> Moving:
-    """Mode shapes of the drawn cases and the dispersion diagrams; arrays that do not fit are told, not raised."""
+def _moving(study: StoredStudy, pages: list[CasePage]) -> tuple[dict[str, Any], list[str]]:
+    """Mode shapes of the drawn cases and the dispersion diagrams as JSON text, with the viewer that they need; arrays that do
+    not fit are told, not raised.
+    """
     best = text.best_case(study)
     stills = {page.case.case_id: f"{page.anchor}-{still}" for page in pages if (still := _still(page))}
+    cases = [page.case for page in pages if not page.twin]
     troubles: list[str] = []
-    gallery = moving_shapes.Gallery()
-    diagrams: dict[str, Any] = {"cells": [], "shapes": []}
+    plates = _fitting("moving mode shapes", partial(moving_shapes.plates, cases, best, stills), troubles)
+    diagrams = _fitting("interactive dispersion diagram", partial(moving_shapes.diagrams, study, best), troubles)
+    moves = plates["shapes"] or diagrams["shapes"]
+    parts = {
+        "shapes": script_data(plates) if plates["shapes"] else "",
+        "bands": [cell["name"] for cell in diagrams["cells"]],
+        "bands_data": script_data(diagrams),
+        "three": vendored("three.min.js") if moves else "",
+    }
+    return parts, troubles
+
+
+def _fitting(name: str, make: Callable[[], dict[str, Any]], troubles: list[str]) -> dict[str, Any]:
+    """What is made of stored arrays; nothing, and a trouble more, where they have another shape than the page draws."""
     try:
-        gallery = moving_shapes.plates([page.case for page in pages if not page.twin], best, stills)
+        return make()
     except UNFIT as error:
-        troubles.append(f"moving mode shapes: {type(error).__name__}: {error}")
-    try:
-        diagrams = moving_shapes.diagrams(study, best)
-    except UNFIT as error:
-        troubles.append(f"interactive dispersion diagram: {type(error).__name__}: {error}")
-    cells = [cell["name"] for cell in diagrams["cells"]]
-    shapes = script_data(vars(gallery)) if gallery.shapes else ""
-    return Moving(shapes, script_data(diagrams), cells, bool(gallery.shapes or diagrams["shapes"]), troubles)
+        troubles.append(f"{name}: {type(error).__name__}: {error}")
+        return {"cells": [], "shapes": []}
 
 
 def _still(page: CasePage) -> str:
-    names = {picture.name for picture in page.pictures}
+    names = {picture["name"] for picture in page.pictures}
     return next((name for name in STILLS if name in names), "")
 
 
@@ -195,7 +179,7 @@ def _of_best(study: StoredStudy, pages: list[CasePage]) -> list[tuple[str, str]]
     ordered = sorted(pages, key=lambda page: best is None or page.case.case_id != best.case_id)
     figures = []
     for name, title in OF_BEST.items():
-        page = next((page for page in ordered if any(picture.name == name for picture in page.pictures)), None)
+        page = next((page for page in ordered if any(picture["name"] == name for picture in page.pictures)), None)
         if page:
             figures.append((title, f"{page.anchor}-{name}"))
     return figures
@@ -291,7 +275,7 @@ def _case_pages(study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], e
 
 def _shown(
     study: StoredStudy, figure_sets: dict[str, gallery.FigureSet], embedder: Embedder
-) -> dict[str, list[EmbeddedFigure]]:
+) -> dict[str, list[dict[str, Any]]]:
     """The pictures that the page holds by case: all of the best one, then of each what tells most while there is room."""
     best = text.best_case(study)
     ordered = sorted(study.cases, key=lambda case: best is None or case.case_id != best.case_id)
@@ -306,7 +290,7 @@ def _shown(
         if twin := _twin(study, case):  # only what the same plate has not
             own = [name for name in drawn.get(case.case_id, {}) if name not in drawn.get(twin.case_id, {})]
             in_order = [(case, name) for name in own] + [pair for pair in in_order if pair[0] is not case]
-    by_case: dict[str, dict[str, EmbeddedFigure]] = {}
+    by_case: dict[str, dict[str, dict[str, Any]]] = {}
     cells: set[tuple[str, str]] = set()
     for case, name in in_order:
         mark = (name, next(iter(_cells_of(case)), case.case_id))
@@ -327,10 +311,10 @@ def _twin(study: StoredStudy, case: StoredCase) -> StoredCase | None:
 
 
 def _case_page(
-    case: StoredCase, index: int, figure_sets: gallery.FigureSet | None, shown: list[EmbeddedFigure], twin: str
+    case: StoredCase, index: int, figure_sets: gallery.FigureSet | None, shown: list[dict[str, Any]], twin: str
 ) -> CasePage:
     timing, stored = case.read(store.TIMING) or {}, case.read(store.INPUT)
-    names = {picture.name for picture in shown}
+    names = {picture["name"] for picture in shown}
     return CasePage(
         case=case,
         anchor=f"case-{index + 1}",

@@ -24,7 +24,6 @@ MAX_SHAPES = 16  # of plates in a page
 MIN_OF_BEST = 4
 MAX_POINTS = 9000  # of a surface as sent; a quarter is sent where the others are its mirror images
 FULL = 32767
-SAME = 1e-5  # of the largest: mirror images within rounding of the stored singles
 QUARTER = ((1, 1), (-1, 1), (1, -1), (-1, -1))
 
 
@@ -79,7 +78,7 @@ def _short(values: Iterable[float]) -> list[float]:
     return [float(f"{value:.7g}") for value in values]
 
 
-def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> Gallery:
+def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> dict[str, Any]:
     """Shapes of the best confined case, and the wanted ones of the others; `stills` holds a picture's id for each case."""
     gallery = Gallery()
     ordered = sorted(cases, key=lambda case: best is None or case.case_id != best.case_id)
@@ -90,7 +89,7 @@ def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[st
         others = len(ordered) - 1 - place
         most = max(MIN_OF_BEST, left - others) if place == 0 else 1
         _add_plate(gallery, case, most, stills.get(case.case_id, ""))
-    return gallery
+    return vars(gallery)
 
 
 def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> None:
@@ -98,17 +97,15 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
     facets = skin_faces(arrays, "surface")
     if design is None or facets is None or "surface_u" not in arrays:
         return
-    u = np.asarray(arrays["surface_u"][:most], dtype=float)
-    points = np.asarray(arrays["surface_points"], dtype=float)
-    points, facets, u, signs = quarter(points, facets, u)
+    points, facets, u, copies = quarter(arrays, facets, most)
     facets = with_sides(points, facets, design.thickness_m)
     kept, small = coarse(points, facets, MAX_POINTS)
     tallest = design.pillar.top_m if design.pillar else design.thickness_m
     body = gallery.add_body(points[kept], small, 0.4 * tallest)
     tones = arrays.get("surface_frequency_hz", np.full(len(u), np.nan))
-    for number, (shape, sign) in enumerate(zip(u, signs, strict=True)):
+    for number, (shape, images) in enumerate(zip(u, copies, strict=True)):
         words = _words(case, float(tones[number]), number == 0) | {"still": still}
-        gallery.add_shape(body, shape[kept], words, _images(sign))
+        gallery.add_shape(body, shape[kept], words, images)
 
 
 def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
@@ -127,43 +124,24 @@ def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str
 
 
 def quarter(
-    points: FloatArray, facets: IntArray, u: FloatArray
-) -> tuple[FloatArray, IntArray, FloatArray, list[tuple[int, int] | None]]:
-    """The first quarter of an unfolded surface and each shape's signs under the mirrors of x and y; else all, None.
-
-    points (p, 3), facets, u (k, p, 3). A mirrored shape is sign * flip(u): only what is so within rounding is left out.
+    arrays: dict[str, Any], facets: IntArray, most: int
+) -> tuple[FloatArray, IntArray, FloatArray, list[list[dict[str, Any]]]]:
+    """The quarter that an unfolded surface begins with, its first shapes, and the copies that make up each of them whole: how
+    each copy is mirrored, and the sign of its displacement. A surface without mirrors is its own copy.
     """
+    points, u = (np.asarray(arrays[f"surface_{name}"], dtype=float) for name in ("points", "u"))
+    u, symmetries = u[:most], arrays.get("surface_symmetry", [""] * most)[:most]
+    if not all(symmetries):
+        return points, facets, u, [[{"flip": [1, 1, 1], "parity": 1}]] * len(u)
     count = len(points) // 4
-    whole: list[tuple[int, int] | None] = [None] * len(u)
-    first = facets[(facets < count).all(axis=1)]
-    if len(points) != 4 * count or 4 * len(first) != len(facets):
-        return points, facets, u, whole
-    size = np.abs(points).max()
-    for image, flip in enumerate(QUARTER):
-        block = points[image * count : (image + 1) * count]
-        if np.abs(block - points[:count] * (*flip, 1)).max() > SAME * size:
-            return points, facets, u, whole
-    signs = [_signs(shape, count) for shape in u]
-    return (points, facets, u, whole) if None in signs else (points[:count], first, u[:, :count], signs)
+    return points[:count], facets[(facets < count).all(axis=1)], u[:, :count], list(map(_images, symmetries))
 
 
-def _signs(shape: FloatArray, count: int) -> tuple[int, int] | None:
-    blocks, limit = shape.reshape(4, count, 3), SAME * np.abs(shape).max()
-    for sign in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
-        images = [
-            (sign[0] if flip[0] < 0 else 1) * (sign[1] if flip[1] < 0 else 1) * np.array([*flip, 1]) for flip in QUARTER
-        ]
-        if all(np.abs(block - image * blocks[0]).max() <= limit for block, image in zip(blocks, images, strict=True)):
-            return sign
-    return None
-
-
-def _images(sign: tuple[int, int] | None) -> list[dict[str, Any]]:
-    """The copies that make up the whole plate: how each is mirrored, and the sign of its displacement."""
-    if sign is None:
-        return [{"flip": [1, 1, 1], "parity": 1}]
+def _images(symmetry: str) -> list[dict[str, Any]]:
+    """The four copies of a quarter under the mirrors of x and y: u_z is symmetric (S) or antisymmetric (A) under each."""
+    odd = [letter == "A" for letter in symmetry]
     return [
-        {"flip": [*flip, 1], "parity": (sign[0] if flip[0] < 0 else 1) * (sign[1] if flip[1] < 0 else 1)}
+        {"flip": [*flip, 1], "parity": -1 if (odd[0] and flip[0] < 0) != (odd[1] and flip[1] < 0) else 1}
         for flip in QUARTER
     ]
 

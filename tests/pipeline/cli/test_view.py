@@ -117,7 +117,7 @@ def test_a_moving_shape_is_drawn_into_a_file_without_a_window(
     assert outcome(capsys, "rows", "--off-screen", str(tmp_path / "a.jpg")) == (
         2, [f"antinode: --off-screen = {tmp_path / 'a.jpg'}: must end in .png or .gif"])  # fmt: skip
     with monkeypatch.context() as broken:
-        broken.setattr(rendering, "run_child", lambda module, folder: "no graphics library")
+        broken.setattr(rendering, "drawn_apart", lambda draw, *given: ([], "no graphics library"))
         code, lines = outcome(capsys, "rows", "--off-screen", str(tmp_path / "a.gif"))
         assert code == 5 and "no graphics library" in lines[0] and not (tmp_path / "a.gif").exists()
     code = main.main(["view", "rows", "--off-screen", str(tmp_path / "a.gif")])

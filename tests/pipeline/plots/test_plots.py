@@ -50,8 +50,6 @@ def test_units_on_every_axis(case: StoredCase):
     with style.style():
         report_figures = [
             fields.touch_face(case, arrays),
-            fields.side_view(case, arrays),
-            fields.pillars_in_plane(case, arrays),
             plots_fields.mode_on_both_meshes(case, arrays),
             dispersion_picture.dispersion(case, arrays),
         ]
@@ -111,27 +109,20 @@ def test_the_path_is_drawn_to_scale():
     assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
 
 
-def test_the_side_view_states_its_factor_truly(case: StoredCase):
+def test_the_moving_plate_states_its_factor_truly(case: StoredCase, by_hand):
     arrays, design = case.arrays(), case.record.design
-    report_figure = fields.side_view(case, arrays)
-    text = float(report_figure.title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
+    drawn = {each.name: each for each in rendering.report_figures(case, arrays)}
+    text = float(drawn["moving_plate"].title.split("drawn ")[1].split(" times")[0].replace("\u202f", ""))
     largest = np.abs(arrays["surface_u"][0]).max() / plots_fields.zone_peak(arrays, design) * 1e-6
-    displacement_m = largest * text
-    limit = fields.DRAWN_SHARE * design.pillar.height_m
-    assert limit / 2.5 < displacement_m <= limit  # the largest of 1, 2, 5 that fits
-    tips = report_figure.figure.axes[0].collections[1].get_paths()
-    reach = max(np.abs(path.vertices[:, 0]).max() for path in tips) / 1e3
-    foot = max(abs(y) for _, y in design.pillar_centres_m) + design.pillar.base_m / 2
-    assert abs(reach - foot) < displacement_m * 1.01
-
-
-def test_tips_are_found_pillar_by_pillar(case: StoredCase):
-    arrays, design = case.arrays(), case.record.design
-    pillars = plots_fields.find_pillars(arrays, design)
-    assert len(pillars.centres) == 2 * 2 * 29
-    tips = arrays["surface_points"][pillars.tips, :2]
-    assert np.abs(tips - pillars.centres[pillars.tip_owner]).max() <= design.pillar.base_m / 2 * 1.001
-    assert np.bincount(pillars.tip_owner).min() > 0
+    limit = rendering.DRAWN_SHARE * design.pillar.height_m
+    assert limit / 2.5 < largest * text <= limit  # the largest of 1, 2, 5 that fits
+    surfaces = rendering._surfaces(case, arrays, text)
+    assert np.abs(surfaces["mode"].points - surfaces["geometry"].points).max() == pytest.approx(largest * text)
+    level = surfaces["mode"].values
+    assert 0.0 <= level.min() < 0.2 and 0.8 < level.max() <= 1.0  # of the signed scale
+    assert "(no unit)" in labels(drawn["moving_plate"].figure) and "(no unit)" in labels(
+        drawn["pillars_in_plane"].figure
+    )
 
 
 def test_face_quality_by_hand():
@@ -221,31 +212,16 @@ def test_a_bare_plate_has_its_pictures(tmp_path: Path, by_hand):
     case = StoredCase(tmp_path, synthetic.record("bare-plate", {}, shape, 3.0))
     names = [
         report_figure.name
-        for report_figure in (fields.touch_face(case, arrays), fields.side_view(case, arrays))
+        for report_figure in (fields.touch_face(case, arrays), *rendering.report_figures(case, arrays))
         if report_figure
     ]
-    assert names == ["touch_face", "side_view"] and fields.pillars_in_plane(case, arrays) is None
+    assert "touch_face" in names and "moving_plate" in names and "pillars_in_plane" not in names
 
 
 def test_nice_below():
-    assert [plots_fields.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
+    assert [rendering.nice_below(value) for value in (1.0, 1.99, 2.0, 4.9, 5.0, 9.99, 0.07)] == pytest.approx(
         [1, 1, 2, 2, 5, 5, 0.05]
     )
-
-
-@pytest.mark.parametrize("axis", [0, 1])
-def test_a_linear_field_is_cut_exactly_even_through_cells_stored_twice(axis: int):
-    rng = np.random.default_rng(3)
-    xy, quads = synthetic.grid(np.linspace(-1, 1, 9), np.linspace(-1, 1, 7))
-    inner = np.abs(xy).max(axis=1) < 1
-    xy[inner] += rng.uniform(-0.05, 0.05, (inner.sum(), 2))
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    twice = np.concatenate([triangles, triangles + len(xy)])
-    xy = np.concatenate([xy, xy])
-    arrays = {"touch_xy": xy, "touch_triangles": twice, "touch_uz": (2 * xy[:, 0] - 3 * xy[:, 1] + 1)[None]}
-    line = np.linspace(-1, 1, 33)
-    result = fields._along(arrays, line, (axis, 0.3))
-    np.testing.assert_allclose(result, 2 * line - 3 * 0.3 + 1 if axis == 0 else 2 * 0.3 - 3 * line + 1, atol=1e-12)
 
 
 @pytest.mark.parametrize("corners", [3, 4])

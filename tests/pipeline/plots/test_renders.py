@@ -1,6 +1,5 @@
 import ctypes
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,11 +26,11 @@ def test_by_pyvista_or_with_the_reason_why_not():
     assert images[1].astype(int).std(axis=2).max() > 20  # colours, not greys
 
 
-def crash(folder: Path) -> None:
+def crash(surfaces: list[Surface]) -> None:
     ctypes.string_at(0)
 
 
-def doze(folder: Path) -> None:
+def doze(surfaces: list[Surface]) -> None:
     time.sleep(60.0)
 
 
@@ -39,7 +38,7 @@ def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pyte
     monkeypatch.setattr(rendering, "_draw_all", crash)
     images, fault = rendering.render([PLAIN])
     assert "SIGSEGV" in fault and rendering.image_fault(images[0]) == ""
-    monkeypatch.setattr(rendering, "_drawn_apart", None)
+    monkeypatch.setattr(rendering, "drawn_apart", None)
     assert rendering.render([PLAIN])[1] == fault  # not tried again
 
 
@@ -50,14 +49,12 @@ def test_pictures_are_drawn_by_one_kept_child():
     assert first and rendering._child()._processes == first
 
 
+def blank(surfaces: list[Surface]) -> list[np.ndarray]:
+    return [np.full((80, 100, 3), 255, dtype=np.uint8)]
+
+
 def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
-    def blank(folder: Path) -> str:
-        from PIL import Image
-
-        Image.new("RGB", (100, 80), "white").save(folder / "0.png")
-        return ""
-
-    monkeypatch.setattr(rendering, "_drawn_apart", blank)
+    monkeypatch.setattr(rendering, "_draw_all", blank)
     images, fault = rendering.render([PLAIN])
     assert "empty" in fault and rendering.image_fault(images[0]) == ""
 
@@ -72,7 +69,6 @@ def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_image_faults():
-    assert "cannot be read" in rendering.image_fault(None)
     assert "empty" in rendering.image_fault(np.full((9, 9, 3), 255, dtype=np.uint8))
     assert "empty" in rendering.image_fault(np.zeros((9, 9, 3), dtype=np.uint8))
 

@@ -72,22 +72,24 @@ def unfolded(symmetry: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return skin.points, skin.facets, skin.displacement
 
 
-@pytest.mark.parametrize(("symmetry", "signs"), [("SS", (1, 1)), ("AS", (-1, 1)), ("SA", (1, -1)), ("AA", (-1, -1))])
-def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str, signs: tuple[int, int]) -> None:
+@pytest.mark.parametrize("symmetry", ["SS", "AS", "SA", "AA"])
+def test_an_unfolded_skin_is_sent_as_its_quarter_and_drawn_whole(symmetry: str) -> None:
     points, facets, u = unfolded(symmetry)
-    first, few, small, result = shapes.quarter(points, facets, u)
-    assert result == [signs] and 4 * len(first) == len(points) and 4 * len(few) == len(facets)
-    images = shapes._images(result[0])
-    mirrored = np.concatenate([first * image["flip"] for image in images])
-    moved = np.concatenate([image["parity"] * small[0] * image["flip"] for image in images])
+    arrays = {"surface_points": points, "surface_u": u, "surface_symmetry": np.array([symmetry])}
+    first, few, small, copies = shapes.quarter(arrays, facets, 4)
+    assert 4 * len(first) == len(points) and 4 * len(few) == len(facets) and len(copies) == 1
+    mirrored = np.concatenate([first * image["flip"] for image in copies[0]])
+    moved = np.concatenate([image["parity"] * small[0] * image["flip"] for image in copies[0]])
     np.testing.assert_allclose(mirrored, points)
     np.testing.assert_allclose(moved, u[0])
 
 
-def test_a_shape_without_mirrors_is_sent_whole() -> None:
+@pytest.mark.parametrize("symmetry", [{}, {"surface_symmetry": np.array([""])}])
+def test_a_shape_without_mirrors_is_sent_whole(symmetry: dict[str, np.ndarray]) -> None:
     points, facets, u = unfolded("SS")
-    u[0, 5, 2] += 1e-3
-    assert shapes.quarter(points, facets, u)[3] == [None]
+    first, few, small, copies = shapes.quarter({"surface_points": points, "surface_u": u} | symmetry, facets, 4)
+    assert few is facets and first.shape == points.shape and small.shape == u.shape
+    assert copies == [[{"flip": [1, 1, 1], "parity": 1}]]
 
 
 def unpacked(text: str, columns: int, kind: str) -> np.ndarray:
@@ -118,11 +120,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes(study: Path) -> None:
     cases = [case for case in read_study(study).cases if case.record.status == "OK"]
-    gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-side_view"})
-    assert [shape["group"] for shape in gallery.shapes].count(cases[0].case_id) == 1
-    assert gallery.shapes[0]["group"] == cases[1].case_id and "wanted" in gallery.shapes[0]["name"]
-    assert gallery.shapes[0]["still"] == "case-2-side_view" and "16.0 dB" in gallery.shapes[0]["about"]
-    assert len(gallery.shapes) <= shapes.MAX_SHAPES
+    gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-moving_plate"})
+    assert [shape["group"] for shape in gallery["shapes"]].count(cases[0].case_id) == 1
+    assert gallery["shapes"][0]["group"] == cases[1].case_id and "wanted" in gallery["shapes"][0]["name"]
+    assert gallery["shapes"][0]["still"] == "case-2-moving_plate" and "16.0 dB" in gallery["shapes"][0]["about"]
+    assert len(gallery["shapes"]) <= shapes.MAX_SHAPES
 
 
 def test_a_long_study_stays_light(study: Path) -> None:
@@ -130,7 +132,7 @@ def test_a_long_study_stays_light(study: Path) -> None:
     names = [f"c{number}" for number in range(30)]
     many = [replace(case, record=case.record.model_copy(update={"case_id": name})) for name in names]
     gallery = shapes.plates(many, many[7], {})
-    assert len(gallery.shapes) == shapes.MAX_SHAPES and gallery.shapes[0]["group"] == "c7"
+    assert len(gallery["shapes"]) == shapes.MAX_SHAPES and gallery["shapes"][0]["group"] == "c7"
 
 
 def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
@@ -156,4 +158,4 @@ def test_torn_arrays_leave_the_others_shapes(study: Path, tmp_path: Path) -> Non
     (copy / "pitch_mm=4,rows=2" / store.ARRAYS).write_bytes(b"PK torn")
     cases = [case for case in read_study(copy).cases if case.record.status == "OK"]
     gallery = shapes.plates(cases, cases[1], {})
-    assert {shape["group"] for shape in gallery.shapes} == {"pitch_mm=4,rows=1"}
+    assert {shape["group"] for shape in gallery["shapes"]} == {"pitch_mm=4,rows=1"}
