@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import atan2, floor
+from math import atan2, floor, inf
 from typing import Literal
 
 import numpy as np
@@ -277,6 +277,14 @@ class Design:
     def footprint_m(self) -> float:
         """Largest extent of the widest pillar's foot and heavy tip, 0 without pillars, m."""
         return max((pillar.widest_m for pillar in self.kinds), default=0.0) if self.row_pillars else 0.0
+
+    @property
+    def foot_room_m(self) -> float:
+        """Least distance of a foot, its fillet with it, from the sides of its panel, m; infinite without pillars."""
+        width = self.pitch_x_m / (1 + self.is_staggered)
+        rows = (self.of_row(row) for row in range(self.rows)) if self.rows else (self,)
+        feet = ((row.pillar.reach_m, row.pitch_y_m) for row in rows if row.pillar)
+        return min((min(width - x, pitch - y) / 2.0 for (x, y), pitch in feet), default=inf)
 
     @property
     def half_span_m(self) -> float:

@@ -22,7 +22,7 @@ from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
-from pipeline.planning.refinement import MARGIN, on_finer_meshes
+from pipeline.planning.refinement import MARGIN, ErrorEstimate, on_finer_meshes, refine_reduction, refused
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
@@ -138,6 +138,7 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
 AnyCell = TypeVar("AnyCell", WholeCell, "StaggeredCell")
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
+MAX_RAISES = 4  # of a reduction's degrees, at most
 MAX_POINTS = 500
 MAX_BANDS = 12
 
@@ -335,7 +336,9 @@ class StaggeredCell:
 
 
 def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell, Bar]:
-    """The cell of staggered rows on the first mesh that meets the accuracy at the path's corners, its choice and bar."""
+    """The cell of staggered rows, reduced as finely and on the first mesh that meets the accuracy at the path's corners; its
+    choice and bar.
+    """
 
     def joined(choice: ModelChoice) -> StaggeredCell:
         assert choice.reduction
@@ -348,24 +351,42 @@ def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tup
 def _fine_enough(
     case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
 ) -> tuple[ModelChoice, AnyCell, Bar]:
-    """The cell on the first mesh whose bars at the path's corners meet the accuracy, or on the finest that memory holds; with
-    the half-widths of those bars, by the mesh (None: unknown) and by truncation, relative.
+    """The cell with the first reduction and on the first mesh whose bars at the path's corners meet the accuracy, or on the
+    finest that memory holds; with the half-widths of those bars, by the mesh (None: unknown) and by truncation, relative.
     """
     corners = path.wavevectors[[segment.last for segment in path.segments]]
 
-    def on_mesh(choice: ModelChoice) -> tuple[AnyCell, Bar]:
+    def solved(choice: ModelChoice) -> tuple[AnyCell, list[ModeErrors]]:
         cell = build(choice)
-        with log.step("error of the mesh at the path's corners"):
-            _, estimates = _each_once(corners, case.bands.count, cell.solve)
-        truncated = MARGIN * max(float(each.total.max()) for each in estimates)
-        return cell, (largest(np.concatenate([each.mesh for each in estimates])), truncated)
+        with log.step("errors at the path's corners"):
+            return cell, _each_once(corners, case.bands.count, cell.solve)[1]
 
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
 
-    first = choice, on_mesh(choice)
-    choice, (cell, bar) = on_finer_meshes(first, lambda built: built[1], on_mesh, demand, case, log)
-    return choice, cell, bar
+    first = choice, solved(choice)
+    for _ in range(MAX_RAISES):
+        finer = refine_reduction(first[0], _worst(first[1][1]), case, log, "a band")
+        if finer is None or not foresight.fits(demand(finer), log):
+            break
+        with refused(log):
+            first = finer, solved(finer)
+        if first[0] is not finer:
+            break
+    choice, (cell, errors) = on_finer_meshes(first, lambda built: _widest(built[1]), solved, demand, case, log)
+    return choice, cell, _widest(errors)
+
+
+def _worst(errors: list[ModeErrors]) -> ErrorEstimate:
+    """What truncations may put any of the waves off by, each at most."""
+    parts = (max(float(getattr(each, name).max()) for each in errors) for name in ("modes", "degrees", "through"))
+    return ErrorEstimate(max(float(each.total.max()) for each in errors), *parts)
+
+
+def _widest(errors: list[ModeErrors]) -> Bar:
+    """Half-widths of the waves' bars at most, by the mesh and by truncation."""
+    truncated = MARGIN * max(float(each.total.max()) for each in errors)
+    return largest(np.concatenate([each.mesh for each in errors])), truncated
 
 
 def _sampled(

@@ -175,7 +175,9 @@ class _Pilot:
 
     def __init__(self, design: Design, count: int) -> None:
         self.design, self.count = design, count
-        self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m)
+        self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m) or mesh_rules.is_tight(
+            design
+        )
         self._whole: Lattice | None = None
         self._top_hz = 0.0
 

@@ -171,7 +171,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
 def _modes_end_hz(case: Case, high_hz: float) -> float:
     """No fixed-interface mode above it is worth its place; infinity where no pillar has modes below the plate's.
 
-    The cell of two staggered rows has no estimate of what it leaves out: it keeps as many as a plate's panels do.
+    Panels of staggered rows keep as many as a plate's do.
     """
     design = case.design
     if design.pillar is None:

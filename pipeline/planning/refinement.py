@@ -87,8 +87,10 @@ class ErrorEstimate:
         return self.modes + self.degrees + self.through
 
 
-def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log) -> ModelChoice | None:
-    """Refine the reduction where its estimates for the wanted mode exceed the accuracy; None where they do not."""
+def refine_reduction(
+    choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log, what: str = "the wanted mode"
+) -> ModelChoice | None:
+    """Refine the reduction where its estimates for `what` exceed the accuracy; None where they do not."""
     total, accuracy = MARGIN * estimate.total, case.solve.accuracy
     if choice.reduction is None or total <= accuracy:
         return None
@@ -98,7 +100,7 @@ def refine_reduction(choice: ModelChoice, estimate: ErrorEstimate, case: Case, l
         finer = higher_through(finer) if is_thick else higher_degree(finer)
     finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
-        f"the reduction may put the wanted mode {percent(total)} too high, {percent(accuracy)} wanted: "
+        f"the reduction may put {what} {percent(total)} too high, {percent(accuracy)} wanted: "
         f"{describe_change(choice.reduction, finer)}"
     )
     return replace(choice, reduction=finer, hexahedra=choice.hexahedra and finer.hexahedra)

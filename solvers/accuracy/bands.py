@@ -17,7 +17,7 @@ import numpy as np
 
 from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.accuracy.mesh import shares_of
-from solvers.accuracy.plate import ModeErrors, mode_errors
+from solvers.accuracy.plate import ModeErrors, by_degrees, last_degree, mode_errors
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.lattice import Lattice, Waves
 from solvers.superelement.periodic import Periodic
@@ -29,6 +29,9 @@ HIDDEN, BEYOND = 0.3, 0.02
 SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5
 LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
 SLIGHT = 1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
+# of what the degree before the last brought: the next one of its parity brought a quarter to a third of it, and a wave that is
+# even or odd along the sides hides one of both
+OTHER_PARITY = 0.5
 STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
 
 
@@ -164,8 +167,11 @@ def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatAr
     plate = row.at(wavevector)
     tones, waves = plate.waves(count)
     moving, errors_of = tones > STILL * tones[-1], np.zeros((5, len(tones)))
-    errors = mode_errors(plate, plate.pencil(), waves[:, moving], rims=1.0)
-    errors_of[:, moving] = errors.modes, errors.degrees, errors.through, errors.taken, errors.mesh
+    pencil, dofs = plate.pencil(), waves[:, moving]
+    errors = mode_errors(plate, pencil, dofs, rims=1.0)
+    before = OTHER_PARITY * by_degrees(pencil, dofs, last_degree(plate, before=1))
+    degrees = np.maximum(errors.degrees, before)
+    errors_of[:, moving] = errors.modes, degrees, errors.through, errors.taken, errors.mesh
     return tones, ModeErrors(*errors_of)
 
 

@@ -167,6 +167,10 @@ def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexA
     stiffness, mass = (sp.csr_array(matrix)[fresh] for matrix in (pencil.stiffness, pencil.mass))
     force = stiffness[:, place] @ vectors - (mass[:, place] @ vectors) * value
     own = sp.csc_array((stiffness - value.max() * mass)[:, fresh])
+    if np.iscomplexobj(own):  # of one period alone, hence small
+        values, turn = np.linalg.eigh(own.toarray())
+        answer = turn @ ((turn.conj().T @ force) / values[:, None])
+        return np.full_like(value, np.inf) if values[0] <= 0.0 else _energy(force, answer) / (2.0 * value)
     factor = Factoriser()(own)
     if factor.negative:
         return np.full_like(value, np.inf)
@@ -194,16 +198,14 @@ def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
     return chosen
 
 
-def last_degree(plate: Joined) -> BoolArray:
-    """Which of the plate's degrees of freedom are the bubbles of the highest degree, (dof,)."""
-    return _dofs(plate, last_bubbles)
+def last_degree(plate: Joined, before: int = 0) -> BoolArray:
+    """Which of the plate's degrees of freedom are the bubbles of the highest degree, or of one so far before it, (dof,)."""
+    return _dofs(plate, lambda cell: last_bubbles(cell, before))
 
 
-def last_bubbles(cell: Cell) -> IntArray:
-    """The bubbles of the highest degree on the four sides."""
-    face = cell.interface
-    first = face.side_block - 3 * face.layers
-    return np.concatenate([face.side(index)[first:] for index in range(4)])
+def last_bubbles(cell: Cell, before: int = 0) -> IntArray:
+    """The bubbles of the highest degree on the four sides, or of one so far before it."""
+    return np.flatnonzero(cell.interface.along_side == cell.interface.along - before)
 
 
 def last_layer(cell: Cell) -> IntArray:

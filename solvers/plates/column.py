@@ -110,13 +110,14 @@ def mode_errors(
     """Estimate the errors of M-orthonormal modes (dof, k) of a column and its K and M with scaled eigenvalues (k,).
 
     What they lose by discarded fixed-interface modes is l u^H D u / 2, D the residual flexibility; what the last degree on the
-    sides brought bounds the next ones.
+    sides brought bounds the next ones, as that through the thickness does where cells know further ones.
     """
     with np.errstate(invalid="ignore"):
         modes = by_modes(column, value, vectors)
     modes = np.nan_to_num(modes, nan=np.inf, posinf=np.inf)
     along, layer = (_brought(column, pencil, value, vectors, part) for part in (last_bubbles, last_layer))
-    return ModeErrors(modes, along, EDGE_LAYER * layer, *by_mesh(column, value, vectors, 1.0))
+    through = layer if any(place.cell.further for place in column.placed_cells) else EDGE_LAYER * layer
+    return ModeErrors(modes, along, through, *by_mesh(column, value, vectors, 1.0))
 
 
 def _brought(

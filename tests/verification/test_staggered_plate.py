@@ -24,6 +24,7 @@ from pipeline.planning.model_choice import Request
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
+from solvers.accuracy.plate import MARGIN
 from solvers.superelement.interface import Interface
 from solvers.superelement.periodic import Periodic
 from solvers.waves.complex_bands import Row, chain
@@ -133,8 +134,25 @@ def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
 def coarse() -> StaggeredCell:
     design = case_of().design
     settings = HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
-    reduction = replace(lattice_reduction(design, 0.02), interface=Interface(4, 2), hexahedra=settings)
+    reduction = replace(lattice_reduction(design, 0.02), interface=Interface(4, 2), hexahedra=settings, further=0)
     return StaggeredCell.of(design, reduction)
+
+
+@pytest.mark.parametrize("along", [4, 5])
+def test_bars_hold_what_further_degrees_bring(along: int) -> None:
+    """On one mesh, along the sides and through the thickness: feet stand 0.2 mm from the sides of panels 2 mm thick.
+
+    A wave that is even or odd along the sides needs every second degree alone: the fourth brings one wave at X a fifth of
+    what the fifth brings.
+    """
+    design, edge = case_of().design, np.pi / 4e-3 * np.array([1.0, 0.0])
+    settings = HexSettings(3, 4e-3, 0, pillar_size_m=5e-3, through=2)
+    first = replace(lattice_reduction(design, 0.02), interface=Interface(along, 3), hexahedra=settings)
+    own, errors = StaggeredCell.of(design, first).solve(edge, 6)
+    finer, _ = StaggeredCell.of(design, replace(first, interface=Interface(7, 5), further=0)).solve(edge, 6)
+    left = own * (1.0 - errors.taken) / finer - 1.0
+    assert first.further and left.max() > 1e-3
+    assert (left <= MARGIN * errors.total).all() and (MARGIN * errors.total <= 12.0 * left).all()
 
 
 GENERIC = np.array([200.0, 150.0])
