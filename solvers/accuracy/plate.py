@@ -170,7 +170,7 @@ def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexA
     if np.iscomplexobj(own):  # of one period alone, hence small
         values, turn = np.linalg.eigh(own.toarray())
         answer = turn @ ((turn.conj().T @ force) / values[:, None])
-        return np.full_like(value, np.inf) if values[0] <= 0.0 else _energy(force, answer) / (2.0 * value)
+        return np.full_like(value, np.inf) if values[0] <= 0.0 else energy(force, answer) / (2.0 * value)
     factor = Factoriser()(own)
     if factor.negative:
         return np.full_like(value, np.inf)
