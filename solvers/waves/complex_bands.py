@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache, reduce
 import numpy as np
 from scipy.linalg import eig, lu_factor, lu_solve
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell, ResidualModes
 from solvers.superelement.periodic import Periodic
@@ -142,7 +142,7 @@ class Row:
         factor, edge, force, flux = _upwards(factor, edge, force, flux, decaying, stiffness, self.mirror_sign)
         motion = np.vstack([edge, edge * factor])
         dofs = self.transform @ np.vstack([motion, follow @ motion])
-        order = np.argsort(-np.abs(factor), kind="stable")
+        order = _least_decay_first(factor)
         pitch_m = float(self.periodic.vectors_m[1, 1])
         return RowWaves(factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], pitch_m, stiffness)
 
@@ -151,6 +151,14 @@ class Row:
         size = np.abs(d.bb).max()
         same = np.abs(sign[:, None] * d.bb * sign - d.tt).max() + np.abs(sign[:, None] * d.bt * sign - d.tb).max()
         return bool(same < MIRROR * size)
+
+
+def _least_decay_first(factor: ComplexArray) -> IntArray:
+    """The order of waves of factors (n,) by their decay; those that decay alike, as pairs k, -k* do, by their phase."""
+    decay = -np.log(np.maximum(np.abs(factor), TINY))
+    order = np.argsort(decay, kind="stable")
+    alike = np.cumsum(np.diff(decay[order], prepend=decay[order[0]]) > PROPAGATING)
+    return np.asarray(order[np.lexsort((-np.angle(factor[order]), alike))])
 
 
 class KeptRow(Row):

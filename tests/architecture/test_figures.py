@@ -31,7 +31,7 @@ FREE = {  # files, and why digits are fixed there
     "pipeline/report/shapes.py": "places of a drawing; a group speed has no bar",
     "pipeline/report/templates/dispersion.js": "ticks and places of a drawing, wavevectors as given",
     "pipeline/report/templates/shapes.js": "how far a drawing exaggerates",
-    "pipeline/plots/fields.py": "how far a drawing exaggerates",
+    "pipeline/plots/rendering.py": "how far a drawing exaggerates",
     "pipeline/report/html.py": "values of a script, which alone knows their bars",
     "pipeline/records/tables.py": "ten digits of a file, far below any bar",
     "pipeline/exchange/calculix.py": "a file of another program",
