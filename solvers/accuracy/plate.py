@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,8 +26,10 @@ from solvers.accuracy.mesh import shares_of, smooth_half_width
 from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.superelement.cell import Cell
-from solvers.superelement.periodic import BlochPlate
 from solvers.superelement.plate import AssembledPlate
+
+if TYPE_CHECKING:
+    from solvers.superelement.periodic import BlochPlate
 
 # of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
 # ten bands of a lattice do, and bend its bare panels in shorter waves. Of ten plates of seed 7 of `python -m
@@ -73,7 +75,7 @@ class Assembly(Protocol):
     def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any: ...
 
 
-Joined = AssembledPlate | BlochPlate  # their degrees of freedom are their cells' own
+Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are their cells' own
 
 
 def mode_errors(

@@ -34,7 +34,7 @@ GOOD = {
     "active_dq": "steps: int = len(plate.active_dq(settling_time_s=2e-3).steps)",
     "hybrid": 'volts: list[float] = plate.hybrid(points=3, alpha=0.1).method("both").volts_per_um',
     "touch": "loads: list[float] = [each.finger_m for each in plate.touch((33.0, 36.0), mapped=False).states]",
-    "travel": "crests: float | None = plate.travel((28.0, 36.0), others=0.1).crest_mm_s",
+    "travel": "crests: float | None = plate.travel((28.0, 36.0), others=0.1).travel_crest_mm_s",
     "played_travel": "ratio: float = plate.played_travel().twr",
 }
 SWEPT = (

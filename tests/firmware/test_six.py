@@ -402,11 +402,11 @@ def test_pattern_over_the_line_on_the_emulated_board(make_six, core) -> None:
 
     board = make_six(table(matrix=seen_matrix()))
     client = Client(EmulatedPort(board))
-    assert client.request(Kind.IDENTITY)[:4] == bytes([3, 6, 1, 1])
+    assert client.request(Kind.IDENTITY, parsed=bytes)[:4] == bytes([3, 6, 1, 1])
     client.request(Kind.START, struct.pack("<If", 1, 0.15))
     for _ in range(2):
         board.run(0.2)
-        client.request(Kind.STATUS)
+        client.status()
     assert board.driving and board.state == RUN
     assert np.abs(board.measured - 0.15 * np.array(PATTERNS[1].targets)).max() < 0.005
     status = client.status()
@@ -508,7 +508,7 @@ def test_a_table_goes_up_and_is_used(make_six) -> None:
     client.upload(other)
     assert bytes(board.sector[: len(other)]) == other and board.resets == 0
     assert set(board.stalls) == {False}
-    client.request(Kind.STATUS)
+    client.status()
     assert board.app.shape.frequency_hz == 2600.0 and board.state == IDLE and not board.app.identified
 
 

@@ -16,13 +16,13 @@ class MassResult(Result, axes=("strip",)):
     mass_g: list[float] = column("mass of the strip", "g", along="strip")
 
     @figure("mass beneath the zone", "g")
-    def total_g(self) -> float:
+    def mass_total_g(self) -> float:
         """Mass of all strips."""
         return float(sum(self.mass_g))
 
     def lines(self) -> Iterator[str]:
         """Yield the total."""
-        yield f"{self.total_g:.3f} g beneath the zone"
+        yield f"{self.mass_total_g:.3f} g beneath the zone"
 
     def draw(self, ax: Any) -> None:
         """Draw the mass of each strip."""

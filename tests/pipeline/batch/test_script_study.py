@@ -33,7 +33,7 @@ def test_cases_of_the_extremes_have_their_own_folders_and_the_hash_of_their_sour
     assert study is not None and study.name == "mine"
     jobs = script_study.jobs_of(study)
     assert len({job.case_id for job in jobs}) == len(jobs) > 50
-    assert set(jobs[0].payload["sources"]) >= {"extremes", "scenes"}
+    assert set(jobs[0].payload["sources"]) >= {"extremes", "ladder"}
 
 
 def test_a_page_escapes_and_holds_what_its_tables_hold(tmp_path: Path) -> None:

@@ -144,7 +144,8 @@ class Plank(PillarShape):
 register(Plank)
 
 from geometry.cad.solids import pillar_solid
-from geometry.hex.boxes import HexSettings, hex_mesh, pillar_boxes
+from geometry.hex.boxes import hex_mesh, pillar_boxes
+from geometry.hex.scenes import HexSettings
 from geometry.mesh import check_mesh
 from pipeline.case.model import load_case
 from pipeline.cli.main import main

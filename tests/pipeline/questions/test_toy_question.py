@@ -66,7 +66,7 @@ def test_it_is_a_method_with_signature_documentation_and_limits(toy: ModuleType)
     method = plate.mass  # type: ignore[attr-defined]
     assert inspect.signature(method).parameters["strips"].default == 4
     assert "Parameters\n----------\nstrips\n    number of strips." in method.__doc__ and "mass" in dir(plate)
-    assert method(strips=2).total_g == pytest.approx(grams())
+    assert method(strips=2).mass_total_g == pytest.approx(grams())
     for wrong in (2.5, "3", None, [1]):
         with pytest.raises(antinode.InputError, match="a whole number"):
             method(strips=wrong)
