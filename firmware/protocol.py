@@ -206,6 +206,16 @@ class SixStatus(Status):
     sensors: Annotated[list[complex], "<c8", 6]
 
     @property
+    def shape(self) -> int:
+        """The number of the present shape."""
+        return self.choice[0]
+
+    @property
+    def pattern(self) -> int:
+        """The number of the present pattern."""
+        return self.choice[1]
+
+    @property
     def measured(self) -> complex:
         """The sensor that moves most."""
         return max(self.sensors, key=abs)
