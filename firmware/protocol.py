@@ -302,16 +302,16 @@ def layout(kind: type) -> np.dtype[Any]:
 
 def parse(kind: type[Read], payload: bytes) -> Read:
     """What a reply's payload behind its result holds. Raises ProtocolError when its length differs."""
-    check_length(payload, layout(kind).itemsize)
-    row = np.frombuffer(payload, layout(kind))[0]
-    return kind(*(row[name].tolist() for name in layout(kind).names or ()))
+    members = layout(kind)
+    check_length(payload, members.itemsize)
+    return kind(*(each.tolist() for each in np.frombuffer(payload, members)[0]))
 
 
 def parse_status(payload: bytes) -> SingleStatus | SixStatus:
     """A status of either image, told apart by its length. Raises ProtocolError for another, or an unknown state."""
-    check_length(payload, layout(SingleStatus).itemsize, layout(SixStatus).itemsize)
-    six = len(payload) == layout(SixStatus).itemsize
-    status = parse(SixStatus, payload) if six else parse(SingleStatus, payload)
+    single, six = (layout(kind).itemsize for kind in (SingleStatus, SixStatus))
+    check_length(payload, single, six)
+    status = parse(SixStatus, payload) if len(payload) == six else parse(SingleStatus, payload)
     if status.state_number >= len(STATES):
         raise ProtocolError(f"the state {status.state_number}, known 0 to {len(STATES) - 1}")
     return status
@@ -327,9 +327,10 @@ def parse_identity(payload: bytes) -> Identity:
 
 def parse_log(payload: bytes) -> list[Record]:
     """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
-    if len(payload) % layout(Record).itemsize:
-        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {layout(Record).itemsize}")
-    return [Record(*row) for row in np.frombuffer(payload, layout(Record)).tolist()]
+    members = layout(Record)
+    if len(payload) % members.itemsize:
+        raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {members.itemsize}")
+    return [Record(*row) for row in np.frombuffer(payload, members).tolist()]
 
 
 def parse_captured(payload: bytes) -> Captured:

@@ -22,7 +22,7 @@ from pipeline.planning import error_bar, foresight, simplifications
 from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
-from pipeline.planning.refinement import MARGIN, ErrorEstimate, on_finer_meshes, refine_reduction, refused
+from pipeline.planning.refinement import MARGIN, ErrorEstimate, on_finer_meshes, refine_reduction, step_by_step
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
@@ -364,15 +364,11 @@ def _fine_enough(
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
 
-    first = choice, solved(choice)
-    for _ in range(MAX_RAISES):
-        finer = refine_reduction(first[0], _worst(first[1][1]), case, log, "a band")
-        if finer is None or not foresight.fits(demand(finer), log):
-            break
-        with refused(log):
-            first = finer, solved(finer)
-        if first[0] is not finer:
-            break
+    def deeper(choice: ModelChoice, built: tuple[AnyCell, list[ModeErrors]], _: int) -> ModelChoice | None:
+        finer = refine_reduction(choice, _worst(built[1]), case, log, "a band")
+        return finer if finer and foresight.fits(demand(finer), log) else None
+
+    first = step_by_step((choice, solved(choice)), deeper, solved, MAX_RAISES, log)
     choice, (cell, errors) = on_finer_meshes(first, lambda built: _widest(built[1]), solved, demand, case, log)
     return choice, cell, _widest(errors)
 

@@ -40,7 +40,7 @@ from pipeline.planning.refinement import (
     raise_cutoff,
     refine_mesh,
     refine_reduction,
-    refused,
+    step_by_step,
     warn,
 )
 from pipeline.planning.simplifications import khz
@@ -202,20 +202,17 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         log.warning("SHORT_WAVE", short)
     part_modes, choice = _within_reach(case, query, choice, log)
     _warn_of_nothing(part_modes, query, log)
-    estimate = _error_estimate(part_modes)
-    for again in range(DEEPER):
+    solve = partial(_solved, case, query, log=log)
+
+    def deeper(choice: ModelChoice, solved: PartModes, taken: int) -> ModelChoice | None:
+        estimate = _error_estimate(solved)
         finer = refine_reduction(choice, estimate, case, log) if estimate else None
-        if finer is None or (again and not _is_deeper(finer, choice)):
-            break
-        with refused(log):
-            part_modes, choice = _solved(case, query, finer, log), finer
-        if choice is not finer:
-            break
-        estimate = _error_estimate(part_modes)
+        return finer if finer and not (taken and not _is_deeper(finer, choice)) else None
+
     choice, part_modes = on_finer_meshes(
-        (choice, part_modes),
+        step_by_step((choice, part_modes), deeper, solve, DEEPER, log),
         lambda solved: (_decisive(solved), 0.0),
-        lambda finer: _solved(case, query, finer, log),
+        solve,
         lambda finer: foresight.of_modes(case, finer, with_search(case, query)),
         case,
         log,

@@ -240,11 +240,10 @@ def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> 
     longest = max(design.pitch_x_m, design.pitch_y_m)
     top = 1.5 * shear_cutoff_hz(design) * 2.0 * design.thickness_m / max(2.0 * design.thickness_m, longest)
     top = min(top, most_hz) * _finer(accuracy)
-    along = 4 if longest <= 2.5 * design.thickness_m else 6
+    tight = design.stagger and is_tight(design)  # cells in line try further degrees on a coarse mesh
+    along = 4 if longest <= 2.5 * design.thickness_m and not tight else 6
     mesh = cell_mesh(design, cell_level(accuracy))
-    if not (design.stagger and is_tight(design)):
-        return ReductionSettings(Interface(along, THROUGH), top, mesh)
-    reduction = ReductionSettings(Interface(6, THROUGH), top, mesh, further=FURTHER)
+    reduction = ReductionSettings(Interface(along, THROUGH), top, mesh, further=FURTHER if tight else 0)
     return replace(reduction, hexahedra=with_nodes_for(reduction.ample, mesh))
 
 

@@ -119,10 +119,28 @@ def on_finer_meshes(
     bar: half-widths by the mesh and by truncation; MAX_REFINEMENTS meshes at most, as far as memory holds them and they can
     be solved: what was built before stays.
     """
-    choice, built = first
-    for _ in range(MAX_REFINEMENTS):
+
+    def next_choice(choice: ModelChoice, built: Built, _: int) -> ModelChoice | None:
         finer = finer_mesh(choice, *bar(built), case, log)
-        if finer is None or not foresight.fits(demand(finer), log):
+        return finer if finer and foresight.fits(demand(finer), log) else None
+
+    return step_by_step(first, next_choice, build, MAX_REFINEMENTS, log)
+
+
+def step_by_step(
+    first: tuple[ModelChoice, Built],
+    next_choice: Callable[[ModelChoice, Built, int], ModelChoice | None],
+    build: Callable[[ModelChoice], Built],
+    most: int,
+    log: Log,
+) -> tuple[ModelChoice, Built]:
+    """Take finer choices one after another, so many at most, until there is none or one cannot be built; what was built before
+    stays. next_choice: told what was built last, and how many steps were taken.
+    """
+    choice, built = first
+    for taken in range(most):
+        finer = next_choice(choice, built, taken)
+        if finer is None:
             break
         with refused(log):
             choice, built = finer, build(finer)

@@ -108,9 +108,8 @@ class Run:
 
     log: Log
     _: KW_ONLY
-    detailed: bool = (
-        True  # whether someone keeps the answer; else it is only printed, and costly details may be left out
-    )
+    # whether someone keeps the answer; else it is only printed, and costly details may be left out
+    detailed: bool = True
     shapes: bool = False  # whether a page will show moving shapes
     folder: Path | None = None  # where files beside the answer go
     all_fields: bool = False  # whether every mode's field goes there
@@ -182,9 +181,8 @@ class Question(Declared, Generic[R]):
     example: ClassVar[str] = ""  # a command line
     drives: ClassVar[bool] = False  # whether it drives the plate
     of_any_zones: ClassVar[bool] = False  # whether it is asked of plates of several zones, too
-    pictures: ClassVar[
-        Axis
-    ] = ()  # functions that draw a study's case from several answers, instead of the result's own
+    # functions that draw a study's case from several answers, instead of the result's own
+    pictures: ClassVar[Axis] = ()
     step: ClassVar[tuple[str, str]] = ("", "")  # of a plan of one: what is computed, and by which model
     is_quick: ClassVar[bool] = False  # whether a formula answers it: no plan is made before and no solver is loaded
     is_measure: ClassVar[bool] = True  # whether studies ask it of each case, with its default options
