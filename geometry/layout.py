@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.lattice import Lattice
 from geometry.materials import Material, PiezoMaterial
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.shapes import shape_of
@@ -315,9 +316,9 @@ class Design:
         return not (self.pillar and self.rows) or self.pillar.is_own_image
 
     @property
-    def cell_m(self) -> tuple[float, float]:
-        """Sides of the unit cell, m: both pitches, of staggered rows the rectangle of two."""
-        return self.pitch_x_m, self.pitch_y_m * (1 + self.stagger)
+    def lattice(self) -> Lattice:
+        """The lattice that its rows are part of."""
+        return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.stagger)
 
     @property
     def cell_mirrors(self) -> tuple[str, ...]:

@@ -27,7 +27,7 @@ from solvers.fem.eigen import modes_near
 from solvers.piezo.peak_errors import frequency_errors
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.bloch import BlochCell
 from studies.bonded_solid import UNSURE, BondedPlate, solid_modes
 from studies.ritz_blocks import free_block_hz
@@ -92,7 +92,7 @@ def of_cells(design: Design, shape: str = "square", first: int = 0) -> Compared:
     return Compared(f"{name}, second mesh" if first else name, described(design), np.abs(rough / fine - 1.0), bar)
 
 
-def _bands(design: Design, lattice: Lattice) -> tuple[FloatArray, FloatArray]:
+def _bands(design: Design, lattice: ReducedLattice) -> tuple[FloatArray, FloatArray]:
     """Frequencies above those of rigid-body waves, and the half-widths of their bars by the mesh."""
     edge, tones, bars = np.pi / design.pitch_x_m, [], []
     for k in ((0.0, 0.0), (edge, 0.0), (edge, edge), (0.37 * edge, 0.61 * edge)):
@@ -103,9 +103,9 @@ def _bands(design: Design, lattice: Lattice) -> tuple[FloatArray, FloatArray]:
     return np.concatenate(tones), np.concatenate(bars)
 
 
-def _lattice(design: Design, level: mesh_rules.MeshLevel) -> Lattice:
+def _lattice(design: Design, level: mesh_rules.MeshLevel) -> ReducedLattice:
     reductions = Reductions(design.thickness_m, design.material, design.pillar, _settings(design, level))
-    return Lattice(reductions.cell(lattice_panel(design)))
+    return ReducedLattice(reductions.cell(lattice_panel(design)))
 
 
 def _settings(design: Design, level: mesh_rules.MeshLevel) -> ReductionSettings:
@@ -124,7 +124,7 @@ def of_whole_cell(design: Design) -> Compared:
     boxes = cell_boxes(design, mesh_rules.cell_mesh(design, fine))
     scale = Scale(design.thickness_m, design.material.young_pa, design.material.density_kg_m3)
     system = assemble(hex_mesh(boxes, fine.order), region_materials(design.material, design.pillar), scale)
-    whole, same = BlochCell(system, *design.cell_m), _lattice(design, fine)
+    whole, same = BlochCell(system, design.lattice), _lattice(design, fine)
     ours, bar = _at_corners(design, 0.003)
     theirs = np.array([whole.frequencies(k, BANDS) for k in _corners(design)])
     own = [mesh_error(same.cell, same.waves(k, BANDS)) for k in _corners(design)]
@@ -147,7 +147,7 @@ def of_tetrahedra(design: Design, shape: str) -> Compared:
     reductions = Reductions(
         design.thickness_m, design.material, design.pillar, _settings(design, level), mesher=lambda panel: mesh
     )
-    by_tetrahedra = Lattice(reductions.cell(replace(lattice_panel(design), halved=halved)))
+    by_tetrahedra = ReducedLattice(reductions.cell(replace(lattice_panel(design), halved=halved)))
     (rough, bar), (fine, _) = _bands(design, by_tetrahedra), _bands(design, _lattice(design, level))
     return Compared(f"{shape} cell by tetrahedra", described(design), np.abs(rough / fine - 1.0), bar)
 

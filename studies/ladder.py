@@ -28,7 +28,7 @@ from solvers.measures.confinement import measure, wanted_symmetry
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.bloch import BlochCell
 
 WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
@@ -140,11 +140,11 @@ def cell(mesh_level: dict[str, Any]) -> tuple[Values, int]:
         return _quarter_cell(mesh_level)
     if mesh_level["model"] == "solid":
         bloch = BlochCell(
-            assemble(check(hex_mesh(cell_boxes(d, settings(mesh_level)), mesh_level["order"])), materials()), 4e-3, 4e-3
+            assemble(check(hex_mesh(cell_boxes(d, settings(mesh_level)), mesh_level["order"])), materials()), d.lattice
         )
         return band_values({name: bloch.frequencies(k, 8) for name, k in points().items()}), bloch.dof
     reduction = replace(mesh_rules.lattice_reduction(d, 0.002), hexahedra=settings(mesh_level))
-    lattice = Lattice(_reductions(d, reduction, mesh_level).cell(lattice_panel(d)))
+    lattice = ReducedLattice(_reductions(d, reduction, mesh_level).cell(lattice_panel(d)))
     return band_values({name: lattice.frequencies(k, 8) for name, k in points().items()}), lattice.cell.mesh_dof
 
 

@@ -471,8 +471,7 @@ WISHES = (
         "staggered",
         "rows shifted by half a pitch",
         "Every other row stands half a pitch further along the zone, at a pitch of 5 mm and 25 mm of plate beyond. The gap is "
-        "the first complete one of the lattice, whose cell is the rectangle of two rows where they are shifted. A level stands "
-        'with its own bar; "split" is a shape that several modes share',
+        'the first complete one of the lattice. A level stands with its own bar; "split" is a shape that several modes share',
         ("rows", "stand", "gap", "wanted mode", "confinement"),
         _of_staggered,
         _by_rows("rows stand", _stand),

@@ -15,7 +15,7 @@ from geometry.tiling import lattice_panel
 from pipeline.plots import style
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 
 PLATE = "examples/small.toml"
 
@@ -60,7 +60,7 @@ def superelement_convergence(figure: Any) -> None:
     for degree in degrees:
         settings = ReductionSettings(Interface(degree, 3), 1.5e6, mesh)
         cell = Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design))
-        tones.append(Lattice(cell).frequencies(at_x, 5))
+        tones.append(ReducedLattice(cell).frequencies(at_x, 5))
     error = np.array(tones[:-1]) / tones[-1] - 1.0
     axes = figure.subplots()
     for band in range(5):

@@ -221,20 +221,15 @@ def bonded_scene(
 def cell_scene(design: Design, settings: HexSettings, quarter: bool = False) -> Scene:
     """The unit cell pitch_x x pitch_y x thickness centred at the origin, its pillar in its middle.
 
-    Of staggered rows the rectangle of two: a pillar in the lower half's middle, half a one on either side of the upper half.
+    Of staggered rows the lines along y are those of the neighbouring rows, too, half a pitch on.
     """
-    if design.stagger:
-        return _staggered_scene(design, settings)
     panel = replace(lattice_panel(design), halved=(0, 1) if quarter else ())
-    return panel_scene(panel, design.thickness_m, design.pillar, settings)
-
-
-def _staggered_scene(design: Design, settings: HexSettings) -> Scene:
-    half_x, pitch = design.pitch_x_m / 2.0, design.pitch_y_m
-    x, y = _span(half_x, False, False), _span(pitch, False, False)
-    centres = np.array([[0.0, -pitch / 2.0], [-half_x, pitch / 2.0], [half_x, pitch / 2.0]])
-    stands = (Stand(design.pillar, centres),) if design.pillar else ()
-    return _plate_with_pillars(design.thickness_m, settings, stands, x, y)
+    scene = panel_scene(panel, design.thickness_m, design.pillar, settings)
+    if not design.stagger:
+        return scene
+    half = design.pitch_x_m / 2.0
+    shifted = {x - np.copysign(half, x): inner for x, inner in scene.x.items()} | {0.0: False}
+    return replace(scene, x=scene.x | shifted)
 
 
 def plate_scene(design: Design, settings: HexSettings, quarter: bool = True) -> Scene:

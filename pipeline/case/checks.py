@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from itertools import combinations, pairwise
 from typing import Any
 
+from geometry.lattice import labels_of
 from geometry.layout import PLAIN
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.shapes import SHAPES
@@ -252,7 +253,7 @@ def check_solve(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
 def check_path(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
     """Neighbouring points of the wavevector path differ."""
     path = file.bands.path
-    if path and any(a == b for a, b in pairwise(path)):
+    if any(a == b for a, b in pairwise(labels_of(path or ""))):
         yield "bands.path", path, "must not repeat a point twice in a row"
 
 

@@ -9,6 +9,7 @@ from math import isfinite, isnan, nan, pi
 from pathlib import Path
 from typing import Any
 
+from geometry import lattice
 from geometry.layout import Design, Patches, Pillar, Tip
 from geometry.materials import Material
 from geometry.pillar_shapes.base import PillarShape
@@ -124,6 +125,16 @@ class Case:
             where = self.source if self.source is not None else self.name
             what = f"{command} of rows in line alone; attenuation, bands, modes, response and search take staggered ones, too"
             raise InputError(f"{where}: array.stagger = true: {what}")
+
+    def path(self, points: int) -> lattice.Path:
+        """The path of its bands, `points` intervals per segment. InputError for points that its lattice does not have."""
+        own, labels = self.design.lattice, self.bands.path
+        try:
+            return own.path(labels, points)
+        except ValueError as fault:
+            what = f"must be of the points {', '.join(own.high_symmetry)} of its {own.name} lattice"
+            example = f"such as {own.default_path}"
+            raise InputError(f"{self.source or self.name}: bands.path = {labels}: {what}, {example}") from fault
 
     def to_dict(self) -> dict[str, Any]:
         """Everything that influences results as plain JSON in SI; a STEP file by its name and SHA-256."""
@@ -284,8 +295,7 @@ def _solve(table: SolveTable) -> SolveTable:
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
     """The table with the path that the cell has where none is given."""
-    oblong = len(set(design.cell_m)) > 1 and not isnan(design.pitch_x_m)
-    return table.but(path=table.path or ("GXMYG" if oblong else "GXMG"))
+    return table.but(path=table.path or ("GXMG" if isnan(design.pitch_x_m) else design.lattice.default_path))
 
 
 def _plain(value: Any) -> Any:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import models_json_schema
 
 from geometry.fingertips import FINGERTIPS
+from geometry.lattice import KNOWN, labels_of
 from geometry.materials import Material
 from geometry.pillar_shapes.shapes import SHAPES, in_words
 from pipeline.case import limits
@@ -178,12 +179,17 @@ class SolveTable(Table):
 
 class BandsTable(Table):
     path: str = text(  # None until the cell is known
-        f"at least two of the letters G, X, M and Y, such as GXMG, and at most {limits.MAX_PATH}",
-        pattern=rf"^[GXMY]{{2,{limits.MAX_PATH}}}$",
+        f"at least two labels of the lattice's Brillouin zone, such as GXMG, and at most {limits.MAX_PATH}",
+        pattern=rf"^({'|'.join(sorted(KNOWN, reverse=True))}){{2,{limits.MAX_PATH}}}$",
     )
     points: int = whole(1, 10_000, default=25)
     count: int = whole(1, 1000, default=10)
     grid: int = Field(default=0, ge=0, le=200, description="a whole number from 0 (the path alone) to 200")
+
+    @property
+    def segments(self) -> int:
+        """Number of straight parts of the path."""
+        return len(labels_of(self.path)) - 1
 
 
 class DampingTable(Table):

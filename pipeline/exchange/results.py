@@ -10,6 +10,7 @@ import numpy as np
 
 from geometry.elements import FloatArray, IntArray
 from geometry.files import written_whole
+from geometry.lattice import Lattice
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.exchange.part_mesh import rendered
@@ -34,18 +35,18 @@ def phonopy(case: Case, path: Path, log: Log) -> Path:
 def band_yaml(document: dict[str, Any]) -> str:
     """The file's text from a document of bands; every segment has both its ends, as phonopy writes them."""
     design, points = document["with_defaults"]["design"], document["points"]
-    rows = 1 + design.get("stagger", False)
-    sides = np.array([design["pitch_x_m"], rows * design["pitch_y_m"], design["thickness_m"]])
+    vectors = np.diag([0.0, 0.0, design["thickness_m"]])
+    vectors[:2, :2] = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], "stagger" in design).vectors_m
     wave = np.array([(point["kx_per_m"], point["ky_per_m"], 0.0) for point in points]) / (2.0 * np.pi)
     arc = np.cumsum([0.0, *np.linalg.norm(np.diff(wave, axis=0), axis=1) * ANGSTROM_M])
     own = [
-        point | {"reduced": k * sides, "distance": distance}
+        point | {"reduced": vectors @ k, "distance": distance}
         for point, k, distance in zip(points, wave, arc, strict=True)
     ]
     corners = [index for index, point in enumerate(points) if point["label"]]
     segments = [own[start : end + 1] for start, end in pairwise(corners)]
-    lengths, atoms = sides / ANGSTROM_M, max(1, len(points[0]["frequencies_hz"]) // 3)
-    cell = {"lattice": np.diag(lengths), "reciprocal": np.diag(1.0 / lengths), "atoms": atoms}
+    lattice, atoms = vectors / ANGSTROM_M, max(1, len(points[0]["frequencies_hz"]) // 3)
+    cell = {"lattice": lattice, "reciprocal": np.linalg.inv(lattice).T + 0.0, "atoms": atoms}
     return rendered("phonopy.yaml.j2", segments=segments, **cell)
 
 

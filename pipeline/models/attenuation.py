@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import BoolArray
-from geometry.lattice import path_through
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.bands import staggered_cell
@@ -23,7 +22,7 @@ from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.plates.column import level_bars
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
@@ -102,8 +101,7 @@ def _in_line(
 ) -> _Cells:
     """The cell that the bands use, reduced once for both; a cell of low bands alone leaves out too much."""
     if model is None or model.lattice.cell.dropped_hz < CLEAR * high_hz:
-        path = path_through(case.bands.path, 1, *case.design.cell_m)
-        corners = path.wavevectors[[segment.last for segment in path.segments]]
+        corners = case.path(1).corners
         model = lattice_model(case, choice, corners, log, meshes, high_hz=high_hz)
     cell = model.lattice.cell
     row, bare = Periodic([cell]), Periodic([bare_cell(case, cell.interface, log)])
@@ -114,7 +112,7 @@ def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Ce
     """A row of staggered ones, which is reduced for the bands in the same way."""
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
-    path = path_through(case.bands.path, 1, *case.design.cell_m)
+    path = case.path(1)
     choice, cell, (by_mesh, truncated) = staggered_cell(case, replace(choice, reduction=reduction), path, log)
     return _Cells(choice.name, cell.row, _coarser(cell.row), cell.bare, by_mesh, truncated)
 
@@ -123,7 +121,7 @@ def _coarser(row: Periodic) -> Periodic:
     """The same row with boundary functions of one degree less along its sides."""
     face = row.cells[0].interface
     lower = Interface(max(face.along - 1, 1), face.through)
-    return Periodic([Lattice(cell).up_to(lower, cell.dropped_hz).cell for cell in row.cells], row.shift)
+    return Periodic([ReducedLattice(cell).up_to(lower, cell.dropped_hz).cell for cell in row.cells], row.shift)
 
 
 _last: list[KeptRow] = []

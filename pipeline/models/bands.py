@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 import numpy as np
 
 from geometry.decimation import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
-from geometry.lattice import Path, path_through, zone_grid
+from geometry.lattice import Path
 from geometry.layout import Design
 from geometry.tiling import lattice_panel
 from pipeline.case.model import Case
@@ -31,7 +31,7 @@ from solvers.accuracy.mesh import largest
 from solvers.accuracy.plate import ModeErrors
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
@@ -265,7 +265,7 @@ def solve_bands(
         Whether to look for gaps of one direction or one polarisation alone, too.
     """
     design, settings = case.design, case.bands
-    path = path_through(settings.path, settings.points, *design.cell_m)
+    path = case.path(settings.points)
     if choice.model == SOLID:
         bands = _full(case, choice, path, log)
     elif design.stagger:
@@ -297,7 +297,7 @@ def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
 
 
 def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Solve the cell of staggered rows, its bands folded into the zone of the rectangle of two rows."""
+    """Solve the primitive cell of staggered rows."""
     choice, cell, _ = staggered_cell(case, choice, path, log)
     return _sampled(case, choice.name, cell, path, [], log)
 
@@ -323,16 +323,8 @@ class StaggeredCell:
         return self.row.dof
 
     def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-        """The `count` lowest frequencies in Hz at a wavevector (2,) in rad/m of the rectangle of two rows, and their errors.
-
-        Waves of the lattice at k and at k + (2 pi / a, 0), a the pitch along x, are its waves at k.
-        """
-        folded = np.array([2.0 * np.pi / self.row.vectors_m[0, 0], 0.0])
-        (one, its), (two, others) = (waves_of(self.row, k, count) for k in (wavevector, wavevector + folded))
-        tones = np.concatenate([one, two])
-        lowest = np.argsort(tones, kind="stable")[:count]
-        errors = (np.concatenate([getattr(each, f.name) for each in (its, others)])[lowest] for f in fields(ModeErrors))
-        return tones[lowest], ModeErrors(*errors)
+        """The `count` lowest frequencies in Hz at a wavevector (2,) in rad/m, and their errors."""
+        return waves_of(self.row, wavevector, count)
 
 
 def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell, Bar]:
@@ -354,7 +346,7 @@ def _fine_enough(
     """The cell with the first reduction and on the first mesh whose bars at the path's corners meet the accuracy, or on the
     finest that memory holds; with the half-widths of those bars, by the mesh (None: unknown) and by truncation, relative.
     """
-    corners = path.wavevectors[[segment.last for segment in path.segments]]
+    corners = path.corners
 
     def solved(choice: ModelChoice) -> tuple[AnyCell, list[ModeErrors]]:
         cell = build(choice)
@@ -394,8 +386,7 @@ def _sampled(
         rows, estimates = _each_once(path.wavevectors, case.bands.count, cell.solve)
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
-        design = case.design
-        grid = zone_grid(case.bands.grid, *design.cell_m, {"x", "y"} <= {*design.cell_mirrors}, False)
+        grid = case.design.lattice.grid(case.bands.grid, case.design.cell_mirrors)
         with log.step(f"grid of {len(grid)} wavevectors"):
             values, _ = _each_once(grid, case.bands.count, cell.solve)
         zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
@@ -419,7 +410,7 @@ def _key(wavevector: FloatArray) -> tuple[float, float]:
 def _reduced(case: Case, choice: ModelChoice, path: Path, log: Log, shapes: bool, every_gap: bool) -> SolvedBands:
     """Solve the reduced cell: branches are followed on a refined path, gaps are searched between the samples, too."""
     meshes: list[MeshRecord] = []
-    corners = path.wavevectors[[segment.last for segment in path.segments]]
+    corners = path.corners
     model = lattice_model(case, choice, corners, log, meshes)
     count = min(case.bands.count, model.lattice.dof)
     solved, factor = Solved(model.lattice, count), refinement_of(case.bands.points)
@@ -469,9 +460,8 @@ def _over_the_zone(
     """Search the path's gaps over the whole irreducible Brillouin zone, from a grid and from the path's extreme
     points.
     """
-    design = case.design
-    names = {*design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
-    grid = zone_grid(case.bands.grid, design.pitch_x_m, design.pitch_y_m, bool({"x", "y"} & names), "d" in names)
+    names = {*case.design.cell_mirrors} & {*Mirrors(model.lattice.cell).names}
+    grid = case.design.lattice.grid(case.bands.grid, names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.waves(k, solved.count).eigenvalue for k in grid])
         zone_gaps = refined_zone_gaps(solved, grid, values, gaps)
@@ -513,7 +503,7 @@ def _moved(along: list[Gap], zone: list[BrillouinZoneGap]) -> bool:
     )
 
 
-def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
+def wave_shapes(lattice: ReducedLattice, path: Path, count: int) -> dict[str, Any]:
     """bands_* arrays: points (p, 3) in m, quads or triangles, labels (l,), u (l, bands, 2, p, 3): real and imaginary part.
 
     Each wave is scaled to a largest component of 1 and turned so that this one is real; half precision, for showing only.
@@ -533,7 +523,7 @@ def wave_shapes(lattice: Lattice, path: Path, count: int) -> dict[str, Any]:
     }
 
 
-def _waves(lattice: Lattice, k: FloatArray, count: int, matrix: FloatArray) -> FloatArray:
+def _waves(lattice: ReducedLattice, k: FloatArray, count: int, matrix: FloatArray) -> FloatArray:
     """Displacements (count, 2, p, 3) of the lowest waves at one wavevector."""
     dofs = lattice.waves(k, count).dofs
     field = np.tensordot(matrix, dofs, axes=(2, 0)).transpose(2, 0, 1)

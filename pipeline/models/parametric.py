@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import FloatArray
-from geometry.lattice import path_through
+from geometry.lattice import Lattice
 from geometry.layout import Design
 from geometry.materials import Material
 from pipeline.case.model import Case
@@ -148,7 +148,7 @@ def sizes_of(design: Design) -> Sizes:
 # -- the model of a cell -----------------------------------------------------------------------------------------------
 
 
-PATHS = {True: "GXMG", False: "GXMYG"}  # around the irreducible Brillouin zone, by whether x and y may be exchanged
+SQUARE = Lattice.of_rows(1.0, 1.0)  # the cell's, in pitches
 INTERVALS, BANDS = 25, 10
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
@@ -282,7 +282,8 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         assert affine is not None
     with log.step("reduce the cell over the box of designs"):
         cell, *alone = _reduced(affine, coarse, offline, unseen)
-    path = path_through(PATHS[box.foot.is_alike], offline.intervals, 1.0, 1.0)
+    border = SQUARE.border(("x", "y", "d") if box.foot.is_alike else ("x", "y"))
+    path = SQUARE.path(border, offline.intervals)
     fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
     designs = box.spread(offline.waves, seed=2)
     with log.step("gather waves at every wavevector"):

@@ -51,7 +51,7 @@ from solvers.fem.eigen import PlainPencil, lowest_pairs
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.bloch import BlochCell
 
 ROUNDS = 8
@@ -76,7 +76,7 @@ class LatticeModel:
     """
 
     name: str
-    lattice: Lattice
+    lattice: ReducedLattice
     reduction_error: float
     beyond: float
     mesh_error: float | None
@@ -105,10 +105,10 @@ def lattice_model(
     reduction, lattice, bar, error, beyond = _good_enough(reduce, reduction, corners, case, log, CLEAR * high_hz)
     choice = replace(choice, reduction=reduction, hexahedra=reduction.hexahedra)
 
-    def on_mesh(choice: ModelChoice) -> tuple[Lattice, Bar]:
+    def on_mesh(choice: ModelChoice) -> tuple[ReducedLattice, Bar]:
         assert choice.reduction
         own: list[MeshRecord] = []
-        lattice = Lattice(_reducer(choice, case.design, log, own)(choice.reduction))
+        lattice = ReducedLattice(_reducer(choice, case.design, log, own)(choice.reduction))
         meshes[:] = own  # in the place of the first one's, once it is solved
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
@@ -122,12 +122,12 @@ def lattice_model(
     return LatticeModel(replace(choice, model=SUPERELEMENT).name, lattice, error, beyond, bar[0])
 
 
-def _solved(lattice: Lattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
+def _solved(lattice: ReducedLattice, wavevectors: FloatArray, case: Case) -> list[Waves]:
     """The lowest waves at wavevectors (n, 2)."""
     return [lattice.waves(k, case.bands.count) for k in wavevectors]
 
 
-def widest_bar(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: float) -> Bar:
+def widest_bar(lattice: ReducedLattice, waves: Sequence[Waves], count: int, beyond: float) -> Bar:
     """Of the lowest bands the widest bar: half-widths by the mesh, None where no coarser mesh tells it, and by truncation."""
     truncated = truncated_bars(lattice, waves, count, beyond)
     if lattice.cell.mesh_error is None:
@@ -137,7 +137,7 @@ def widest_bar(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: flo
     return float(by_mesh[worst]), float(truncated[worst])
 
 
-def truncated_bars(lattice: Lattice, waves: Sequence[Waves], count: int, beyond: float) -> FloatArray:
+def truncated_bars(lattice: ReducedLattice, waves: Sequence[Waves], count: int, beyond: float) -> FloatArray:
     """Half-widths of the bars by truncation of the lowest bands, relative, (wavevectors, bands)."""
     estimates = [truncation(lattice, each) for each in waves]
     modes = np.array([each[:count] for each, _ in estimates])
@@ -159,7 +159,7 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
             cell = reductions.cell(panel)
         source = "reduced now" if reductions.fresh else "taken from the cache"
         more = "; opposite faces need not match" if mesh else f", {source}"
-        size, dof = mesh.dof if mesh else cell.mesh_dof, Lattice(cell).dof
+        size, dof = mesh.dof if mesh else cell.mesh_dof, ReducedLattice(cell).dof
         log.info(f"cell of {size} degrees of freedom in its mesh, {dof} at a wavevector{more}")
         return cell
 
@@ -178,10 +178,10 @@ class _Pilot:
         self.is_thick = design.thickness_m >= THICK * max(design.pitch_x_m, design.pitch_y_m) or mesh_rules.is_tight(
             design
         )
-        self._whole: Lattice | None = None
+        self._whole: ReducedLattice | None = None
         self._top_hz = 0.0
 
-    def lattice(self, reduction: ReductionSettings) -> Lattice:
+    def lattice(self, reduction: ReductionSettings) -> ReducedLattice:
         """The coarse cell reduced with these settings."""
         if self._whole is None or not self._holds(self._whole.cell.interface, reduction):
             face = reduction.interface
@@ -194,13 +194,13 @@ class _Pilot:
         interface = reduction.interface
         return interface.along <= face.along and interface.through <= face.through and reduction.top_hz <= self._top_hz
 
-    def _reduced(self, reduction: ReductionSettings) -> Lattice:
+    def _reduced(self, reduction: ReductionSettings) -> ReducedLattice:
         design, material = self.design, self.design.material
         box = square_of(design.pillar) if design.pillar else None
         through = ceil(reduction.interface.through / ORDER)  # a node more through the plate than the degree
         coarse = coarse_settings(design, self.count, through)
         reductions = Reductions(design.thickness_m, material, box, replace(reduction, hexahedra=coarse), CellCache())
-        return Lattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
+        return ReducedLattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
 
 def _piloted(
@@ -255,7 +255,7 @@ def _thick_enough(
 
 def _good_enough(
     reduce: Reduce, reduction: ReductionSettings, corners: FloatArray, case: Case, log: Log, least_hz: float
-) -> tuple[ReductionSettings, Lattice, Bar, float, float]:
+) -> tuple[ReductionSettings, ReducedLattice, Bar, float, float]:
     """Reduce with the settings advised by the coarse cell, and once more where the estimate exceeds what the mesh leaves of the
     accuracy; with the widest bar, the estimate, and what of it lies beyond the degree through the thickness.
     """
@@ -265,7 +265,7 @@ def _good_enough(
     if advised != reduction:
         log.info(f"for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
-    lattice = Lattice(reduce(advised))
+    lattice = ReducedLattice(reduce(advised))
     waves = _solved(lattice, corners, case)
     error, bar = error_of_waves(lattice, waves), widest_bar(lattice, waves, count, beyond)
     left = _left_by_the_mesh(bar, accuracy)
@@ -275,7 +275,7 @@ def _good_enough(
             f"bands within {percent(error.total)} by truncation, {percent(left)} wanted: {describe_change(advised, finer)}"
         )
         with suppress(SolverError):  # more than the mesh can hold
-            trial = Lattice(reduce(finer))
+            trial = ReducedLattice(reduce(finer))
             waves = _solved(trial, corners, case)
             error, bar = error_of_waves(trial, waves), widest_bar(trial, waves, count, beyond)
             advised, lattice = finer, trial
@@ -298,7 +298,9 @@ def _left_by_the_mesh(bar: Bar, accuracy: float) -> float:
     return accuracy - by_mesh
 
 
-def _raised(reduction: ReductionSettings, lattice: Lattice, error: ReductionError, wanted: float) -> ReductionSettings:
+def _raised(
+    reduction: ReductionSettings, lattice: ReducedLattice, error: ReductionError, wanted: float
+) -> ReductionSettings:
     """Add fixed-interface modes or a degree along the sides, whichever causes more error; unchanged at the limit."""
     face, modes = reduction.interface, len(lattice.cell.fixed_hz)
     if error.degrees > error.modes:
@@ -393,4 +395,4 @@ def _mesh(design: Design, settings: HexSettings) -> Mesh:
 
 
 def _bloch(design: Design, mesh: Mesh) -> BlochCell:
-    return BlochCell(assemble(mesh, region_materials(design.material, design.pillar)), *design.cell_m)
+    return BlochCell(assemble(mesh, region_materials(design.material, design.pillar)), design.lattice)

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property, lru_cache
-from math import ceil, pi, sqrt
+from math import ceil, sqrt
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from geometry.hex.boxes import cell_boxes, hex_mesh
 from geometry.hex.panels import square_of
@@ -61,7 +59,7 @@ class CoarseCell:
         from solvers.fem.assembly import assemble  # slow to import, and plans that ask for no bands need none
 
         settings = coarse_settings(self.design, self.count)
-        settings = replace(settings, size_m=max(settings.size_m, max(self.design.cell_m) / MANY))
+        settings = replace(settings, size_m=max(settings.size_m, max(self.design.lattice.cell_m) / MANY))
         mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
         return assemble(mesh, region_materials(self.design.material, self.design.pillar))
 
@@ -70,7 +68,8 @@ class CoarseCell:
         """K and M at the zone's corner, where all phases are real and every band counts once."""
         from solvers.waves.bloch import BlochCell
 
-        return BlochCell(self._system, *self.design.cell_m).pencil(pi / np.array(self.design.cell_m))[0]
+        lattice = self.design.lattice
+        return BlochCell(self._system, lattice).pencil(lattice.reciprocal_per_m.sum(axis=0) / 2.0)[0]
 
     def bands_end_hz(self, below_hz: float) -> float:
         """Frequency, Hz, below which the bands asked for end at the zone's corner, within STEP; at most below_hz.

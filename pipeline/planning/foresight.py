@@ -230,7 +230,7 @@ def _volume_m3(design: Design, part: str) -> float:
     if part == "pillar":
         return one
     if part == "cell":
-        return design.pitch_x_m * design.pitch_y_m * design.thickness_m + (one * pillar.faces if pillar else 0.0)
+        return design.lattice.area_m2 * design.thickness_m + (one * pillar.faces if pillar else 0.0)
     if part == "zone":
         return design.length_m * design.width_m * design.thickness_m
     plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m
@@ -449,11 +449,11 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     """Demand of the bands at a number of wavevectors, and of the finer meshes that may have to follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
-    lines, is_alike = case.bands.grid + 1.0, "d" in case.design.cell_mirrors
-    inside = (lines * (lines + 1.0) / 2.0 if is_alike else lines**2) if case.bands.grid else 0.0
-    if case.design.stagger:
-        path = (len(case.bands.path) - 1) * case.bands.points + 1  # no branches are followed between
-        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, 2.0 * (min(wavevectors, path) + inside))  # folded
+    design, bands = case.design, case.bands
+    inside = len(design.lattice.grid(bands.grid, design.cell_mirrors)) if bands.grid else 0
+    if design.stagger:
+        path = bands.segments * bands.points + 1  # no branches are followed between
+        return _of_cell(case, choice, COMPLEX * DENSE_OPERATIONS, min(wavevectors, path) + inside)
     return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + inside, COARSE_CELLS)
 
 

@@ -291,7 +291,7 @@ def degree_through(design: Design, accuracy: float, high_hz: float) -> int:
 
 def degree_along(design: Design, accuracy: float, high_hz: float, least: int) -> int:
     """The same of the functions along a cell's longer side, which a coarse cell chooses, as far as waves alone tell it."""
-    phase = pi / 2.0 * high_hz / shear_cutoff_hz(design) * max(design.cell_m) / design.thickness_m
+    phase = pi / 2.0 * high_hz / shear_cutoff_hz(design) * max(design.lattice.cell_m) / design.thickness_m
     return degree_of(phase, ALONG_LEFT * accuracy, least, MAX_ALONG)
 
 

@@ -11,6 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from geometry.hex.panels import has_room
+from geometry.lattice import labels_of
 from geometry.layout import SAME_M, Design, Patches, mirrored_axes
 from geometry.tiling import lattice_panel, tightest_panels
 
@@ -221,13 +222,12 @@ def off_path(design: Design, path: str, grid: int = 0) -> Simplification | None:
     """Leave out wavevectors off a path along the whole border of the irreducible Brillouin zone, where band edges lie
     but for rare cases.
 
-    With the mirrors x, y and d the zone is bounded by G-X, X-M, M-G, with x or y alone by G-X, X-M, M-Y, Y-G; another cell has
-    neither for a border. Not taken for an oblique path, for one that misses a side, or when a grid is asked for.
+    A cell without mirrors of the axes has no such border. Not taken for an oblique path, for one that misses a side, or when a
+    grid is asked for.
     """
-    segments = {frozenset(pair) for pair in pairwise(path)}
-    mirrors = design.cell_mirrors
-    border = ("GX", "XM", "MG") if mirrors == ("x", "y", "d") else ("GX", "XM", "MY", "YG")
-    if grid or not {"x", "y"} & {*mirrors} or not {frozenset(segment) for segment in border} <= segments:
+    border = design.lattice.border(design.cell_mirrors)
+    walked, sides = ({frozenset(pair) for pair in pairwise(labels_of(each))} for each in (path, border))
+    if grid or not border or not sides <= walked:
         return None
     return Simplification("off_path", "wavevectors off the path", f"{path} bounds the irreducible Brillouin zone")
 

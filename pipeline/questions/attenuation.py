@@ -216,6 +216,7 @@ class Attenuation(
             case.require("zone", command="attenuation without --kx")
         if case.solve.model == SOLID:
             raise InputError(f"{case.name}: solve.model = 'solid': must be auto or superelement for attenuation")
+        case.path(1)
         edge, kx = pi / case.design.pitch_x_m, self._kx(case)
         if not abs(kx) <= edge * (1.0 + 1e-12):
             raise InputError(f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here")

@@ -353,6 +353,7 @@ class Bands(
         """Raise InputError for a case without a cell, and for rows that differ or that have no pillar."""
         super().check(case)
         case.require_one_kind("bands are")
+        case.path(1)
         if case.design.pillar is None and case.design.rows:
             raise InputError(f"{case.name}: array.rows = {case.design.rows}: must be 0 when the case has no [pillar]")
 
@@ -365,14 +366,13 @@ class Bands(
         from pipeline.planning.model_choice import SOLID, cell_model_choice
 
         choice, query = cell_model_choice(case), case.bands
-        segments = len(query.path) - 1
-        wavevectors = segments * query.points + 1
+        wavevectors = query.segments * query.points + 1
         looks = f"{query.count} bands at {wavevectors} wavevectors of {query.path}"
         asked = {"count": query.count, "path": query.path, "grid": query.grid}
         numbers: dict[str, Any] = {"wavevectors": wavevectors, **asked}
         if choice.model != SOLID:
             factor = refinement_of(query.points)
-            numbers["solved_wavevectors"] = segments * query.points * factor + 1
+            numbers["solved_wavevectors"] = query.segments * query.points * factor + 1
             looks += f", {numbers['solved_wavevectors']} solved to follow branches" if factor > 1 else ""
         looks += f" and a grid of {query.grid} intervals" if query.grid else ""
         left_out = (*choice.left_out, simplifications.off_path(case.design, query.path, query.grid))

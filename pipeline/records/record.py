@@ -17,6 +17,7 @@ from typing import Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.shapes import stored_shape
@@ -138,6 +139,12 @@ class DesignRecord(Part):
     def key(self) -> str:
         """The same text for the same design: equality at the price of a dictionary's look-up."""
         return self.model_dump_json()
+
+    @property
+    def lattice(self) -> Lattice:
+        """The lattice that the rows are part of."""
+        assert self.pitch_x_m and self.pitch_y_m
+        return Lattice.of_rows(self.pitch_x_m, self.pitch_y_m, self.staggered)
 
     @property
     def cell(self) -> tuple[Any, ...]:

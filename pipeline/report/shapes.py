@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from geometry.decimation import coarse, with_sides
+from geometry.lattice import Lattice
 from pipeline import quantity
 from pipeline.plots.fields import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency, level
@@ -249,12 +250,12 @@ def _add(gallery: Gallery, case: StoredCase, arrays: dict[str, Any], facets: Any
     body = gallery.add_body(points[kept], small, SPREAD * float(np.ptp(points[:, 2])))
     bands = case.record.of(BandsResult)
     assert case.record.design and bands
-    pitch = np.array([case.record.design.pitch_x_m, case.record.design.pitch_y_m])
+    lattice = case.record.design.lattice
     marked = bands.labelled
     places: dict[str, list[int]] = {}
     for label, waves in zip(arrays["bands_labels"].tolist(), arrays["bands_u"].astype(float), strict=True):
         point = marked[label]
-        copies = _tiles(np.array([point.kx_per_m, point.ky_per_m]), pitch)
+        copies = _tiles(np.array([point.kx_per_m, point.ky_per_m]), lattice)
         places[label] = [
             gallery.add_shape(body, (wave[0] + 1j * wave[1])[kept], _wave_in_words(label, band, point), copies)
             for band, wave in enumerate(waves)
@@ -269,11 +270,9 @@ def _wave_in_words(label: str, band: int, point: BandPoint) -> dict[str, str]:
     return {"group": name, "name": f"band {band + 1}, {tone}", "about": about, "still": ""}
 
 
-def _tiles(k: Any, pitch: Any) -> list[dict[str, Any]]:
+def _tiles(k: Any, lattice: Lattice) -> list[dict[str, Any]]:
     """Neighbouring cells: u(r + a) = u(r) exp(i k.a)."""
     return [
         {"flip": [1, 1, 1], "parity": 1, "offset": [*(_digits(v) for v in a), 0.0], "phase": _digits(float(k @ a))}
-        for i in range(TILES)
-        for j in range(TILES)
-        for a in [(np.array([i, j]) - (TILES - 1) / 2) * pitch]
+        for a in lattice.translations(TILES)
     ]

@@ -19,7 +19,7 @@ from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.accuracy.mesh import shares_of
 from solvers.accuracy.plate import ModeErrors, by_degrees, last_degree, mode_errors
 from solvers.superelement.cell import Cell, ResidualModes
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.superelement.periodic import Periodic
 
 # of the largest estimate of a band and those below it, of all: one wave may hide what others show
@@ -59,12 +59,12 @@ class MeshErrors:
     half_width: FloatArray
 
 
-def reduction_error(lattice: Lattice, wavevectors: FloatArray, count: int) -> ReductionError:
+def reduction_error(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> ReductionError:
     """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
     return error_of_waves(lattice, [lattice.waves(k, count) for k in wavevectors])
 
 
-def error_of_waves(lattice: Lattice, waves: Sequence[Waves]) -> ReductionError:
+def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> ReductionError:
     """The same of waves that are solved already."""
     estimates = [truncation(lattice, each) for each in waves]
     modes = max(float(each.max(initial=0.0)) for each, _ in estimates)
@@ -72,7 +72,7 @@ def error_of_waves(lattice: Lattice, waves: Sequence[Waves]) -> ReductionError:
     return ReductionError(modes, further_degrees(parts) * max(float(each[-1].max(initial=0.0)) for each in parts))
 
 
-def truncation(lattice: Lattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
+def truncation(lattice: ReducedLattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
     """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n)
     from 0 on, relative; 0 for rigid-body waves.
     """
@@ -103,7 +103,7 @@ def further_degrees(parts: Sequence[FloatArray]) -> float:
     return float(min(1.0, max(SERIES * (1.0 + worst[-2] / worst[-1]) * max(falls, default=1.0), MIN_SHARE)))
 
 
-def cutoff_hz(lattice: Lattice, wavevectors: FloatArray, count: int, wanted: float) -> float:
+def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, wanted: float) -> float:
     """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `wanted`.
 
     The lattice's own where none below it does. A mode's part in a wave tells what it would add to the residual flexibility.
@@ -138,7 +138,7 @@ def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
     return np.minimum(share * (rises + HIDDEN * below) + BEYOND * worst, share * worst)
 
 
-def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -> float:
+def last_degree_through(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> float:
     """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
     across = lattice.cell.interface.across
     if across.max() < 2:  # a plate of linear functions has no lower degree to compare with
@@ -147,7 +147,7 @@ def last_degree_through(lattice: Lattice, wavevectors: FloatArray, count: int) -
     return max(float(each.max(initial=0.0)) for each in rises)
 
 
-def _brought(lattice: Lattice, waves: Waves, degree: IntArray) -> FloatArray:
+def _brought(lattice: ReducedLattice, waves: Waves, degree: IntArray) -> FloatArray:
     """By how much boundary functions of each degree (boundary,) lower each frequency at most, relative, (degrees, n)."""
     free, moving = lattice.cell.interface.free, _moving(waves)
     parts = np.zeros((int(degree.max()) + 1, len(moving)))

@@ -43,7 +43,7 @@ class Waves:
     by_modes: FloatArray
 
 
-class Lattice:
+class ReducedLattice:
     """The reduced cell with one vertex line, one side along each axis and the fixed-interface modes left free."""
 
     def __init__(self, cell: Cell) -> None:
@@ -184,9 +184,9 @@ class Lattice:
     def _phases(self, wavevector: FloatArray) -> ComplexArray:
         return np.asarray(np.exp(1j * self.offset @ (wavevector * np.array(self.cell.size_m[:2]))))
 
-    def up_to(self, face: Interface, top_hz: float) -> Lattice:
+    def up_to(self, face: Interface, top_hz: float) -> ReducedLattice:
         """The lattice of the same mesh reduced to boundary functions of lower degrees and modes up to top_hz."""
-        return Lattice(replace(restricted(self.cell, face, top_hz), mesh_error=None, further=None))
+        return ReducedLattice(replace(restricted(self.cell, face, top_hz), mesh_error=None, further=None))
 
 
 def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:

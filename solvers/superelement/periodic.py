@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from geometry.elements import ComplexArray, FloatArray
+from geometry.lattice import Lattice
 from solvers.fem.eigen import PlainPencil
 from solvers.superelement.cell import Cell, with_further
 from solvers.superelement.interface import Ties
@@ -31,12 +32,12 @@ class Periodic:
         self.ties = Ties(first.interface, [len(cell.fixed_hz) for cell in cells], shift)
         self.dof, self.scale = self.ties.dof, first.scale
         width, height = first.size_m[:2]
-        self.vectors_m = np.array([[len(cells) * width, 0.0], [shift * width, height]])
+        self.lattice = Lattice((len(cells) * width, 0.0), (shift * width, height))
 
     @property
     def middles_m(self) -> FloatArray:
         """Where the cells' middles stand along x, from the first one's, (cells,)."""
-        return np.asarray(self.vectors_m[0, 0] / len(self.cells) * np.arange(len(self.cells)))
+        return np.asarray(self.lattice.a1_m[0] / len(self.cells) * np.arange(len(self.cells)))
 
     def parts(self, dofs: ComplexArray) -> list[tuple[Cell, ComplexArray]]:
         """Each cell with its own of the cells' degrees of freedom (dof, n)."""
@@ -76,7 +77,7 @@ class BlochPlate:
     def placed_cells(self) -> list[PlacedCell]:
         """Every cell with the free degrees of freedom that its own follow, and their phases."""
         ties, cells = self.periodic.ties, self.periodic.cells
-        phase = np.exp(1j * ties.offset @ (self.periodic.vectors_m @ self.wavevector))
+        phase = np.exp(1j * ties.offset @ (self.periodic.lattice.phases(self.wavevector)))
         bounds = ties.starts[1:-1]
         own = zip(cells, self.periodic.middles_m, np.split(ties.column, bounds), np.split(phase, bounds), strict=True)
         return [PlacedCell(cell, (float(x), 0.0), column, turn, 1) for cell, x, column, turn in own]
@@ -84,7 +85,7 @@ class BlochPlate:
     @cached_property
     def matrices(self) -> tuple[ComplexArray, ComplexArray]:
         """Hermitian K and M, (dof, dof) each."""
-        transform = self.periodic.ties.closed(self.periodic.vectors_m @ self.wavevector)
+        transform = self.periodic.ties.closed(self.periodic.lattice.phases(self.wavevector))
         return self.periodic.reduced(transform, "stiffness"), self.periodic.reduced(transform, "mass")
 
     def pencil(self) -> PlainPencil:

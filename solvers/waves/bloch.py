@@ -13,6 +13,7 @@ import scipy.sparse as sp
 
 from geometry.elements import FloatArray, IntArray
 from geometry.errors import MeshError
+from geometry.lattice import Lattice
 from geometry.mesh import AnyMesh
 from solvers.fem.assembly import System
 from solvers.fem.eigen import PlainPencil, lowest_pairs
@@ -24,22 +25,27 @@ PAIRS = 2_000_000  # of points and nodes whose distances are all computed, in th
 
 @dataclass(frozen=True)
 class PeriodicNodes:
-    """For every node its master and by how many pitches it lies beyond it, (n,) and (n, 2)."""
+    """For every node its master and by how many lattice vectors it lies beyond it, (n,) and (n, 2)."""
 
     master: IntArray
     offset: IntArray
 
 
-def periodic_nodes(mesh: AnyMesh, pitch_x_m: float, pitch_y_m: float) -> PeriodicNodes:
-    """Pair the nodes on x+ with x-, y+ with y-. Raises MeshError when opposite faces do not match node for node."""
-    low = mesh.nodes.min(axis=0)
+def periodic_nodes(mesh: AnyMesh, lattice: Lattice) -> PeriodicNodes:
+    """Pair the nodes on x+ with x-, y+ with y- of the row below, shifted or not.
+
+    Raises MeshError when opposite faces do not match node for node.
+    """
+    low, allowed = mesh.nodes.min(axis=0), MATCH * min(lattice.cell_m)
     offset = np.zeros((len(mesh.nodes), 2), dtype=np.int64)
     for axis, face in enumerate(("x+", "y+")):
         offset[mesh.nodes_of(face), axis] = 1
-    shift = np.column_stack([offset * np.array([pitch_x_m, pitch_y_m]), np.zeros(len(offset))])
+    shifted = mesh.nodes[:, 0] - offset @ lattice.vectors_m[:, 0]
+    offset[shifted < low[0] - allowed, 0] -= 1  # the row below begins half a pitch further on
+    shift = np.column_stack([offset @ lattice.vectors_m, np.zeros(len(offset))])
     candidates = np.flatnonzero((offset == 0).all(axis=1))
     distance, nearest = _nearest(mesh.nodes[candidates], mesh.nodes - shift)
-    if distance.max() > MATCH * min(pitch_x_m, pitch_y_m):
+    if distance.max() > allowed:
         worst = 1e3 * (mesh.nodes[int(distance.argmax())] - np.array([low[0], low[1], 0.0]))
         raise MeshError(f"opposite faces do not match: the node at {worst.round(4)} mm has no partner one pitch away")
     return PeriodicNodes(candidates[nearest], offset)
@@ -58,12 +64,11 @@ def _nearest(nodes: FloatArray, points: FloatArray) -> tuple[FloatArray, IntArra
 
 
 class BlochCell:
-    """The cell's K and M split by the phase they carry: K(k) = sum over d of K_d exp(i k.d), d in {-1, 0, 1}^2."""
+    """The cell's K and M split by the phase they carry: K(k) = sum over d of K_d exp(i k.d), d a lattice vector."""
 
-    def __init__(self, system: System, pitch_x_m: float, pitch_y_m: float) -> None:
-        self.scale = system.scale
-        self.pitch = np.array([pitch_x_m, pitch_y_m])
-        pairs = periodic_nodes(system.mesh, pitch_x_m, pitch_y_m)
+    def __init__(self, system: System, lattice: Lattice) -> None:
+        self.scale, self.lattice = system.scale, lattice
+        pairs = periodic_nodes(system.mesh, lattice)
         self.masters, self._follows = np.unique(pairs.master, return_inverse=True)
         self._offset, compact = pairs.offset, self._follows
         self.dof = 3 * len(self.masters)
@@ -75,8 +80,9 @@ class BlochCell:
 
     def pencil(self, wavevector: FloatArray) -> tuple[PlainPencil, int]:
         """The real pencil at a wavevector (rad/m) and how often it counts each wave: 1 where phases are real, else 2."""
-        parts = [_at_phase(matrices, wavevector * self.pitch) for matrices in (self.stiffness, self.mass)]
-        if _is_real(wavevector * self.pitch):
+        phase = self.lattice.phases(wavevector)
+        parts = [_at_phase(matrices, phase) for matrices in (self.stiffness, self.mass)]
+        if _is_real(phase):
             (k, _), (m, _) = parts
             return PlainPencil(sp.csc_array(k), sp.csc_array(m), self.scale), 1
         k, m = (sp.csc_array(sp.block_array([[re, -im], [im, re]], format="csc")) for re, im in parts)
@@ -89,11 +95,12 @@ class BlochCell:
 
     def prolonged(self, coarser: BlochCell, transfer: sp.csr_array, wavevector: FloatArray) -> sp.csr_array:
         """The matrix from a coarser cell's pencil at a wavevector to this one's, by that of the fields of their nodes."""
-        phase = np.asarray(wavevector) * self.pitch @ coarser._offset.T
+        own = self.lattice.phases(wavevector)
+        phase = own @ coarser._offset.T
         nodes, shape = np.arange(len(phase)), (len(phase), len(coarser.masters))
         wave = (sp.csr_array((part(phase), (nodes, coarser._follows)), shape=shape) for part in (np.cos, np.sin))
         re, im = (sp.kron(transfer[self.masters] @ part, sp.eye_array(3), format="csr") for part in wave)
-        if _is_real(wavevector * self.pitch):
+        if _is_real(own):
             return sp.csr_array(re)
         return sp.csr_array(sp.block_array([[re, -im], [im, re]], format="csr"))
 
@@ -110,13 +117,13 @@ def _by_phase(
     entries = matrix.tocoo()
     step = offset[entries.col] - offset[entries.row]
     folded = {}
-    for dx in (-1, 0, 1):
-        for dy in (-1, 0, 1):
-            pick = (step[:, 0] == dx) & (step[:, 1] == dy)
-            place = (unknown[entries.row[pick]], unknown[entries.col[pick]])
-            part = sp.csr_array(sp.coo_array((entries.data[pick], place), shape=(size, size)))
-            part.sum_duplicates()
-            folded[dx, dy] = part
+    kinds = {*map(tuple, offset.tolist())}
+    for dx, dy in sorted({(x - other_x, y - other_y) for x, y in kinds for other_x, other_y in kinds}):
+        pick = (step[:, 0] == dx) & (step[:, 1] == dy)
+        place = (unknown[entries.row[pick]], unknown[entries.col[pick]])
+        part = sp.csr_array(sp.coo_array((entries.data[pick], place), shape=(size, size)))
+        part.sum_duplicates()
+        folded[dx, dy] = part
     return folded
 
 

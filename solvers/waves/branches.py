@@ -12,9 +12,10 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.lattice import MIRRORS
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import Lattice, Waves, degenerate
+from solvers.superelement.lattice import ReducedLattice, Waves, degenerate
 from solvers.superelement.periodic import Periodic
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -35,7 +36,7 @@ TIED = 0.01  # of modal overlap: waves as alike as that are equally alike, and g
 class Solved:
     """The waves of a lattice, each wavevector solved once: `count` asked for, some above and their degenerate partners."""
 
-    def __init__(self, lattice: Lattice, count: int) -> None:
+    def __init__(self, lattice: ReducedLattice, count: int) -> None:
         self.lattice, self.count = lattice, min(count, lattice.dof)
         self._known: dict[tuple[float, float], Waves] = {}
 
@@ -88,13 +89,13 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
     return Branches(tuple(kept), _dense(numbers))
 
 
-def modal_overlap(lattice: Lattice, one: Waves, two: Waves) -> FloatArray:
+def modal_overlap(lattice: ReducedLattice, one: Waves, two: Waves) -> FloatArray:
     """|u_i^H M v_j|^2 on the cell, (n, m)."""
     heavy = lattice.cell.mass @ two.dofs.real + 1j * (lattice.cell.mass @ two.dofs.imag)
     return np.asarray(np.abs(one.dofs.conj().T @ heavy) ** 2)
 
 
-def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
+def one_sided(lattice: ReducedLattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Slopes d lambda / d s of the sorted bands along a direction (2,), beyond the wavevector and before it, (n,) each."""
     slope = np.tensordot(direction, lattice.slopes(waves), axes=1)
     beyond, before = np.empty(len(slope)), np.empty(len(slope))
@@ -104,7 +105,7 @@ def one_sided(lattice: Lattice, waves: Waves, direction: FloatArray) -> tuple[Fl
     return beyond, before
 
 
-def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Waves) -> Waves:
+def turned(lattice: ReducedLattice, waves: Waves, direction: FloatArray, neighbour: Waves) -> Waves:
     """Degenerate waves turned into those with a slope each along a direction; of equal slopes, towards the neighbour's."""
     several = [group for group in degenerate(waves.eigenvalue, lattice.rounding) if group.stop - group.start > 1]
     if not several:
@@ -123,7 +124,7 @@ def turned(lattice: Lattice, waves: Waves, direction: FloatArray, neighbour: Wav
     return replace(waves, dofs=dofs)
 
 
-def _aligned(lattice: Lattice, waves: ComplexArray, neighbour: ComplexArray) -> ComplexArray:
+def _aligned(lattice: ReducedLattice, waves: ComplexArray, neighbour: ComplexArray) -> ComplexArray:
     """The waves turned among themselves to be likest those of the neighbour's that lie most in their span (Procrustes)."""
     overlap = neighbour.conj().T @ (lattice.cell.mass @ waves)
     nearest = np.sort(np.argsort(-np.linalg.norm(overlap, axis=1), kind="stable")[: waves.shape[1]])
@@ -289,8 +290,7 @@ def _resemblance(
     """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, G) each."""
     fold = np.arange(-FOLDS, FOLDS + 1)
     pairs = np.stack(np.meshgrid(fold, fold, indexing="ij"), axis=-1).reshape(-1, 2)
-    reciprocal = 2.0 * np.pi * pairs @ np.linalg.inv(cells.vectors_m).T  # G.a = 2 pi times a whole number
-    k = wavevector.T[:, None, :] + reciprocal
+    k = wavevector.T[:, None, :] + pairs @ cells.lattice.reciprocal_per_m
     wave = np.exp(1j * k @ points.T)  # (n, G, points)
     energy = np.abs(wave) ** 2 @ weights
     x, y = (np.einsum("ngp,pn->ng", wave.conj(), weighted[:, axis]) for axis in (0, 1))
@@ -304,7 +304,7 @@ def _resemblance(
 # Mirror parity of Bloch waves where the mirror keeps the wavevector, up to a reciprocal vector.
 
 AXES = {"x": 0, "y": 1}
-SAME = 1e-9  # of 2 pi: a phase that counts as a whole turn
+SAME = 1e-9  # relative: sides of a cell that are equal
 TOLERANCE = 1e-6  # how far the diagonal mirror may be from orthogonal and from leaving K and M alone
 PURE = 0.99  # a wave's |<u, S u>| from which it has a parity
 
@@ -323,9 +323,8 @@ class Mirrors:
 
     def keeping(self, wavevector: FloatArray) -> tuple[str, ...]:
         """The mirrors that keep a wavevector (2,) in rad/m up to a reciprocal vector."""
-        turns = np.asarray(wavevector) * np.array(self.cell.size_m[:2]) / (2.0 * np.pi)
-        change = {"x": 2.0 * turns[0], "y": 2.0 * turns[1], "d": turns[0] - turns[1]}
-        return tuple(name for name in self.names if abs(change[name] - round(change[name])) < SAME)
+        is_same = Periodic([self.cell]).lattice.is_same
+        return tuple(name for name in self.names if is_same(MIRRORS[name] @ wavevector, wavevector))
 
     def image(self, name: str, dofs: ComplexArray) -> ComplexArray:
         """The mirrored waves, (cell dof, n)."""

@@ -77,7 +77,7 @@ class Row:
         self.periodic = cells if isinstance(cells, Periodic) else Periodic([cells])
         self.cell, self.kx, ties = self.periodic.cells[0], kx_per_m, self.periodic.ties
         self.edge, self.inner = ties.edge, ties.inside
-        self.transform = ties.open(kx_per_m * self.periodic.vectors_m[:, 0])
+        self.transform = ties.open(self.periodic.lattice.phases(np.array([kx_per_m, 0.0])))
 
     @cached_property
     def stiffness(self) -> ComplexArray:
@@ -143,7 +143,7 @@ class Row:
         motion = np.vstack([edge, edge * factor])
         dofs = self.transform @ np.vstack([motion, follow @ motion])
         order = _least_decay_first(factor)
-        pitch_m = float(self.periodic.vectors_m[1, 1])
+        pitch_m = self.periodic.lattice.a2_m[1]
         return RowWaves(factor[order], edge[:, order], force[:, order], dofs[:, order], flux[order], pitch_m, stiffness)
 
     def _symmetric(self, d: RowStiffness) -> bool:

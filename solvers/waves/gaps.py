@@ -9,7 +9,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.lattice import Path
 from solvers.analytic.beams import root_between
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.branches import Branches, Label, Solved, label_of, modal_overlap, one_sided
 
 # -- extremes ----------------------------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def _spread(points: FloatArray, count: int) -> list[FloatArray]:
     return chosen
 
 
-def _hz(lattice: Lattice, eigenvalue: float) -> float:
+def _hz(lattice: ReducedLattice, eigenvalue: float) -> float:
     return float(lattice.cell.scale.frequency(np.array(eigenvalue)))
 
 

@@ -28,7 +28,7 @@ PATCHED = f"{SMALL} {ROUGH} --set patches.size_mm=[8.0,3.0,0.3]"
 BAND = "--band 33kHz:36kHz"
 FEW = "--evaluations 2 --mac 0.1 --min-frequency 20kHz"
 VARY = f"--vary pillar.height_mm=6:6.6 {FEW}"
-SHIFTED = "--set array.stagger=true --set array.pitch_x_mm=5 --set array.pitch_y_mm=4 --set bands.path=GXMYG"
+SHIFTED = "--set array.stagger=true --set array.pitch_x_mm=5 --set array.pitch_y_mm=4"
 TASKS = {
     "predesign": f"predesign {SMALL}",
     "modes": f"modes {SMALL} {ROUGH}",

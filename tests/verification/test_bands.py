@@ -10,7 +10,7 @@ import pytest
 
 from geometry.hex.boxes import Boxes, cell_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
-from geometry.lattice import path_through
+from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.tiling import lattice_panel
@@ -18,7 +18,7 @@ from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.bloch import BlochCell
 from solvers.waves.gaps import complete_gaps
 from tests.helpers.lattice_waves import folded_hz
@@ -32,13 +32,15 @@ SHARES = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.37, 0.81), (0.8, -0
 BENDING_AT_M_HZ, GAP_HZ = 32540.0, (163100.0, 175840.0)
 
 
-def reduced(design: Design, reduction: ReductionSettings) -> Lattice:
+def reduced(design: Design, reduction: ReductionSettings) -> ReducedLattice:
     """The lattice of one reduced cell."""
-    return Lattice(Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction).cell(lattice_panel(design)))
+    return ReducedLattice(
+        Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction).cell(lattice_panel(design))
+    )
 
 
 @lru_cache
-def planned(accuracy: float) -> Lattice:
+def planned(accuracy: float) -> ReducedLattice:
     """As the bands of a case are computed."""
     return reduced(CELL, mesh_rules.lattice_reduction(CELL, accuracy))
 
@@ -62,14 +64,14 @@ def mirrored(boxes: Boxes) -> Boxes:
 def full(design: Design, settings: HexSettings) -> BlochCell:
     """The cell meshed whole, on the lines on which its quarter is reduced."""
     mesh = hex_mesh(mirrored(cell_boxes(design, settings, quarter=True)), settings.order)
-    return BlochCell(assemble(mesh, MATERIALS_OF), design.pitch_x_m, design.pitch_y_m)
+    return BlochCell(assemble(mesh, MATERIALS_OF), design.lattice)
 
 
-def check_known(lattice: Lattice, tolerance: float) -> None:
+def check_known(lattice: ReducedLattice, tolerance: float) -> None:
     """Two bending bands at M and the complete gap between bands 6 and 7."""
     at_m = lattice.frequencies(wavevector((1.0, 1.0), CELL), 10)
     assert np.abs(at_m[:2] / BENDING_AT_M_HZ - 1.0).max() < tolerance
-    path = path_through("GXMG", 8, CELL.pitch_x_m, CELL.pitch_y_m)
+    path = Lattice.of_rows(CELL.pitch_x_m, CELL.pitch_y_m).path("GXMG", 8)
     gaps = complete_gaps(np.array([lattice.frequencies(k, 8) for k in path.wavevectors]))
     sixth = next(gap for gap in gaps if gap.lower_band == 6)
     assert sixth.upper_band == 7

@@ -30,7 +30,7 @@ from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.thesis.pillar_row import design_feet
 from tests.helpers.scenes import STEEL_PILLARS
 from tests.helpers.whole_solid import check_within_both_bars
@@ -98,7 +98,7 @@ def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
     """Flexural and in-plane waves part: u_z at the touch face is that at the back, or its opposite."""
     design = case_of().design
     cell = Reductions(design.thickness_m, design.material, design.pillar, REDUCTION).cell(lattice_panel(design))
-    waves = Lattice(cell).waves(np.array([300.0, 170.0]), 8)
+    waves = ReducedLattice(cell).waves(np.array([300.0, 170.0]), 8)
     half = design.pitch_x_m / 2.0
     corners = np.flatnonzero((np.abs(np.abs(cell.skin.points[:, :2]) - half) < 1e-9).all(axis=1))
     for wave in waves.dofs.T:
@@ -120,7 +120,7 @@ def test_pairs_of_waves_that_symmetry_makes_equal_are_equal(shape: str) -> None:
     cell = Reductions(design.thickness_m, design.material, design.pillar, replace(REDUCTION, top_hz=2e3)).cell(
         lattice_panel(design)
     )
-    tones = Lattice(cell).waves(np.zeros(2), 8).frequency_hz[3:]
+    tones = ReducedLattice(cell).waves(np.zeros(2), 8).frequency_hz[3:]
     pairs = np.abs(tones[1:] / tones[:-1] - 1.0) < 1e-9
     assert pairs.sum() == 2 and not (pairs[1:] & pairs[:-1]).any()
 

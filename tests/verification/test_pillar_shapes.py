@@ -25,7 +25,7 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.branches import Mirrors
 from tests.helpers import bodies
 from tests.helpers.asked import solve_bands
@@ -135,15 +135,15 @@ def test_a_hexagon_through_cad_and_tetrahedra_is_that_of_its_hexahedra() -> None
     assert modes_in_band(model.pencil(None), 0.0, 150e3).frequency_hz[0] == pytest.approx(exact, rel=0.01)
 
 
-def lattice_of(pillar: Pillar, pitch_m: float, mesher: Callable[[Panel], Mesh] | None = None) -> Lattice:
+def lattice_of(pillar: Pillar, pitch_m: float, mesher: Callable[[Panel], Mesh] | None = None) -> ReducedLattice:
     """A coarse cell of a square pitch, reduced."""
     design = Design(30e-3, 10e-3, 2e-3, 3, ALUMINIUM, pillar, pitch_m, pitch_m, 1, 3e-3)
     reduction = ReductionSettings(Interface(3, 2), 400e3, HexSettings(2, pitch_m, 0, pillar_size_m=pillar.height_m))
     reductions = Reductions(2e-3, ALUMINIUM, pillar, reduction, None, mesher)
-    return Lattice(reductions.cell(lattice_panel(design)))
+    return ReducedLattice(reductions.cell(lattice_panel(design)))
 
 
-def exchanged(lattice: Lattice, count: int = 6) -> float:
+def exchanged(lattice: ReducedLattice, count: int = 6) -> float:
     """The largest relative change of the lowest bands when kx and ky change places."""
     here = np.pi / lattice.cell.size_m[0] * np.array([0.9, 0.2])
     one, other = (np.sqrt(lattice.waves(k, count).eigenvalue) for k in (here, here[::-1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from geometry.lattice import Lattice
 from geometry.materials import Material
 from solvers.fem.assembly import assemble
 from solvers.waves.bloch import BlochCell
@@ -19,7 +20,7 @@ COUNT = 6
 def cell(order: int) -> BlochCell:
     """Two by two elements, one through the thickness."""
     mesh = bodies.bricks(bodies.even((*PITCH_M, THICKNESS_M), (2, 2, 1)), order)
-    return BlochCell(assemble(mesh, {"body": STEEL}), *PITCH_M)
+    return BlochCell(assemble(mesh, {"body": STEEL}), Lattice.of_rows(*PITCH_M))
 
 
 def errors(order: int) -> np.ndarray:

@@ -118,15 +118,17 @@ def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take(rows: int
 
 
 @pytest.mark.slow
-def test_the_bands_of_two_rows_are_those_of_the_meshed_rectangle() -> None:
-    """Within both bars; a glide between the rows makes waves at X equal in pairs."""
-    ask = ("bands.count=8", "bands.points=1", "bands.path=GXM", "solve.accuracy=0.02")
+def test_the_bands_of_shifted_rows_are_those_of_the_meshed_cell() -> None:
+    """Within both bars, at the corners of the zone; waves at X and at X1, its image in a mirror, are the same."""
+    ask = ("bands.count=6", "bands.points=1", "solve.accuracy=0.02")
     ours = solve_bands(case_of(*ask), TerminalLog(True))
     theirs = solve_bands(case_of(*ask, "solve.model=solid"), TerminalLog(True))
-    assert ours.path.wavevectors == pytest.approx(np.pi / 4e-3 * np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.5]]))
-    bars = np.array(ours.error[1:], dtype=float) + np.array(theirs.error[1:], dtype=float)
-    assert bars.max() < 0.02 and (np.abs(ours.frequencies_hz[1:] / theirs.frequencies_hz[1:] - 1.0) <= bars).all()
-    assert ours.frequencies_hz[1, ::2] == pytest.approx(ours.frequencies_hz[1, 1::2], rel=1e-6)
+    assert ours.path.labels == ("G", "X", "S", "X1", "Y", "G")
+    bars = np.array(ours.error[1:-1], dtype=float) + np.array(theirs.error[1:-1], dtype=float)
+    assert bars.max() < 0.02
+    assert (np.abs(ours.frequencies_hz[1:-1] / theirs.frequencies_hz[1:-1] - 1.0) <= bars).all()
+    for bands in (ours, theirs):
+        assert bands.frequencies_hz[1] == pytest.approx(bands.frequencies_hz[3], rel=1e-6)
     assert ours.frequencies_hz[0, :3] == pytest.approx(0.0, abs=1e-3) and ours.frequencies_hz[0, 3] > 1e3
 
 
@@ -153,6 +155,41 @@ def test_bars_hold_what_further_degrees_bring(along: int) -> None:
     left = own * (1.0 - errors.taken) / finer - 1.0
     assert first.further and left.max() > 1e-3
     assert (left <= MARGIN * errors.total).all() and (MARGIN * errors.total <= 12.0 * left).all()
+
+
+# of the rectangle of two rows, before staggered rows had a cell of their own: frequencies in Hz at shares of (pi/p, pi/2q)
+FOLDED = {
+    (1.0, 0.0): [36872.89915514, 42817.55590908, 43338.96617184, 43934.55624968, 71818.93021631, 137813.6615222],
+    (2.0, 0.0): [42375.15677744, 42375.15677753, 43852.20545099, 43852.205451, 137994.1564429, 137994.1564429],
+    (2.0, 1.0): [42322.2731154, 42322.27311554, 43932.97859057, 43932.97859063, 137995.1602338, 137995.1602338],
+    (2.0, 2.0): [42275.10383789, 42275.10383794, 44007.66854819, 44007.66854819, 137996.1524526, 137996.1524526],
+    (1.0, 2.0): [41041.38340137, 41041.38340143, 43807.66162991, 43807.66162992, 116965.3479081, 116965.3479081],
+    (0.0, 2.0): [36876.50707342, 36876.50707346, 43757.76238893, 43757.76238897, 71825.43426514, 71825.43426515],
+    (0.0, 1.0): [15083.3950759, 41085.20015506, 42695.69681936, 43887.25577834, 47259.1747854, 93980.72746573],
+}
+
+
+@pytest.mark.parametrize(("shares", "expected"), FOLDED.items())
+def test_bands_folded_into_the_rectangle_of_two_rows_are_what_they_were(
+    coarse: StaggeredCell, shares: tuple[float, float], expected: list[float]
+) -> None:
+    """Waves at k and at k + (2 pi / p, 0) are those of the rectangle at k, p the pitch along x."""
+    k = np.pi / 8e-3 * np.array(shares) * np.array([1.0, 0.5])
+    both = [coarse.solve(each, 6)[0] for each in (k, k + np.array([2.0 * np.pi / 4e-3, 0.0]))]
+    assert np.sort(np.concatenate(both))[:6] == pytest.approx(expected, rel=1e-9)
+
+
+def test_bands_over_the_irreducible_part_are_those_over_the_whole_zone(coarse: StaggeredCell) -> None:
+    """Extremes of every band, from grids of one spacing; the part is a quarter by the two mirrors."""
+    lattice = case_of().design.lattice
+    shares = np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) / 12.0
+    part = lattice.grid(6, ("x", "y"))
+    every, few = (
+        np.array([coarse.row.frequencies(k, 6) for k in grid]) for grid in (shares @ lattice.reciprocal_per_m, part)
+    )
+    assert len(part) < len(shares) / 2
+    assert few[:, 3:].min(axis=0) == pytest.approx(every[:, 3:].min(axis=0), rel=1e-7)
+    assert few.max(axis=0) == pytest.approx(every.max(axis=0), rel=1e-7)
 
 
 GENERIC = np.array([200.0, 150.0])

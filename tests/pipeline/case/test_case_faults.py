@@ -62,7 +62,7 @@ def lines_of(overrides: list[str], raw: dict | None = None) -> list[str]:
         ("solve.band_kHz=[45,25]", "solve.band_kHz = [45, 25]: must be two numbers [low, high], 0 <= low < high"),
         ("solve.band_kHz=[25]", "solve.band_kHz = [25]: must be two numbers"),
         ("solve.count=3", "solve.count = 3: goes with near_kHz"),
-        ("bands.path=GXQ", 'bands.path = "GXQ": must be at least two of the letters'),
+        ("bands.path=GXQ", 'bands.path = "GXQ": must be at least two labels of the lattice'),
         ("bands.path=GXXM", 'bands.path = "GXXM": must not repeat a point'),
         ("damping.quality=0", "damping.quality = 0: must be a number above 0.5"),
         ("patches.sensors=[9]", "patches.sensors = [9]: no such patch: must be numbers from 0 to 8"),

@@ -55,7 +55,7 @@ from solvers.parametric.affine import AffineCell, DesignBox
 from solvers.parametric.bands import bands
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.reduction import reduce_cell
 from solvers.waves.gaps import complete_gaps
 from studies.live import BesidePlate
@@ -107,7 +107,7 @@ def test_a_damaged_model_counts_as_absent(folder: Path, explorer: Explorer, tmp_
 def test_bands_and_gaps_are_those_of_the_design(explorer: Explorer) -> None:
     given = OWN | {"height": 6.6, "pitch": 4.2}
     answer = explorer.answer(given)["bands"]
-    lattice = Lattice(explorer.model.cell.at((2e-3, 6.6e-3, 2e-3, 4.2e-3), INNER))
+    lattice = ReducedLattice(explorer.model.cell.at((2e-3, 6.6e-3, 2e-3, 4.2e-3), INNER))
     x = lattice.frequencies(np.array([np.pi / 4.2e-3, 0.0]), 10)
     assert answer["frequency_hz"][4] == pytest.approx(x.tolist(), rel=0.01)
     assert answer["labels"][4] == "X"

@@ -21,7 +21,7 @@ from solvers.plates import assembled
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10
@@ -55,7 +55,7 @@ def wavevectors() -> np.ndarray:
 
 
 def frequencies(one: Cell) -> np.ndarray:
-    return np.concatenate([moving(Lattice(one).frequencies(k, COUNT)) for k in wavevectors()])
+    return np.concatenate([moving(ReducedLattice(one).frequencies(k, COUNT)) for k in wavevectors()])
 
 
 def moving(values: np.ndarray) -> np.ndarray:
@@ -63,7 +63,7 @@ def moving(values: np.ndarray) -> np.ndarray:
 
 
 def errors(one: Cell) -> tuple[np.ndarray, np.ndarray]:
-    bars = [mesh_error(one, Lattice(one).waves(k, COUNT)) for k in wavevectors()]
+    bars = [mesh_error(one, ReducedLattice(one).waves(k, COUNT)) for k in wavevectors()]
     return tuple(np.concatenate([moving(getattr(e, name)) for e in bars]) for name in ("taken", "half_width"))  # type: ignore[return-value]
 
 

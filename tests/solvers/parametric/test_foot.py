@@ -25,7 +25,7 @@ from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
 from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
 from solvers.parametric.touch_face import APART, fitted_touch
 from solvers.plates.assembled import Reductions
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.symmetry import diagonal_image
 
 ALUMINIUM, STEEL = Material("aluminium", 70e9, 2700.0, 0.34), Material("steel", 200e9, 7800.0, 0.3)
@@ -146,7 +146,7 @@ def test_bands_are_those_of_an_independent_mesh(shape: str) -> None:
     mesh, _ = quarter_mesh(foot, sizes, FixedMesh(layers=1 if shape == "cross" else 2))
     reduction = mesh_rules.lattice_reduction(design, case.solve.accuracy)
     reductions = Reductions(design.thickness_m, design.material, pillar, reduction, None, lambda panel: mesh)
-    own = Lattice(reductions.cell(lattice_panel(design)))
+    own = ReducedLattice(reductions.cell(lattice_panel(design)))
     other = lattice_model(case, cell_model_choice(case), corners, WarningLog(), [], finer=False)
     ours, theirs = (np.array([each.waves(k, count).frequency_hz for k in corners]) for each in (own, other.lattice))
     moving = theirs > 1e-3 * theirs.max()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geometry.lattice import path_through
+from geometry.lattice import Lattice
 from geometry.materials import Material
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
@@ -20,7 +20,7 @@ from solvers.parametric.greedy import chosen
 from solvers.parametric.reduced_block import KEPT, NOVEL
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.reduction import reduce_cell
 
 ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
@@ -29,7 +29,7 @@ BOX = DesignBox((1.5e-3, 4e-3, 1.5e-3, 3e-3), (2.5e-3, 7e-3, 2.5e-3, 5e-3))
 MESH = FixedMesh(order=2, beside=1, along=3, layers=0)
 FACE = Interface(3, 2)
 COUNT = 10
-PATH = path_through("GXMG", 4, 1.0, 1.0)
+PATH = Lattice.of_rows(1.0, 1.0).path("GXMG", 4)
 FRACTIONS = PATH.wavevectors / np.pi
 UNSEEN = as_sizes(BOX.sample(between(3, seed=5)))
 
@@ -128,7 +128,7 @@ def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...
     cell, sizes = cells[0], UNSEEN[2]
     of = sectors(FACE, FRACTIONS)
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(FRACTIONS), COUNT)
-    lattice = Lattice(cell.at(sizes, INNER))
+    lattice = ReducedLattice(cell.at(sizes, INNER))
     for fraction, computed_hz in zip(FRACTIONS, cell.scale.frequency(values), strict=True):
         wanted = lattice.frequencies(fraction * np.pi / sizes[3], COUNT)
         assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
@@ -140,7 +140,7 @@ def test_bands_of_unseen_designs_hold_their_bar(
 ) -> None:
     """Against each design's own mesh and reduction: never below it but for rounding, above it by the bar at most."""
     for sizes, cell in zip(UNSEEN, plain, strict=True):
-        result, lattice = bands(cells[0], bases, sizes), Lattice(cell)
+        result, lattice = bands(cells[0], bases, sizes), ReducedLattice(cell)
         wanted = np.array([lattice.frequencies(k * np.pi / sizes[3], COUNT) for k in FRACTIONS])
         moving = wanted > 1e-3 * wanted.max()
         excess = np.where(moving, result.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
@@ -151,7 +151,7 @@ def test_bands_of_unseen_designs_hold_their_bar(
 
 
 def test_fewer_boundary_polynomials_lie_above(cells: tuple[ParametricCell, ...]) -> None:
-    few, many = (Lattice(cells[0].at(UNSEEN[0], Inner(5, 5), face)) for face in (Interface(2, 1), FACE))
+    few, many = (ReducedLattice(cells[0].at(UNSEEN[0], Inner(5, 5), face)) for face in (Interface(2, 1), FACE))
     k = np.array([0.7, 0.3]) * np.pi / UNSEEN[0][3]
     assert (few.frequencies(k, COUNT) >= many.frequencies(k, COUNT) * (1.0 - 1e-9)).all()
 
@@ -165,13 +165,13 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
     sizes = as_sizes(box.sample(between(1, seed=5)))[0]
     affine = AffineCell(box, MESH, ALUMINIUM, STEEL)
     (cell,) = parametric_cell(affine, FACE, [sizes])
-    fractions = path_through("GXMYG", 2, 1.0, 1.0).wavevectors / np.pi
+    fractions = Lattice.of_rows(1.0, 1.0).path("GXMYG", 2).wavevectors / np.pi
     of = sectors(FACE, fractions, cell.symmetry)
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(fractions), COUNT)
-    own = Lattice(cell.at(sizes, INNER))
+    own = ReducedLattice(cell.at(sizes, INNER))
     mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
     scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
-    plain = Lattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
+    plain = ReducedLattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
     for fraction, computed_hz in zip(fractions, cell.scale.frequency(values), strict=True):
         wanted, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
         assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])

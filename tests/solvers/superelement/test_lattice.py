@@ -11,6 +11,7 @@ from scipy.optimize import minimize_scalar
 
 from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
+from geometry.lattice import Lattice
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.tiling import Panel
@@ -27,7 +28,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings, Ties
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.bloch import BlochCell
 from solvers.waves.branches import one_sided
 
@@ -51,9 +52,9 @@ def panel(pitch: tuple[float, float], pillar: bool, halved: tuple[int, ...] = (0
 def lattice(
     pitch: tuple[float, float] = (4e-3, 4e-3), pillar: bool = True, top_hz: float = 1.2e6, face: Interface | None = None,
     settings: HexSettings = COARSE,
-) -> Lattice:  # fmt: skip
+) -> ReducedLattice:  # fmt: skip
     reduction = ReductionSettings(face or Interface(4, 3), top_hz, settings)
-    return Lattice(Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel(pitch, pillar)))
+    return ReducedLattice(Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel(pitch, pillar)))
 
 
 @cache
@@ -67,7 +68,7 @@ def full(pitch: tuple[float, float], pillar: bool, settings: HexSettings = COARS
     region = np.concatenate([boxes.region[::-1], boxes.region])
     region = np.concatenate([region[:, ::-1], region], axis=1)
     mesh = hex_mesh(replace(boxes, x=whole(boxes.x), y=whole(boxes.y), region=region), settings.order)
-    return BlochCell(assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}), *pitch)
+    return BlochCell(assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}), Lattice.of_rows(*pitch))
 
 
 def corners(pitch: tuple[float, float]) -> np.ndarray:
@@ -75,7 +76,7 @@ def corners(pitch: tuple[float, float]) -> np.ndarray:
     return np.array([(0, 0), (1, 0), (1, 1), (0, 1)]) * np.pi / np.array(pitch)
 
 
-def transformed(one: Lattice, wavevector: np.ndarray) -> np.ndarray:
+def transformed(one: ReducedLattice, wavevector: np.ndarray) -> np.ndarray:
     """What the cell's degrees of freedom are of the lattice's free ones."""
     ties = Ties(one.cell.interface, [len(one.cell.fixed_hz)])
     return ties.closed(wavevector * np.array(one.cell.size_m[:2]))
@@ -90,7 +91,7 @@ def test_the_folded_pencil_is_that_of_the_transformed_cell() -> None:
         assert np.abs(result - result.conj().T).max() < 1e-13 * np.abs(truth).max()
 
 
-def orthonormal(one: Lattice, u: np.ndarray) -> bool:
+def orthonormal(one: ReducedLattice, u: np.ndarray) -> bool:
     """Energy one each, and none together but what the modes left out make of it, the order of their rise."""
     energy = u.conj().T @ one.cell.mass @ u
     return bool(np.allclose(np.diag(energy), 1.0, atol=1e-10) and np.allclose(energy, np.eye(len(energy)), atol=1e-2))
@@ -118,7 +119,7 @@ def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
     """What the comparison with the full cell would say of a fault: bands off by far more than the reduction's error."""
     pitch = (3e-3, 4e-3)
     truth = full(pitch, True).frequencies(GENERIC, 6)
-    broken = Lattice(lattice(pitch).cell)
+    broken = ReducedLattice(lattice(pitch).cell)
     broken.offset[broken.cell.interface.side(side)] = 0.0
     assert np.abs(lattice(pitch).frequencies(GENERIC, 6) / truth - 1.0).max() < 2e-3
     assert np.abs(broken.frequencies(GENERIC, 6) / truth - 1.0).max() > 2e-2
@@ -126,7 +127,7 @@ def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
 
 @pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3)])
 def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, float]) -> None:
-    one, hermitian = lattice(pitch), Lattice(lattice(pitch).cell)
+    one, hermitian = lattice(pitch), ReducedLattice(lattice(pitch).cell)
     assert one.c2_symmetry is not None
     hermitian.__dict__["half_turn"] = None
     for wavevector in (np.zeros(2), GENERIC, np.array([np.pi / pitch[0], 200.0])):
@@ -144,10 +145,10 @@ def test_half_a_turn_makes_the_waves_real_and_changes_none(pitch: tuple[float, f
 def test_a_cell_of_unknown_or_broken_symmetry_keeps_its_hermitian_pencil() -> None:
     """Reduced without mirrors nothing tells the modes' parity; with the wrong parities the turned pencil is not real."""
     cell = lattice().cell
-    assert Lattice(replace(cell, fixed_parity=np.zeros_like(cell.fixed_parity))).c2_symmetry is None
+    assert ReducedLattice(replace(cell, fixed_parity=np.zeros_like(cell.fixed_parity))).c2_symmetry is None
     swapped = cell.fixed_parity.copy()
     swapped[0, 0] *= -1
-    assert Lattice(replace(cell, fixed_parity=swapped)).c2_symmetry is None
+    assert ReducedLattice(replace(cell, fixed_parity=swapped)).c2_symmetry is None
 
 
 def test_group_velocity_is_the_derivative_of_the_frequency() -> None:
@@ -283,10 +284,10 @@ def test_degrees_are_told_by_what_a_lattice_of_one_less_lacks_on_coarse_elements
     tiny = Pillar("square", 0.25e-3, 0.25e-3, 0.6e-3, ALUMINIUM)
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=0.6e-3)
     reduction = ReductionSettings(Interface(9, 3), 0.8e6, settings)
-    ample = Lattice(Reductions(THICK_M, ALUMINIUM, tiny, reduction).cell(panel((8e-3, 8e-3), True)))
+    ample = ReducedLattice(Reductions(THICK_M, ALUMINIUM, tiny, reduction).cell(panel((8e-3, 8e-3), True)))
     ends = corners((8e-3, 8e-3))[:3]
 
-    def largest(degree: int, of: Lattice) -> float:
+    def largest(degree: int, of: ReducedLattice) -> float:
         less, rises = of.up_to(Interface(degree, 3), 0.8e6), []
         for k in ends:
             own = of.frequencies(k, 10)
@@ -308,7 +309,9 @@ def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, 
     trimmed = ample.up_to(less.cell.interface, top_hz)
     assert np.allclose(trimmed.cell.fixed_hz, less.cell.fixed_hz, rtol=1e-8)
     assert len(trimmed.cell.fixed_hz) < len(ample.cell.fixed_hz)
-    alike = Lattice(replace(trimmed.cell, dropped_hz=less.cell.dropped_hz))  # the ample cell knows the next mode itself
+    alike = ReducedLattice(
+        replace(trimmed.cell, dropped_hz=less.cell.dropped_hz)
+    )  # the ample cell knows the next mode itself
     assert np.allclose(alike.frequencies(GENERIC, 8), less.frequencies(GENERIC, 8), rtol=1e-8)
     assert np.allclose(trimmed.cell.dropped, less.cell.dropped, atol=1e-7 * np.abs(less.cell.dropped).max())
     assert trimmed.cell.dropped_hz >= less.cell.dropped_hz * (1.0 - 1e-8)
@@ -340,7 +343,7 @@ def test_more_boundary_functions_than_the_mesh_can_hold_are_refused_in_words() -
     dead = one.cell.mass.copy()
     dead[0] = dead[:, 0] = 0.0
     with pytest.raises(SolverError, match="degree 4 along and 3 through the thickness"):
-        Lattice(replace(one.cell, mass=dead - 1e-3 * np.eye(len(dead)))).frequencies(GENERIC, 4)
+        ReducedLattice(replace(one.cell, mass=dead - 1e-3 * np.eye(len(dead)))).frequencies(GENERIC, 4)
 
 
 def test_a_wavevector_costs_one_solve_and_asks_for_no_more_than_there_is() -> None:
@@ -355,5 +358,5 @@ def test_slender_stiff_pillars_on_a_soft_plate_are_no_fault_of_the_cell() -> Non
     pillar = Pillar("square", 1e-3, 1e-3, 9e-3, MATERIALS["steel"])
     reductions = Reductions(1e-3, MATERIALS["pmma"], pillar, ReductionSettings(Interface(4, 3), 3e5, mesh))
     cell = reductions.cell(panel((3e-3, 3e-3), pillar=True))
-    at_rest, *others = Lattice(cell).frequencies(np.zeros(2), 4)[2:]
+    at_rest, *others = ReducedLattice(cell).frequencies(np.zeros(2), 4)[2:]
     assert at_rest < 1e-3 * others[0]

@@ -18,7 +18,7 @@ from solvers.fem.solid import rigid_body_modes
 from solvers.plates.assembled import Reductions, _side_nodes
 from solvers.superelement.cell import KNOWN, ResidualModes, rigid_polynomials
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.reduction import CellBuilder
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -28,10 +28,10 @@ WIDE_M, THICK_M, PITCH_M = 6.35e-3, 6e-3, 20e-3
 PANEL = Panel((-PITCH_M / 2.0,) * 2, (PITCH_M / 2.0,) * 2, (0.0, 0.0), (0, 1))
 
 
-def rods(height_m: float, top_hz: float, elements: int, face: Interface) -> Lattice:
+def rods(height_m: float, top_hz: float, elements: int, face: Interface) -> ReducedLattice:
     settings = HexSettings(3, 2.0 * THICK_M, 0, height_m / elements)
     pillar = Pillar("square", WIDE_M, WIDE_M, height_m, ALUMINIUM)
-    return Lattice(Reductions(THICK_M, ALUMINIUM, pillar, ReductionSettings(face, top_hz, settings)).cell(PANEL))
+    return ReducedLattice(Reductions(THICK_M, ALUMINIUM, pillar, ReductionSettings(face, top_hz, settings)).cell(PANEL))
 
 
 def test_the_residual_flexibility_of_slender_rods_is_no_rounding() -> None:

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from geometry.hex.scenes import HexSettings
-from geometry.lattice import Path, path_through
+from geometry.lattice import Lattice, Path
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, degenerate
+from solvers.superelement.lattice import ReducedLattice, degenerate
 from solvers.waves.branches import Mirrors, Solved, follow, modal_overlap, turned
 from tests.helpers.lattice_waves import shear_hz
 
@@ -29,12 +29,14 @@ SQUARE, OBLONG = (4e-3, 4e-3), (3e-3, 4e-3)
 @cache
 def lattice(
     pitch: tuple[float, float] = SQUARE, halved: tuple[int, ...] = (0, 1), foot: tuple[float, float] | None = (0.0, 0.0)
-) -> Lattice:
+) -> ReducedLattice:
     """A coarse cell with its pillar; a bare one with more degrees and modes, for its waves are the exact ones."""
     half = np.array(pitch) / 2.0
     degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(6, 3), 1.8e6)
     reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 2e-3, 0, 0.2, 6.3e-3))
-    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved)))
+    return ReducedLattice(
+        Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved))
+    )
 
 
 def test_the_diagonal_mirror_of_the_degrees_of_freedom_is_that_of_the_field() -> None:
@@ -97,13 +99,13 @@ def crossed(path: Path, segment: int, mirror: str, sorted_bands: bool) -> int:
 def test_a_branch_keeps_its_parity_along_a_symmetry_line_where_sorted_bands_do_not(
     segment: int, mirror: str, points: int
 ) -> None:
-    path = path_through("GXMG", points, *SQUARE)
+    path = Lattice.of_rows(*SQUARE).path("GXMG", points)
     assert crossed(path, segment, mirror, sorted_bands=False) == 0
     assert crossed(path, segment, mirror, sorted_bands=True) > 0
 
 
 def test_branches_are_numbered_once_at_each_wavevector_from_one_on() -> None:
-    path = path_through("GXMYG", 8, *OBLONG)
+    path = Lattice.of_rows(*OBLONG).path("GXMYG", 8)
     result = follow(Solved(lattice(OBLONG), 8), path.wavevectors)
     assert result.number.shape == (33, 12) and result.number[0].tolist() == list(range(1, 13))
     assert all(len(set(row)) == 12 for row in result.number.tolist())

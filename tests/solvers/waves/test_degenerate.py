@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from geometry.elements import ComplexArray, FloatArray
-from geometry.lattice import path_through
-from solvers.superelement.lattice import Lattice, degenerate
+from geometry.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice, degenerate
 from solvers.waves.branches import Branches, Label, Solved, follow, label_of
 from solvers.waves.gaps import PolarisationGap, labels_along, polarisation_gaps
 from tests.solvers.waves.test_branches import SQUARE, lattice
@@ -16,10 +16,10 @@ COUNT, POINTS = 8, 9
 MORE = 3  # waves above those asked for, so that the last ones are mixed with their partners, too
 
 
-class Mixed(Lattice):
+class Mixed(ReducedLattice):
     """A lattice whose solver returns degenerate waves in combinations drawn by chance."""
 
-    def __init__(self, like: Lattice, seed: int) -> None:
+    def __init__(self, like: ReducedLattice, seed: int) -> None:
         super().__init__(like.cell)
         self.random = np.random.default_rng(seed)
 
@@ -33,9 +33,9 @@ class Mixed(Lattice):
         return values[:count], free[:, :count]
 
 
-def followed(one: Lattice) -> tuple[Branches, list[list[Label]], list[PolarisationGap]]:
+def followed(one: ReducedLattice) -> tuple[Branches, list[list[Label]], list[PolarisationGap]]:
     solved = Solved(one, COUNT)
-    path = path_through("GXMG", POINTS, *SQUARE)
+    path = Lattice.of_rows(*SQUARE).path("GXMG", POINTS)
     branches = follow(solved, path.wavevectors)
     labels = labels_along(solved, branches)
     return branches, labels, polarisation_gaps(solved, branches, labels)

@@ -19,7 +19,7 @@ from solvers.errors import SolverError
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import KNOWN, Cell
 from solvers.superelement.interface import Interface, ReductionSettings, Ties
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.waves import complex_bands
 from solvers.waves.complex_bands import Row, chain, scatter
 from tests.helpers.lattice_waves import shear_hz
@@ -61,9 +61,9 @@ def test_every_real_band_is_a_propagating_wave(foot: tuple[float, float] | None,
     and the lattice go on with it in different ways.
     """
     c = cell(foot, top_hz=1.2e6)
-    row, waves = Row(c, KX), Lattice(c).waves(np.array([KX, ky]), 5)
+    row, waves = Row(c, KX), ReducedLattice(c).waves(np.array([KX, ky]), 5)
     assert waves.eigenvalue.max() < KNOWN * c.residual.edge
-    slope = np.abs(Lattice(c).group_velocity(waves)[:, 1])
+    slope = np.abs(ReducedLattice(c).group_velocity(waves)[:, 1])
     for frequency, bar, velocity in zip(waves.frequency_hz, waves.by_modes, slope, strict=True):
         result = row.waves(float(frequency))
         index = closest(result, ky)
@@ -78,7 +78,7 @@ def test_every_propagating_wave_of_a_lopsided_row_is_on_a_real_band() -> None:
     for frequency in (20e3, 31e3, 40e3, 120e3, 150e3):
         result = row.waves(frequency)
         for ky in result.wavenumber_per_m[result.flux > 0.0]:
-            bands = Lattice(c).waves(np.array([KX, ky.real]), 8)
+            bands = ReducedLattice(c).waves(np.array([KX, ky.real]), 8)
             assert (np.abs(bands.frequency_hz / frequency - 1.0) - bands.by_modes).min() < 1e-7
             seen += 1
     assert seen >= 5
@@ -118,7 +118,7 @@ def test_each_wave_balances_forces_between_rows() -> None:
 
 
 def test_a_wrong_phase_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
-    frequency = float(Lattice(cell()).frequencies(np.array([KX, 300.0]), 1)[0])
+    frequency = float(ReducedLattice(cell()).frequencies(np.array([KX, 300.0]), 1)[0])
     true = Ties.open
     monkeypatch.setattr(Ties, "open", lambda self, phase: true(self, phase + np.array([0.02, 0.0])))
     result = Row(cell(), KX).waves(frequency)

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from geometry.hex.scenes import HexSettings
-from geometry.lattice import path_through, zone_grid
+from geometry.lattice import Lattice
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice, Waves
+from solvers.superelement.lattice import ReducedLattice, Waves
 from solvers.waves.branches import Solved, follow
 from solvers.waves.gaps import (
     Line,
@@ -82,7 +82,7 @@ def hump(x: float, y: float) -> float:
 @pytest.mark.parametrize("points", [3, 5, 25])
 def test_an_edge_between_the_samples_is_found(points: int) -> None:
     solved = made_up(hump, lambda x, y: 4.0 + 0.1 * np.cos(x))
-    line = Line(solved, path_through("GX", points, 1.0, 1.0).wavevectors)
+    line = Line(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
     result = line.extreme(0, 1)
     assert result.hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-8)
     assert result.wavevector == pytest.approx([1.1, 0.0], abs=1e-4)
@@ -92,7 +92,7 @@ def test_an_edge_between_the_samples_is_found(points: int) -> None:
 @pytest.mark.parametrize("points", [3, 4, 7, 25])
 def test_bands_that_cross_between_the_samples_leave_no_gap(points: int) -> None:
     solved = made_up(lambda x, y: 1.0 + 0.9 * x, lambda x, y: 4.0 - 1.2 * x)
-    line = Line(solved, path_through("GX", points, 1.0, 1.0).wavevectors)
+    line = Line(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
     assert line.value[:, 0].max() < line.value[:, 1].min()  # sampled, a gap
     assert path_gaps([line]) == []
 
@@ -112,9 +112,9 @@ def test_an_edge_off_the_path_is_found_over_the_zone() -> None:
         return 1.0 + np.exp(-((x - 2.1) ** 2 + (y - 1.03) ** 2) / 0.08)
 
     solved = made_up(inner, lambda x, y: 3.5 + 0.2 * np.cos(x) + 0.2 * np.cos(y))
-    path = path_through("GXMG", 25, 1.0, 1.0)
+    path = Lattice.of_rows(1.0, 1.0).path("GXMG", 25)
     along = path_gaps(path_lines(solved, path))
-    grid = zone_grid(12, 1.0, 1.0, True, True)
+    grid = Lattice.of_rows(1.0, 1.0).grid(12, ("x", "y", "d"))
     values = np.array([solved.lattice.waves(k, 2).eigenvalue for k in grid])
     (result,) = zone_gaps(solved, grid, values, along)
     assert result.lower_hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-6)
@@ -130,25 +130,25 @@ def test_a_gap_that_the_zone_fills_is_no_gap_of_the_zone() -> None:
     solved = made_up(
         lambda x, y: 1.0 + 2.0 * np.exp(-((x - 2.1) ** 2 + (y - 1.03) ** 2) / 0.05), lambda x, y: 2.0 + 0.1 * y
     )
-    along = path_gaps(path_lines(solved, path_through("GXMG", 25, 1.0, 1.0)))
-    grid = zone_grid(16, 1.0, 1.0, True, True)
+    along = path_gaps(path_lines(solved, Lattice.of_rows(1.0, 1.0).path("GXMG", 25)))
+    grid = Lattice.of_rows(1.0, 1.0).grid(16, ("x", "y", "d"))
     assert len(along) == 1
     assert zone_gaps(solved, grid, np.array([solved.lattice.waves(k, 2).eigenvalue for k in grid]), along) == []
 
 
 @cache
-def lattice() -> Lattice:
+def lattice() -> ReducedLattice:
     half = np.array(PITCH) / 2.0
     reduction = ReductionSettings(Interface(4, 3), 1.2e6, HexSettings(3, 4e-3, 0, 0.2, 6.3e-3))
     panel = Panel(tuple(-half), tuple(half), (0.0, 0.0), (0, 1))
-    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(panel))
+    return ReducedLattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(panel))
 
 
 def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search() -> None:
     """An oblong cell: edges inside segments, not only at their ends."""
     result = []
     for points, factor in ((3, 8), (25, 1)):
-        path = path_through("GXMYG", points, *PITCH).finer(factor)
+        path = Lattice.of_rows(*PITCH).path("GXMYG", points).finer(factor)
         lines = path_lines(Solved(lattice(), 10), path)
         result.append((path_gaps(lines), directional_gaps(path, lines)))
     for coarse, fine in zip(*result, strict=True):
@@ -165,7 +165,7 @@ def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search(
 
 
 def test_directional_gaps_contain_the_complete_ones() -> None:
-    path = path_through("GXMYG", 12, *PITCH)
+    path = Lattice.of_rows(*PITCH).path("GXMYG", 12)
     lines = path_lines(Solved(lattice(), 10), path)
     complete, directional = path_gaps(lines), directional_gaps(path, lines)
     for gap in complete:
@@ -181,12 +181,12 @@ def test_directional_gaps_contain_the_complete_ones() -> None:
 
 
 def test_no_wave_of_a_polarisation_lies_in_its_gaps_and_some_lie_at_their_edges() -> None:
-    solved, path = Solved(lattice(), 10), path_through("GXMYG", 24, *PITCH)
+    solved, path = Solved(lattice(), 10), Lattice.of_rows(*PITCH).path("GXMYG", 24)
     branches = follow(solved, path.wavevectors)
     gaps = polarisation_gaps(solved, branches, labels_along(solved, branches))
     assert {gap.polarisation for gap in gaps} >= {"flexural", "shear"}
     other = follow(
-        solved, path_through("GXMYG", 37, *PITCH).wavevectors
+        solved, Lattice.of_rows(*PITCH).path("GXMYG", 37).wavevectors
     )  # other wavevectors than the search began with
     labels = labels_along(solved, other)
     for gap in gaps:

@@ -15,7 +15,7 @@ from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import Lattice
+from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.periodic import Periodic
 from solvers.waves.branches import Label, label_of, pillar_share
 from tests.helpers.lattice_waves import shear_hz
@@ -35,7 +35,7 @@ def cell(foot: bool = False) -> Cell:
 
 def labels(of: Cell, k: np.ndarray, count: int, named: np.ndarray | None = None) -> list[Label]:
     """Labels of the lowest waves at k, told under another name of the wavevector if given."""
-    waves = Lattice(of).waves(k, count)
+    waves = ReducedLattice(of).waves(k, count)
     return label_of(of, waves.dofs, np.tile((k if named is None else named)[:, None], count))
 
 
@@ -120,7 +120,7 @@ def test_the_pillars_share_is_its_part_of_the_mass_when_all_moves_alike() -> Non
 
 def test_pillar_waves_are_named_only_where_asked() -> None:
     k = np.array([900.0, 700.0])
-    waves = Lattice(cell(True)).waves(k, 3)
+    waves = ReducedLattice(cell(True)).waves(k, 3)
     k = np.tile(k[:, None], 3)
     plain, query = label_of(cell(True), waves.dofs, k), label_of(cell(True), waves.dofs, k, with_pillars=True)
     assert [label.name for label in query] == ["pillar"] * 3

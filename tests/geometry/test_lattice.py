@@ -1,0 +1,106 @@
+"""Lattices: reciprocal vectors, the Brillouin zone and the part of it that a cell's mirrors leave, paths and grids."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from geometry.elements import FloatArray
+from geometry.lattice import MIRRORS, Lattice, labels_of
+
+SQUARE, OBLONG = Lattice.of_rows(4e-3, 4e-3), Lattice.of_rows(3e-3, 4e-3)
+STAGGERED = [Lattice.of_rows(5e-3, pitch, staggered=True) for pitch in (4e-3, 2.5e-3, 2e-3)]
+TRIANGULAR = Lattice.of_rows(4e-3, 2e-3 * np.sqrt(3.0), staggered=True)
+ALL = [SQUARE, OBLONG, *STAGGERED, TRIANGULAR]
+
+
+def area(corners: FloatArray) -> float:
+    x, y = (corners - corners[0]).T
+    return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2.0
+
+
+@pytest.mark.parametrize("lattice", ALL)
+def test_reciprocal_vectors_and_the_area_of_the_zone_belong_to_the_lattice(lattice: Lattice) -> None:
+    assert lattice.vectors_m @ lattice.reciprocal_per_m.T == pytest.approx(2.0 * np.pi * np.eye(2), abs=1e-12)
+    assert area(lattice.zone) * lattice.area_m2 == pytest.approx(4.0 * np.pi**2)
+    assert lattice.area_m2 == pytest.approx(np.prod(lattice.cell_m))
+    assert lattice.phases(lattice.reciprocal_per_m.sum(axis=0)) == pytest.approx([2.0 * np.pi, 2.0 * np.pi])
+
+
+@pytest.mark.parametrize("lattice", ALL)
+@pytest.mark.parametrize("mirrors", [(), ("x",), ("y",), ("d",), ("x", "y"), ("x", "y", "d")])
+def test_images_of_the_irreducible_part_fill_the_zone_once(lattice: Lattice, mirrors: tuple[str, ...]) -> None:
+    """Every wavevector has an image in the part, and of those inside it none is another's image."""
+    part, group = lattice.irreducible(mirrors), lattice.point_group(mirrors)
+    assert len(group) * area(part) == pytest.approx(area(lattice.zone))
+    images = [part.mean(axis=0) @ each.T for each in group]
+    assert len(np.unique(np.round(images, 3), axis=0)) == len(group)
+    for each in group:
+        assert all(lattice.is_same(each @ b, np.zeros(2)) for b in lattice.reciprocal_per_m)
+
+
+@pytest.mark.parametrize(
+    ("lattice", "mirrors", "order"),
+    [
+        (SQUARE, "xyd", 8),
+        (SQUARE, "d", 4),
+        (OBLONG, "xyd", 4),
+        (OBLONG, "d", 2),
+        (STAGGERED[0], "xyd", 4),
+        (SQUARE, "", 2),
+    ],
+)
+def test_the_point_group_is_what_lattice_and_cell_share(lattice: Lattice, mirrors: str, order: int) -> None:
+    assert len(lattice.point_group(mirrors)) == order
+
+
+@pytest.mark.parametrize(
+    ("lattice", "path"), zip(ALL, ["GXMG", "GXMYG", "GXSX1YG", "GXSG", "GXY1SYG", "GXSX1YG"], strict=True)
+)
+def test_the_path_goes_around_the_irreducible_part(lattice: Lattice, path: str) -> None:
+    part = lattice.irreducible(MIRRORS)
+    assert lattice.default_path == path and lattice.border(("x", "y"))[:2] == "GX"
+    places = lattice.path(path, 1).wavevectors
+    assert area(places[:-1]) == pytest.approx(area(part)), "the labelled points are its corners, S lies on a side"
+    for corner in part:
+        assert np.linalg.norm(places - corner, axis=1).min() < 1e-6
+    for start, end in pairwise(places):
+        assert not lattice.is_same(start, end)
+
+
+@pytest.mark.parametrize("lattice", STAGGERED)
+def test_equivalent_corners_of_shifted_rows_share_a_letter(lattice: Lattice) -> None:
+    points = lattice.high_symmetry
+    for label in ("X1", "Y1"):
+        if label in points:
+            assert any(lattice.is_same(MIRRORS[name] @ points[label[0]], points[label]) for name in ("x", "y"))
+
+
+@pytest.mark.parametrize(
+    ("mirrors", "count", "low"), [("xyd", 15, [0, 0]), ("xy", 25, [0, 0]), ("", 45, [-1, 0]), ("d", 25, [0, -1])]
+)
+def test_a_grid_covers_the_irreducible_zone_with_its_border(mirrors: str, count: int, low: list[int]) -> None:
+    grid = SQUARE.grid(4, mirrors) * 4e-3 / np.pi
+    assert len(grid) == len(np.unique(grid.round(9), axis=0)) == count
+    assert grid.min(axis=0) == pytest.approx(low) and grid.max(axis=0) == pytest.approx([1, 1])
+    assert len(OBLONG.grid(4, "xyd")) == 25 and len(OBLONG.grid(4, "d")) == 45
+
+
+@pytest.mark.parametrize("lattice", STAGGERED)
+def test_a_grid_of_shifted_rows_is_even_and_lies_in_the_zone(lattice: Lattice) -> None:
+    """Of so many wavevectors of the whole zone one is nearest to the origin among those equivalent to it."""
+    grid, others = lattice.grid(6, ()), lattice.reciprocal_per_m
+    assert len(grid) == pytest.approx(0.5 * 12**2, rel=0.3), "borders belong to it"
+    for k in grid:
+        for i, j in np.ndindex(5, 5):
+            assert np.linalg.norm(k) <= np.linalg.norm(k + (i - 2) * others[0] + (j - 2) * others[1]) * (1.0 + 1e-9)
+
+
+def test_labels_and_translations() -> None:
+    assert labels_of("GXSX1YG") == ("G", "X", "S", "X1", "Y", "G")
+    with pytest.raises(ValueError, match="corners are G, X, S, X1, Y, at least two of them"):
+        STAGGERED[0].path("GXM", 2)
+    moved = STAGGERED[0].translations(2) / 1e-3
+    assert moved == pytest.approx(np.array([[-3.75, -2.0], [-1.25, 2.0], [1.25, -2.0], [3.75, 2.0]]))
