@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import ceil
 
@@ -84,10 +84,18 @@ class Tiling:
         return tuple(side for side, at_end in ends.items() if at_end)
 
 
-def lattice_panel(design: Design) -> Panel:
-    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one)."""
-    half_x, half_y = design.pitch_x_m / 2.0, design.pitch_y_m / 2.0
+def lattice_panel(design: Design, count: int = 1) -> Panel:
+    """The unit cell: pitch_x x pitch_y, its pillar in the middle (bare without one); of `count` side by side the middle one."""
+    half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
     return Panel((-half_x, -half_y), (half_x, half_y), (0.0, 0.0) if design.pillar else None, (0, 1))
+
+
+def row_panels(design: Design) -> list[Panel]:
+    """The panels of one pitch along a row: the unit cell, of staggered rows one with the pillar and a bare one."""
+    if not design.stagger:
+        return [lattice_panel(design)]
+    own = lattice_panel(design, 2)
+    return [own, replace(own, foot=None)]
 
 
 def signature(panel: Panel) -> Signature:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import cache
-from math import pi
 from typing import Any
 
 import numpy as np
@@ -124,8 +123,7 @@ def _bending(hz: FloatArray) -> Values:
 
 def points() -> dict[str, FloatArray]:
     """Gamma, X and M of the square lattice, rad/m."""
-    edge = pi / design().pitch_x_m
-    return {"G": np.zeros(2), "X": np.array([edge, 0.0]), "M": np.array([edge, edge])}
+    return {label: design().lattice.high_symmetry[label] for label in "GXM"}
 
 
 def band_values(rows: dict[str, FloatArray]) -> Values:

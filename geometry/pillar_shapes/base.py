@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.lattice import MIRRORS
 
 MM = 1e-3  # m
 SAME = 1e-9  # of the width: points closer than this are one
-IMAGES = {"x": ([0, 1], [-1.0, 1.0]), "y": ([0, 1], [1.0, -1.0]), "d": ([1, 0], [1.0, 1.0])}  # columns and their signs
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class PillarShape:
         """Mirrors of the pillar: "x" (x -> -x), "y", and "d", which exchanges x and y; told from the outline."""
         corners = self.outline()
         points = np.vstack([corners, (corners + np.roll(corners, 1, axis=0)) / 2.0])
-        return tuple(name for name, (axes, signs) in IMAGES.items() if _alike(points, points[:, axes] * signs))
+        return tuple(name for name, mirror in MIRRORS.items() if _alike(points, points @ mirror))
 
     @property
     def section(self) -> Section:

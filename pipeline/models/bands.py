@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from geometry.decimation import coarse, with_sides
 from geometry.elements import FloatArray, IntArray
 from geometry.lattice import Path
 from geometry.layout import Design
-from geometry.tiling import lattice_panel
+from geometry.tiling import row_panels
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
@@ -46,9 +47,10 @@ from solvers.waves.gaps import (
     path_gaps,
     path_lines,
     polarisation_gaps,
-    sampled_zone_gaps,
+    sampled_extreme,
+    zone_extreme,
+    zone_gaps,
 )
-from solvers.waves.gaps import zone_gaps as refined_zone_gaps
 
 SAMPLED = 0.5  # of the larger step to a neighbouring sample: a kink half-way between two samples rises by no more
 
@@ -313,8 +315,7 @@ class StaggeredCell:
     def of(cls, design: Design, reduction: ReductionSettings) -> StaggeredCell:
         """Reduce the panels of a design's rows."""
         reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
-        narrow = replace(design, pitch_x_m=design.pitch_x_m / 2.0)
-        cells = [reductions.cell(lattice_panel(each)) for each in (narrow, replace(narrow, pillar=None))]
+        cells = [reductions.cell(panel) for panel in row_panels(design)]
         return cls(Periodic(cells, shift=1), Periodic(cells[1:] * 2, shift=1))
 
     @property
@@ -325,6 +326,10 @@ class StaggeredCell:
     def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
         """The `count` lowest frequencies in Hz at a wavevector (2,) in rad/m, and their errors."""
         return waves_of(self.row, wavevector, count)
+
+    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """The frequencies alone."""
+        return self.row.frequencies(wavevector, count)
 
 
 def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell, Bar]:
@@ -388,8 +393,9 @@ def _sampled(
     if case.bands.grid:
         grid = case.design.lattice.grid(case.bands.grid, case.design.cell_mirrors)
         with log.step(f"grid of {len(grid)} wavevectors"):
-            values, _ = _each_once(grid, case.bands.count, cell.solve)
-        zone = sampled_zone_gaps(np.vstack([path.wavevectors, grid]), np.vstack([rows, values]), gaps)
+            values = np.array([cell.frequencies(k, case.bands.count) for k in grid])
+        every, found = np.vstack([path.wavevectors, grid]), np.vstack([rows, values])
+        zone = zone_gaps(gaps, partial(sampled_extreme, every, found))
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
     truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))
@@ -464,9 +470,9 @@ def _over_the_zone(
     grid = case.design.lattice.grid(case.bands.grid, names)
     with log.step(f"grid of {len(grid)} wavevectors"):
         values = np.array([model.lattice.waves(k, solved.count).eigenvalue for k in grid])
-        zone_gaps = refined_zone_gaps(solved, grid, values, gaps)
-    _log_zone(gaps, zone_gaps, log)
-    return zone_gaps
+        zone = zone_gaps(gaps, partial(zone_extreme, solved, grid, values))
+    _log_zone(gaps, zone, log)
+    return zone
 
 
 def _log_zone(along: list[Gap], zone: list[BrillouinZoneGap], log: Log) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
-from geometry.tiling import Panel
+from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
@@ -126,7 +126,6 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
     reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
     count = 1 + design.is_staggered
-    half_x, half_y = design.pitch_x_m / count / 2.0, design.pitch_y_m / 2.0
     with log.step("reduce cells"):
         column = Column(design, reductions, kx)
         rows = [
@@ -136,7 +135,7 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
             for strip, row in zip(column.strips, column.rows, strict=True)
             if any(panel.foot for panel in strip)
         ]
-        panel = reductions.cell(Panel((-half_x, -half_y), (half_x, half_y), None, (0, 1)))
+        panel = reductions.cell(lattice_panel(replace(design, pillar=None), count))
         bare = Row(Periodic([panel] * count), kx)
     log.info(
         f"{len(column.placed_cells)} cells across half the plate, {column.dof} degrees of freedom: {reductions.fresh} new"

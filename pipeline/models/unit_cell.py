@@ -376,6 +376,10 @@ class WholeCell:
         lowest = np.argsort(best, kind="stable")[:count]
         return best[lowest], ModeErrors(none, none, none, taken[lowest], half[lowest])
 
+    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
+        """The frequencies alone."""
+        return self.solve(wavevector, count)[0]
+
     def _risen(
         self,
         nested: Nested[BlochCell],

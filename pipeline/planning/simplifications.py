@@ -6,14 +6,14 @@ The functions that mesh and solve ask these rules; a plan lists what they said.
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from geometry.hex.panels import has_room
 from geometry.lattice import labels_of
 from geometry.layout import SAME_M, Design, Patches, mirrored_axes
-from geometry.tiling import lattice_panel, tightest_panels
+from geometry.tiling import row_panels, tightest_panels
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -89,8 +89,7 @@ def _has_room(design: Design, part: str) -> bool:
     pillar = design.pillar
     if pillar is None:
         return True
-    narrow = replace(design, pitch_x_m=design.pitch_x_m / 2.0) if design.stagger else design
-    panels = [lattice_panel(narrow)] if part == "cell" else tightest_panels(design)
+    panels = row_panels(design)[:1] if part == "cell" else tightest_panels(design)
     return all(has_room(panel, panel.pillar or pillar) for panel in panels)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -91,9 +92,9 @@ def tent_top(at: FloatArray, value: FloatArray, beyond: FloatArray, before: Floa
     return np.asarray(np.where(rising, value[:-1] + up * share, -np.inf))
 
 
-def zone_extreme(solved: Solved, grid: FloatArray, value: FloatArray, band: int, sign: int) -> Extreme:
-    """The extreme of a sorted band (from 0) over the zone, from its scaled eigenvalues (n,) on a grid (n, 2) in rad/m."""
-    lattice = solved.lattice
+def zone_extreme(solved: Solved, grid: FloatArray, eigenvalue: FloatArray, band: int, sign: int) -> Extreme:
+    """The extreme of a sorted band (from 0) over the zone, from scaled eigenvalues (n, bands) on a grid (n, 2) in rad/m."""
+    lattice, value = solved.lattice, eigenvalue[:, band]
     edge = np.pi / np.array(lattice.cell.size_m[:2])
     scale = float(np.abs(value).max()) or 1.0
     order = np.argsort(-sign * value, kind="stable")
@@ -195,27 +196,20 @@ def directional_gaps(path: Path, lines: list[Line]) -> list[DirectionalGap]:
     return gaps
 
 
-def zone_gaps(solved: Solved, grid: FloatArray, eigenvalue: FloatArray, along: list[Gap]) -> list[BrillouinZoneGap]:
-    """Which of the path's gaps are gaps of the whole zone, from scaled eigenvalues (n, bands) on a grid (n, 2) in rad/m."""
+def zone_gaps(along: list[Gap], extreme: Callable[[int, int], Extreme]) -> list[BrillouinZoneGap]:
+    """Which of the path's gaps are gaps of the whole zone, from the largest (sign 1) or smallest frequency of a band there."""
     gaps = []
     for gap in along:
-        lower = zone_extreme(solved, grid, eigenvalue[:, gap.lower_band - 1], gap.lower_band - 1, 1)
-        upper = zone_extreme(solved, grid, eigenvalue[:, gap.upper_band - 1], gap.upper_band - 1, -1)
+        lower, upper = extreme(gap.lower_band - 1, 1), extreme(gap.upper_band - 1, -1)
         if _is_open(lower.hz, upper.hz):
             gaps.append(BrillouinZoneGap(gap.lower_band, gap.upper_band, lower.hz, upper.hz, _at(lower), _at(upper)))
     return gaps
 
 
-def sampled_zone_gaps(wavevectors: FloatArray, frequencies_hz: FloatArray, along: list[Gap]) -> list[BrillouinZoneGap]:
-    """The same from frequencies (n, bands) at wavevectors (n, 2) alone, edges at samples."""
-    gaps = []
-    for gap in along:
-        top, bottom = frequencies_hz[:, gap.lower_band - 1], frequencies_hz[:, gap.upper_band - 1]
-        lower = Extreme(float(top.max()), wavevectors[top.argmax()])
-        upper = Extreme(float(bottom.min()), wavevectors[bottom.argmin()])
-        if _is_open(lower.hz, upper.hz):
-            gaps.append(BrillouinZoneGap(gap.lower_band, gap.upper_band, lower.hz, upper.hz, _at(lower), _at(upper)))
-    return gaps
+def sampled_extreme(wavevectors: FloatArray, frequencies_hz: FloatArray, band: int, sign: int) -> Extreme:
+    """The extreme of a band among frequencies (n, bands) at wavevectors (n, 2)."""
+    best = int(np.argmax(sign * frequencies_hz[:, band]))
+    return Extreme(float(frequencies_hz[best, band]), wavevectors[best])
 
 
 def _may_open(values: list[FloatArray], band: int) -> bool:

@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.lattice import Lattice
 from geometry.materials import Material
 from solvers.analytic.plate_waves import lamb_hz, shear_speed
 from solvers.errors import SolverError
@@ -18,7 +19,7 @@ def shear_hz(wavenumber_per_m: float, material: Material) -> float:
 
 
 def folded_hz(
-    wavevector: FloatArray, pitch_m: tuple[float, float], thickness_m: float, material: Material, count: int
+    wavevector: FloatArray, lattice: Lattice, thickness_m: float, material: Material, count: int
 ) -> FloatArray:
     """The `count` lowest waves of the bare plate seen as a lattice: A0, S0 and SH0 at k + G, Hz.
 
@@ -27,7 +28,7 @@ def folded_hz(
     frequencies: list[float] = []
     for m in range(-3, 4):
         for n in range(-3, 4):
-            k = float(np.hypot(*(wavevector + 2.0 * pi * np.array([m, n]) / np.array(pitch_m))))
+            k = float(np.hypot(*(wavevector + np.array([m, n]) @ lattice.reciprocal_per_m)))
             if k < 1e-9:
                 frequencies += [0.0, 0.0, 0.0]
                 continue

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from geometry.hex.boxes import boxes_of, hex_mesh
+from geometry.hex.boxes import boxes_of, cell_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, plate_scene
+from geometry.layout import region_materials
 from geometry.mesh import cell_volumes
 from geometry.tiling import tile
 from pipeline.case.model import Case, case_from_dict
@@ -25,9 +27,12 @@ from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
 from solvers.accuracy.plate import MARGIN
+from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface
 from solvers.superelement.periodic import Periodic
+from solvers.waves.bloch import BlochCell
 from solvers.waves.complex_bands import Row, chain
+from solvers.waves.gaps import complete_gaps, sampled_extreme, zone_gaps
 from tests.helpers.asked import attenuation_of as solve
 from tests.helpers.asked import solve_bands
 from tests.helpers.whole_solid import check_within_both_bars
@@ -177,6 +182,22 @@ def test_bands_folded_into_the_rectangle_of_two_rows_are_what_they_were(
     k = np.pi / 8e-3 * np.array(shares) * np.array([1.0, 0.5])
     both = [coarse.solve(each, 6)[0] for each in (k, k + np.array([2.0 * np.pi / 4e-3, 0.0]))]
     assert np.sort(np.concatenate(both))[:6] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_the_zone(coarse: StaggeredCell) -> None:
+    """Of the same mesh, assembled whole, at a grid of wavevectors that knows no symmetry; the reduction lies higher."""
+    design, settings = case_of().design, HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
+    grid = design.lattice.grid(4, design.cell_mirrors)
+    ours = np.array([coarse.frequencies(k, 7) for k in grid])
+    (gap,) = zone_gaps(complete_gaps(ours), partial(sampled_extreme, grid, ours))
+    system = assemble(hex_mesh(cell_boxes(design, settings), 3), region_materials(design.material, design.pillar))
+    cell = BlochCell(system, design.lattice)
+    shares = np.stack(np.meshgrid(np.arange(8), np.arange(8)), axis=-1).reshape(-1, 2) / 8.0
+    every = np.array([cell.frequencies(k, 7) for k in shares @ design.lattice.reciprocal_per_m])
+    assert (gap.lower_band, gap.upper_band) == (6, 7)
+    rise = np.array([gap.lower_hz / every[:, 5].max(), gap.upper_hz / every[:, 6].min()]) - 1.0
+    assert (rise > 0.0).all() and rise.max() < 5e-3
 
 
 def test_bands_over_the_irreducible_part_are_those_over_the_whole_zone(coarse: StaggeredCell) -> None:

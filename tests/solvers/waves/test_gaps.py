@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,9 @@ from solvers.waves.gaps import (
     path_gaps,
     path_lines,
     polarisation_gaps,
-    sampled_zone_gaps,
+    sampled_extreme,
     tent_top,
+    zone_extreme,
     zone_gaps,
 )
 
@@ -116,13 +117,13 @@ def test_an_edge_off_the_path_is_found_over_the_zone() -> None:
     along = path_gaps(path_lines(solved, path))
     grid = Lattice.of_rows(1.0, 1.0).grid(12, ("x", "y", "d"))
     values = np.array([solved.lattice.waves(k, 2).eigenvalue for k in grid])
-    (result,) = zone_gaps(solved, grid, values, along)
+    (result,) = zone_gaps(along, partial(zone_extreme, solved, grid, values))
     assert result.lower_hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-6)
     assert result.lower_at == pytest.approx((2.1, 1.03), abs=1e-3)
     assert result.upper_at == pytest.approx((np.pi, np.pi), abs=1e-3)
     assert result.upper_hz == pytest.approx(along[0].upper_hz, rel=1e-9)
     assert along[0].lower_hz < 0.9 * result.lower_hz
-    (sampled,) = sampled_zone_gaps(grid, ONE.frequency(values), along)
+    (sampled,) = zone_gaps(along, partial(sampled_extreme, grid, ONE.frequency(values)))
     assert along[0].lower_hz < sampled.lower_hz < result.lower_hz
 
 
@@ -133,7 +134,8 @@ def test_a_gap_that_the_zone_fills_is_no_gap_of_the_zone() -> None:
     along = path_gaps(path_lines(solved, Lattice.of_rows(1.0, 1.0).path("GXMG", 25)))
     grid = Lattice.of_rows(1.0, 1.0).grid(16, ("x", "y", "d"))
     assert len(along) == 1
-    assert zone_gaps(solved, grid, np.array([solved.lattice.waves(k, 2).eigenvalue for k in grid]), along) == []
+    values = np.array([solved.lattice.waves(k, 2).eigenvalue for k in grid])
+    assert zone_gaps(along, partial(zone_extreme, solved, grid, values)) == []
 
 
 @cache
