@@ -36,7 +36,7 @@ def band_yaml(document: dict[str, Any]) -> str:
     """The file's text from a document of bands; every segment has both its ends, as phonopy writes them."""
     design, points = document["with_defaults"]["design"], document["points"]
     vectors = np.diag([0.0, 0.0, design["thickness_m"]])
-    vectors[:2, :2] = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], "stagger" in design).vectors_m
+    vectors[:2, :2] = Lattice.of_rows(design["pitch_x_m"], design["pitch_y_m"], design.get("stagger", False)).vectors_m
     wave = np.array([(point["kx_per_m"], point["ky_per_m"], 0.0) for point in points]) / (2.0 * np.pi)
     arc = np.cumsum([0.0, *np.linalg.norm(np.diff(wave, axis=0), axis=1) * ANGSTROM_M])
     own = [

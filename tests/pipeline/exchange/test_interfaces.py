@@ -15,6 +15,7 @@ from meshio.xdmf import TimeSeriesReader
 from scipy.spatial import cKDTree
 from vtkmodules.vtkIOHDF import vtkHDFReader
 
+from geometry.lattice import Lattice
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.exchange import results
@@ -78,6 +79,22 @@ def test_phonopys_file_has_the_bands_of_the_command(tmp_path: Path) -> None:
     length = (1.0 + np.sqrt(0.5)) / 4e7  # of Γ-X-M-Γ at a pitch of 4 mm, in reciprocal Angstrom
     assert data["phonon"][11]["distance"] == pytest.approx(length)
     assert 3 * data["natom"] <= len(data["phonon"][0]["band"]) == 7
+
+
+def test_phonopys_file_of_shifted_rows_has_their_lattice() -> None:
+    lattice = Lattice.of_rows(5e-3, 4e-3, staggered=True)
+    path = lattice.path("GSX", 1)
+    points = [
+        {"label": label, "kx_per_m": k[0], "ky_per_m": k[1], "frequencies_hz": [1e3]}
+        for label, k in zip(path.labels, path.wavevectors.tolist(), strict=True)
+    ]
+    design = {"pitch_x_m": 5e-3, "pitch_y_m": 4e-3, "thickness_m": 2e-3, "stagger": True}
+    data = yaml.safe_load(results.band_yaml({"with_defaults": {"design": design}, "points": points}))
+    assert np.allclose(data["lattice"], 1e10 * np.array([[5e-3, 0, 0], [2.5e-3, 4e-3, 0], [0, 0, 2e-3]]))
+    assert np.allclose(np.array(data["lattice"]) @ np.array(data["reciprocal_lattice"]).T, np.eye(3))
+    assert np.allclose(data["phonon"][1]["q-position"], [0.5, 0.5, 0.0])
+    wave = data["phonon"][3]["q-position"] @ np.array(data["reciprocal_lattice"])
+    assert np.allclose(wave[:2], 1e-10 * path.wavevectors[2] / (2.0 * np.pi))
 
 
 def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_path: Path) -> None:
