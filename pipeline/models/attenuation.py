@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import BoolArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.bands import staggered_cell
+from pipeline.models.bands import sampled_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
@@ -113,8 +113,9 @@ def _staggered(case: Case, choice: ModelChoice, log: Log, high_hz: float) -> _Ce
     assert choice.reduction
     reduction = replace(choice.reduction, top_hz=max(choice.reduction.top_hz, CLEAR * high_hz))
     path = case.path(1)
-    choice, cell, (by_mesh, truncated) = staggered_cell(case, replace(choice, reduction=reduction), path, log)
-    return _Cells(choice.name, cell.row, _coarser(cell.row), cell.bare, by_mesh, truncated)
+    choice, row, (by_mesh, truncated) = sampled_cell(case, replace(choice, reduction=reduction), path, log)
+    assert isinstance(row, Periodic)
+    return _Cells(choice.name, row, _coarser(row), Periodic(row.cells[1:] * 2, row.shift), by_mesh, truncated)
 
 
 def _coarser(row: Periodic) -> Periodic:

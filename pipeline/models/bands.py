@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -137,7 +137,7 @@ def _edges(gap: Any, path: Path, frequencies_hz: FloatArray, errors: FloatArray)
     return {f"{side}_error": nearest_error(frequencies_hz, errors, getattr(gap, f"{side}_hz")) for side in sides}
 
 
-AnyCell = TypeVar("AnyCell", WholeCell, "StaggeredCell")
+SampledCell = WholeCell | Periodic
 Solve = Callable[[FloatArray, int], tuple[FloatArray, ModeErrors]]
 MOVED = 1e-6  # relative: an edge of the zone's gap that lies off the path
 MAX_RAISES = 4  # of a reduction's degrees, at most
@@ -268,10 +268,8 @@ def solve_bands(
     """
     design, settings = case.design, case.bands
     path = case.path(settings.points)
-    if choice.model == SOLID:
-        bands = _full(case, choice, path, log)
-    elif design.stagger:
-        bands = _staggered(case, choice, path, log)
+    if choice.model == SOLID or design.stagger:
+        bands = _sampled(case, choice, path, log)
     else:
         bands = _reduced(case, choice, path, log, shapes, every_gap)
     if bands.gaps and not (simplifications.off_path(design, settings.path, settings.grid) or settings.grid):
@@ -286,82 +284,39 @@ def solve_bands(
     return replace(bands, expected_error=largest(bands.by_mesh))
 
 
-def _full(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Solve the cell as meshed."""
-
-    def meshed(choice: ModelChoice) -> WholeCell:
-        assert choice.hexahedra
-        with log.step("assemble the cell and two coarser ones"):
-            return WholeCell.of(case.design, choice.hexahedra)
-
-    choice, cell, _ = _fine_enough(case, choice, path, meshed, log)
-    return _sampled(case, choice.name, cell, path, [mesh_record("cell", cell.mesh)], log)
+def row_cell(design: Design, reduction: ReductionSettings) -> Periodic:
+    """Reduce the primitive cell of staggered rows: a panel with the pillar and a bare one, each half a pitch wide."""
+    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+    return Periodic([reductions.cell(panel) for panel in row_panels(design)], shift=1)
 
 
-def _staggered(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Solve the primitive cell of staggered rows."""
-    choice, cell, _ = staggered_cell(case, choice, path, log)
-    return _sampled(case, choice.name, cell, path, [], log)
+def _solver(cell: SampledCell) -> Solve:
+    return partial(waves_of, cell) if isinstance(cell, Periodic) else cell.solve
 
 
-@dataclass(frozen=True)
-class StaggeredCell:
-    """One row of staggered ones: a panel with a pillar and a bare one, each half a pitch wide; and the bare row."""
-
-    row: Periodic
-    bare: Periodic
-
-    @classmethod
-    def of(cls, design: Design, reduction: ReductionSettings) -> StaggeredCell:
-        """Reduce the panels of a design's rows."""
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
-        cells = [reductions.cell(panel) for panel in row_panels(design)]
-        return cls(Periodic(cells, shift=1), Periodic(cells[1:] * 2, shift=1))
-
-    @property
-    def dof(self) -> int:
-        """Free degrees of freedom at a wavevector."""
-        return self.row.dof
-
-    def solve(self, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
-        """The `count` lowest frequencies in Hz at a wavevector (2,) in rad/m, and their errors."""
-        return waves_of(self.row, wavevector, count)
-
-    def frequencies(self, wavevector: FloatArray, count: int) -> FloatArray:
-        """The frequencies alone."""
-        return self.row.frequencies(wavevector, count)
-
-
-def staggered_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, StaggeredCell, Bar]:
-    """The cell of staggered rows, reduced as finely and on the first mesh that meets the accuracy at the path's corners; its
-    choice and bar.
+def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple[ModelChoice, SampledCell, Bar]:
+    """The meshed cell, or that of staggered rows, with the first reduction and on the first mesh whose bars at the path's
+    corners meet the accuracy, or on the finest that memory holds; with the half-widths of those bars, by the mesh (None:
+    unknown) and by truncation, relative.
     """
+    design, count = case.design, case.bands.count
 
-    def joined(choice: ModelChoice) -> StaggeredCell:
-        assert choice.reduction
-        with log.step("reduce the panels of a row"):
-            return StaggeredCell.of(case.design, choice.reduction)
-
-    return _fine_enough(case, choice, path, joined, log)
-
-
-def _fine_enough(
-    case: Case, choice: ModelChoice, path: Path, build: Callable[[ModelChoice], AnyCell], log: Log
-) -> tuple[ModelChoice, AnyCell, Bar]:
-    """The cell with the first reduction and on the first mesh whose bars at the path's corners meet the accuracy, or on the
-    finest that memory holds; with the half-widths of those bars, by the mesh (None: unknown) and by truncation, relative.
-    """
-    corners = path.corners
-
-    def solved(choice: ModelChoice) -> tuple[AnyCell, list[ModeErrors]]:
-        cell = build(choice)
+    def solved(choice: ModelChoice) -> tuple[SampledCell, list[ModeErrors]]:
+        cell: SampledCell
+        if choice.reduction:
+            with log.step("reduce the panels of a row"):
+                cell = row_cell(design, choice.reduction)
+        else:
+            assert choice.hexahedra
+            with log.step("assemble the cell and two coarser ones"):
+                cell = WholeCell.of(design, choice.hexahedra)
         with log.step("errors at the path's corners"):
-            return cell, _each_once(corners, case.bands.count, cell.solve)[1]
+            return cell, _each_once(path.corners, count, _solver(cell))[1]
 
     def demand(choice: ModelChoice) -> Demand:
         return foresight.of_bands(case, choice, len(path.wavevectors))
 
-    def deeper(choice: ModelChoice, built: tuple[AnyCell, list[ModeErrors]], _: int) -> ModelChoice | None:
+    def deeper(choice: ModelChoice, built: tuple[SampledCell, list[ModeErrors]], _: int) -> ModelChoice | None:
         finer = refine_reduction(choice, _worst(built[1]), case, log, "a band")
         return finer if finer and foresight.fits(demand(finer), log) else None
 
@@ -382,13 +337,13 @@ def _widest(errors: list[ModeErrors]) -> Bar:
     return largest(np.concatenate([each.mesh for each in errors])), truncated
 
 
-def _sampled(
-    case: Case, name: str, cell: WholeCell | StaggeredCell, path: Path, meshes: list[MeshRecord], log: Log
-) -> SolvedBands:
+def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
     """Solve a cell that gives frequencies and sampled gaps only."""
+    choice, cell, _ = sampled_cell(case, choice, path, log)
+    meshes = [mesh_record("cell", cell.mesh)] if isinstance(cell, WholeCell) else []
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
-        rows, estimates = _each_once(path.wavevectors, case.bands.count, cell.solve)
+        rows, estimates = _each_once(path.wavevectors, case.bands.count, _solver(cell))
     gaps, zone = complete_gaps(rows), None
     if case.bands.grid:
         grid = case.design.lattice.grid(case.bands.grid, case.design.cell_mirrors)
@@ -399,7 +354,9 @@ def _sampled(
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
     truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))
-    return SolvedBands(name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated)
+    return SolvedBands(
+        choice.name, cell.dof, path, rows, gaps, meshes, None, zone, mesh_errors=errors, truncated=truncated
+    )
 
 
 def _each_once(wavevectors: FloatArray, count: int, solve: Solve) -> tuple[FloatArray, list[ModeErrors]]:

@@ -17,7 +17,7 @@ from geometry.tiling import tile
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models.bands import StaggeredCell
+from pipeline.models.bands import row_cell
 from pipeline.models.broadband import broadband
 from pipeline.models.modes import solve_modes
 from pipeline.planning.foresight import pillar_count
@@ -26,6 +26,7 @@ from pipeline.planning.model_choice import Request
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
+from solvers.accuracy.bands import waves_of
 from solvers.accuracy.plate import MARGIN
 from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface
@@ -138,11 +139,11 @@ def test_the_bands_of_shifted_rows_are_those_of_the_meshed_cell() -> None:
 
 
 @pytest.fixture(scope="module")
-def coarse() -> StaggeredCell:
+def coarse() -> Periodic:
     design = case_of().design
     settings = HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
     reduction = replace(lattice_reduction(design, 0.02), interface=Interface(4, 2), hexahedra=settings, further=0)
-    return StaggeredCell.of(design, reduction)
+    return row_cell(design, reduction)
 
 
 @pytest.mark.parametrize("along", [4, 5])
@@ -155,8 +156,8 @@ def test_bars_hold_what_further_degrees_bring(along: int) -> None:
     design, edge = case_of().design, np.pi / 4e-3 * np.array([1.0, 0.0])
     settings = HexSettings(3, 4e-3, 0, pillar_size_m=5e-3, through=2)
     first = replace(lattice_reduction(design, 0.02), interface=Interface(along, 3), hexahedra=settings)
-    own, errors = StaggeredCell.of(design, first).solve(edge, 6)
-    finer, _ = StaggeredCell.of(design, replace(first, interface=Interface(7, 5), further=0)).solve(edge, 6)
+    own, errors = waves_of(row_cell(design, first), edge, 6)
+    finer = row_cell(design, replace(first, interface=Interface(7, 5), further=0)).frequencies(edge, 6)
     left = own * (1.0 - errors.taken) / finer - 1.0
     assert first.further and left.max() > 1e-3
     assert (left <= MARGIN * errors.total).all() and (MARGIN * errors.total <= 12.0 * left).all()
@@ -176,16 +177,16 @@ FOLDED = {
 
 @pytest.mark.parametrize(("shares", "expected"), FOLDED.items())
 def test_bands_folded_into_the_rectangle_of_two_rows_are_what_they_were(
-    coarse: StaggeredCell, shares: tuple[float, float], expected: list[float]
+    coarse: Periodic, shares: tuple[float, float], expected: list[float]
 ) -> None:
     """Waves at k and at k + (2 pi / p, 0) are those of the rectangle at k, p the pitch along x."""
     k = np.pi / 8e-3 * np.array(shares) * np.array([1.0, 0.5])
-    both = [coarse.solve(each, 6)[0] for each in (k, k + np.array([2.0 * np.pi / 4e-3, 0.0]))]
+    both = [coarse.frequencies(each, 6) for each in (k, k + np.array([2.0 * np.pi / 4e-3, 0.0]))]
     assert np.sort(np.concatenate(both))[:6] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.slow
-def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_the_zone(coarse: StaggeredCell) -> None:
+def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_the_zone(coarse: Periodic) -> None:
     """Of the same mesh, assembled whole, at a grid of wavevectors that knows no symmetry; the reduction lies higher."""
     design, settings = case_of().design, HexSettings(3, 4e-3, 0, pillar_size_m=5e-3)
     grid = design.lattice.grid(4, design.cell_mirrors)
@@ -200,13 +201,13 @@ def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_t
     assert (rise > 0.0).all() and rise.max() < 5e-3
 
 
-def test_bands_over_the_irreducible_part_are_those_over_the_whole_zone(coarse: StaggeredCell) -> None:
+def test_bands_over_the_irreducible_part_are_those_over_the_whole_zone(coarse: Periodic) -> None:
     """Extremes of every band, from grids of one spacing; the part is a quarter by the two mirrors."""
     lattice = case_of().design.lattice
     shares = np.stack(np.meshgrid(np.arange(12), np.arange(12)), axis=-1).reshape(-1, 2) / 12.0
     part = lattice.grid(6, ("x", "y"))
     every, few = (
-        np.array([coarse.row.frequencies(k, 6) for k in grid]) for grid in (shares @ lattice.reciprocal_per_m, part)
+        np.array([coarse.frequencies(k, 6) for k in grid]) for grid in (shares @ lattice.reciprocal_per_m, part)
     )
     assert len(part) < len(shares) / 2
     assert few[:, 3:].min(axis=0) == pytest.approx(every[:, 3:].min(axis=0), rel=1e-7)
@@ -217,43 +218,43 @@ GENERIC = np.array([200.0, 150.0])
 
 
 @pytest.mark.parametrize("shift", [0, 1])
-def test_two_equal_cells_are_a_lattice_of_one_folded_once(coarse: StaggeredCell, shift: int) -> None:
+def test_two_equal_cells_are_a_lattice_of_one_folded_once(coarse: Periodic, shift: int) -> None:
     """Side by side at k and k + (pi / w, 0) of the lattice of one; shifted by one at k and k + (pi / w, pi / h)."""
-    (cell, _), turn = coarse.row.cells, np.pi * np.array([1.0 / 2e-3, shift / 4e-3])
+    (cell, _), turn = coarse.cells, np.pi * np.array([1.0 / 2e-3, shift / 4e-3])
     both = [Periodic([cell]).frequencies(k, 8) for k in (GENERIC, GENERIC + turn)]
     ours = Periodic([cell, cell], shift).frequencies(GENERIC, 8)
     assert ours == pytest.approx(np.sort(np.concatenate(both))[:8], rel=1e-9)
 
 
-def test_waves_at_their_frequencies_have_their_wavenumbers_across_the_rows(coarse: StaggeredCell) -> None:
+def test_waves_at_their_frequencies_have_their_wavenumbers_across_the_rows(coarse: Periodic) -> None:
     """The lattice closed by a phase at a real wavevector, and the open row at a real frequency; both leave modes out alike."""
-    whole = Periodic([replace(cell, dropped=0.0 * cell.dropped) for cell in coarse.row.cells], shift=1)
+    whole = Periodic([replace(cell, dropped=0.0 * cell.dropped) for cell in coarse.cells], shift=1)
     row = Row(whole, GENERIC[0])
     for tone in whole.frequencies(GENERIC, 6):
         ky = row.waves(float(tone)).wavenumber_per_m
         assert np.abs(ky - GENERIC[1]).min() < 1e-5 * GENERIC[1]
 
 
-def test_two_shifted_rows_are_two_rows_that_begin_with_the_other_panel(coarse: StaggeredCell) -> None:
-    pillar, bare = coarse.row.cells
+def test_two_shifted_rows_are_two_rows_that_begin_with_the_other_panel(coarse: Periodic) -> None:
+    pillar, bare = coarse.cells
     two = chain(Row(Periodic(each), 200.0).condensed(35e3)[0] for each in ([pillar, bare], [bare, pillar]))
-    one = chain(2 * [Row(coarse.row, 200.0).condensed(35e3)[0]])
+    one = chain(2 * [Row(coarse, 200.0).condensed(35e3)[0]])
     for name in ("bb", "bt", "tb", "tt"):
         ours, theirs = (np.abs(getattr(each, name)) for each in (one, two))
         assert ours == pytest.approx(theirs, abs=1e-9 * theirs.max())
 
 
-def test_rows_of_bare_panels_are_the_plate_itself(coarse: StaggeredCell) -> None:
+def test_rows_of_bare_panels_are_the_plate_itself(coarse: Periodic) -> None:
     """Its waves pass undamped, and its flexural wave's wavenumber is that of the same panels in line."""
-    (_, bare), ours = coarse.row.cells, Row(coarse.bare, 200.0).waves(35e3)
-    line = Row(bare, 200.0).waves(35e3)
+    bare = coarse.cells[1]
+    ours, line = (Row(each, 200.0).waves(35e3) for each in (Periodic([bare, bare], shift=1), bare))
     passing = [each.wavenumber_per_m[each.flux > 0.0] for each in (ours, line)]
     assert len(passing[1]) and passing[0] == pytest.approx(passing[1], rel=1e-6)
 
 
-def test_motion_within_a_deep_stack_falls_by_the_least_decay(coarse: StaggeredCell) -> None:
+def test_motion_within_a_deep_stack_falls_by_the_least_decay(coarse: Periodic) -> None:
     """Of rows driven at one edge and clamped at the other, from row to row, as far as the next wave has died away."""
-    row = Row(coarse.row, 200.0)
+    row = Row(coarse, 200.0)
     one = row.condensed(10e3)[0]
     size = np.abs(row.waves(10e3).factor)
     driven = np.random.default_rng(1).normal(size=len(one.bb))
