@@ -152,9 +152,7 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     design, accuracy = case.design, case.solve.accuracy
     no_cad = simplifications.hexahedra(case, "cell")
     if design.stagger and not no_cad:
-        what = (
-            "its cell of two rows takes pillars that hexahedra follow with room about them, and solve.mesh auto or hex"
-        )
+        what = "its cell takes pillars that hexahedra follow with room about them, and solve.mesh auto or hex"
         raise InputError(f"{case.source or case.name}: array.stagger = true: {what}")
     taken = (simplifications.no_pillars(design, "cell"), no_cad)
     if case.solve.model == SOLID and no_cad:

@@ -92,7 +92,7 @@ class ZoneGap(Gap):
 class BandPoint(Part):
     """The waves at one wavevector, one entry a band. What only the reduced cell gives is None with another."""
 
-    label: str | None = column("G, X, M or Y at the corners of the path, else None")
+    label: str | None = column("high-symmetry point, such as G, X or M, at a corner of the path, else None")
     kx_per_m: float = column("wavenumber along x", "rad/m")
     ky_per_m: float = column("wavenumber along y", "rad/m")
     frequencies_hz: list[float] = column(
@@ -191,7 +191,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     @property
     def labels(self) -> tuple[str | None, ...]:
-        """G, X, M, Y or None, one a point."""
+        """High-symmetry points such as G, X and M, or None, one a point."""
         return tuple(point.label for point in self.points)
 
     @property
