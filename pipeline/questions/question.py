@@ -94,9 +94,21 @@ class Option:
         return f"must be {self.at_least:g} or more{most}" + ", or inf" * self.or_infinite
 
 
-def option(*, default: Any, help: str, kw_only: bool = True, **about: Any) -> Any:
+def option(
+    *,
+    default: Any,
+    help: str,
+    unit: str = "",
+    at_least: float = -inf,
+    at_most: float = inf,
+    metavar: str = "",
+    or_infinite: bool = False,
+    flag: str = "",
+    kw_only: bool = True,
+) -> Any:
     """Declare an option of a question, by the words of `Option`; kw_only: False where the method takes it by position, too."""
-    return field(default=default, kw_only=kw_only, metadata={ABOUT: Option(help, **about)})
+    about = Option(help, unit, at_least, at_most, metavar, or_infinite, flag)
+    return field(default=default, kw_only=kw_only, metadata={ABOUT: about})
 
 
 # -- runs --------------------------------------------------------------------------------------------------------------
@@ -197,7 +209,7 @@ class Question(Declared, Generic[R]):
     progress: bool | None = field(default=None, compare=False, repr=False)
 
     def __init_subclass__(cls, **about: Any) -> None:
-        known = {name: value for name, value in about.items() if hasattr(Question, name)}
+        known = {name: value for name, value in about.items() if name in Question.__annotations__}
         super().__init_subclass__(**{name: value for name, value in about.items() if name not in known})
         if Question not in cls.__bases__ and "instead_of" not in about:
             return  # the same question, asked in another way

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
+# of a figure's error bar: the property, the place of the field, or a function of the result; relative for a frequency, else in
+# the figure's unit
+Bar = str | Callable[[Any], float | None]
 
 
 @dataclass(frozen=True)
@@ -32,9 +35,7 @@ class Figure(Generic[T]):
     heading: str  # with the unit, what readers of a table see
     unit: str | None = ""  # None for words, "" for a number without unit
     name: str = ""  # of its column in table.csv, where that is not its own
-    # the property, the place of the field, or a function of the result, with the half-width of its error bar: relative for a
-    # frequency, else in the unit
-    error: str | Callable[[Any], float | None] = ""
+    error: Bar = ""
     is_difference: bool = False  # whether it is a difference of frequencies, whose bar is in Hz
     is_signed: bool = False  # whether it is written with its sign
 
@@ -46,27 +47,45 @@ class Figure(Generic[T]):
         return self if result is None else self.of(result)
 
 
-def figure(heading: str, unit: str | None = "", **about: Any) -> Callable[[Callable[[Any], T]], Figure[T]]:
+def figure(
+    heading: str,
+    unit: str | None = "",
+    *,
+    name: str = "",
+    error: Bar = "",
+    is_difference: bool = False,
+    is_signed: bool = False,
+) -> Callable[[Callable[[Any], T]], Figure[T]]:
     """Declare a figure of a result by the words of `Figure`: a property, None where it has no meaning."""
-    return lambda of: Figure(of, heading, unit, **about)
+    return lambda of: Figure(of, heading, unit, name, error, is_difference, is_signed)
 
 
-def figure_at(place: str, heading: str, unit: str | None = "", *, scale: float = 1.0, **options: Any) -> Figure[Any]:
+def figure_at(
+    place: str,
+    heading: str,
+    unit: str | None = "",
+    *,
+    scale: float = 1.0,
+    name: str = "",
+    error: Bar | None = None,
+    is_difference: bool = False,
+    is_signed: bool = False,
+) -> Figure[Any]:
     """Declare a figure that is a field of one of the result's parts, by its place, with the bar that the field declares.
 
-    scale: of its unit, in the field's, such as 1e-6 for a length in um. Options as `figure` takes them.
+    scale: of its unit, in the field's, such as 1e-6 for a length in um. error: of its bar, where the field declares none.
     """
 
     def value(result: Any) -> Any:
         return scaled(reach(result, place), scale)
 
     def bar(result: Any) -> float | None:
-        way, _, name = place.rpartition(".")
+        way, _, own = place.rpartition(".")
         part = reach(result, way) if way else result
-        about = part.declared.get(name) if part is not None else None
+        about = part.declared.get(own) if part is not None else None
         return scaled(getattr(part, about.error), scale) if about and about.error else None
 
-    return figure(heading, unit, **{"error": bar} | options)(value)
+    return Figure(value, heading, unit, name, bar if error is None else error, is_difference, is_signed)
 
 
 class stacked(property):

@@ -41,13 +41,18 @@ def column(
     unit: str = "",
     *,
     along: str | Axis = (),
+    name: str = "",
+    error: str = "",
+    parts: Axis = (),
+    table: bool = True,
+    spread: bool = False,
     default: Any = MISSING,
     default_factory: Any = MISSING,
-    **more: Any,
 ) -> Any:
     """Declare a field of a part by the words of `Column`; default, default_factory: as `dataclasses.field` takes them."""
     axes = (along,) if isinstance(along, str) else along
-    return field(default=default, default_factory=default_factory, metadata={ABOUT: Column(about, unit, axes, **more)})
+    declared = Column(about, unit, axes, name, error, parts, table, spread)
+    return field(default=default, default_factory=default_factory, metadata={ABOUT: declared})
 
 
 def bar(of: str, unit: str = "", **options: Any) -> Any:

@@ -177,7 +177,9 @@ class PatchedPlate:
     def _group(self, plates: list[AssembledPlate]) -> Group:
         dofs = sum(plate.dof for plate in plates)
         fine, coarse, by_modes, inertia, coarse_inertia = (np.zeros((dofs, len(self.bonds))) for _ in range(5))
-        for number, bond in enumerate([] if self._cannot_drive(plates) else self.bonds):
+        for number, bond in enumerate(self.bonds):
+            if self._cannot_drive(plates, number):
+                continue  # what rounding leaves of its load would be a direction of its own in `variation.samples`
             part, motion = bond.finest, self.motion(plates, number)
             fine[:, number] = motion.T @ part.load
             inertia[:, number] = motion.T @ part.inertia
@@ -197,10 +199,9 @@ class PatchedPlate:
             CoarserBond(partial(self._pencil, plates, -1), coarse, coarse_inertia, shares) if shares else None,
         )
 
-    def _cannot_drive(self, plates: list[AssembledPlate]) -> bool:
-        """Whether every patch is its own mirror image about a line about which the one class is antisymmetric."""
-        middles = np.array([patch.box_m.reshape(2, 2).sum(axis=1) for patch in self.patches])
-        on_line = (np.abs(middles) < NEAR_M).all(axis=0)
+    def _cannot_drive(self, plates: list[AssembledPlate], number: int) -> bool:
+        """Whether a patch is its own mirror image about a line about which the one class is antisymmetric."""
+        on_line = np.abs(self.patches[number].box_m.reshape(2, 2).sum(axis=1)) < NEAR_M
         classes = [plate.symmetry for plate in plates]
         return len(classes) == 1 and any(mark == "A" and on for mark, on in zip(classes[0], on_line, strict=False))
 

@@ -290,11 +290,13 @@ def _resemblance(
     """|<w, u>|^2 / <w, w> for plane waves w with u || k + G, and with u perpendicular to it, (n, G) each."""
     fold = np.arange(-FOLDS, FOLDS + 1)
     pairs = np.stack(np.meshgrid(fold, fold, indexing="ij"), axis=-1).reshape(-1, 2)
-    k = wavevector.T[:, None, :] + pairs @ cells.lattice.reciprocal_per_m
-    wave = np.exp(1j * k @ points.T)  # (n, G, points)
-    energy = np.abs(wave) ** 2 @ weights
-    x, y = (np.einsum("ngp,pn->ng", wave.conj(), weighted[:, axis]) for axis in (0, 1))
-    scale = energy * np.maximum((np.abs(k) ** 2).sum(axis=-1), np.finfo(float).tiny)
+    reciprocal = pairs @ cells.lattice.reciprocal_per_m
+    k = wavevector.T[:, None, :] + reciprocal
+    carrier = np.exp(1j * points @ wavevector)  # exp(i k.r), (points, n); exp(i G.r) alone depends on G
+    energy = weights @ np.abs(carrier) ** 2
+    plane = np.exp(-1j * points @ reciprocal.T)
+    x, y = ((carrier.conj() * weighted[:, axis]).T @ plane for axis in (0, 1))
+    scale = energy[:, None] * np.maximum((np.abs(k) ** 2).sum(axis=-1), np.finfo(float).tiny)
     along = np.abs(k[..., 0].conj() * x + k[..., 1].conj() * y) ** 2 / scale
     across = np.abs(k[..., 1].conj() * x - k[..., 0].conj() * y) ** 2 / scale
     return np.asarray(along), np.asarray(across)

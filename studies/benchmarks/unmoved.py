@@ -50,6 +50,11 @@ TASKS = {
     "travel": f"travel {PATCHED} --set patches.sensors=[2] --band 28kHz:36kHz --set touch.radius_mm=5.0",
     "touch with a map": f"touch {PATCHED} {BAND} --set touch.radius_mm=5.0",
     "check-gap": "check-gap",
+    "active mason": "active mason --frequency 20kHz",
+    "active pillar": "active pillar --cell",
+    "active beam": "active beam --gain 1e7 --gain 1e8",
+    "active shaping": "active shaping",
+    "active dq": "active dq --settling-time 2ms",
 }
 
 

@@ -141,6 +141,16 @@ def test_patches_on_a_mirror_line_cannot_drive_what_is_antisymmetric_about_it(mo
     assert patched(aside).undriven == []
 
 
+def test_a_patch_in_the_middle_is_no_load_of_classes_odd_about_it() -> None:
+    """Where others drive the class, rounding would stand for its load, and be a direction of the space of `tolerance`."""
+    groups = {
+        group.symmetries[0]: group
+        for group in patched(np.concatenate([TWO[:1], [[-2e-3, 2e-3, -2e-3, 2e-3]], TWO[1:]])).groups
+    }
+    odd, even = (np.abs(groups[name].loads).max(axis=0) for name in ("AS", "SS"))
+    assert odd[1] == 0.0 and min(odd[0], odd[2], even[1]) > 0.1 * even.max()
+
+
 def test_what_two_classes_share_of_a_patch_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Far from x = 0 the motions of SS and AS are the same."""
     clear = np.array([[-11e-3, -9e-3, -1e-3, 1e-3], [9e-3, 11e-3, -1e-3, 1e-3]])  # of the panels in the middle
