@@ -134,9 +134,15 @@ class Pillar:
         return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
 
     @property
+    def mirrors(self) -> tuple[str, ...]:
+        """Mirrors that leave its shape and its materials alone: x, y, and "d", which exchanges x and y."""
+        laws = [self.material, self.tip.material] if self.tip else [self.material]
+        return tuple(name for name in self.form.mirrors if all(name in law.mirrors for law in laws))
+
+    @property
     def is_own_image(self) -> bool:
         """True when the pillar is its own mirror image in x and y."""
-        return {"x", "y"} <= {*self.form.mirrors}
+        return {"x", "y"} <= {*self.mirrors}
 
     @property
     def joints(self) -> tuple[tuple[Material, Material], ...]:
@@ -312,7 +318,8 @@ class Design:
     @property
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
-        return not (self.pillar and self.rows) or self.pillar.is_own_image
+        pillar = self.pillar if self.rows else None
+        return {"x", "y"} <= {*self.material.mirrors} and (pillar is None or pillar.is_own_image)
 
     @property
     def cell_m(self) -> tuple[float, float]:
@@ -323,7 +330,8 @@ class Design:
     def cell_mirrors(self) -> tuple[str, ...]:
         """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
-        return shared if self.pillar is None else tuple(name for name in shared if name in self.pillar.form.mirrors)
+        kept = {*self.material.mirrors} & {*(self.pillar or self.material).mirrors}
+        return tuple(name for name in shared if name in kept)
 
     def column_centres(self, row: int = 0) -> FloatArray:
         """x of the pillars of a row, counted from 0 at the zone, shape (columns,), m: floor((length - footprint)/pitch_x) + 1,

@@ -122,7 +122,7 @@ def of_whole_cell(design: Design) -> Compared:
     assert design.pillar
     fine = list(mesh_rules.CELL_LEVELS.values())[1]
     boxes = cell_boxes(design, mesh_rules.cell_mesh(design, fine))
-    scale = Scale(design.thickness_m, design.material.young_pa, design.material.density_kg_m3)
+    scale = Scale.of(design.thickness_m, design.material)
     system = assemble(hex_mesh(boxes, fine.order), region_materials(design.material, design.pillar), scale)
     whole, same = BlochCell(system, *design.cell_m), _lattice(design, fine)
     ours, bar = _at_corners(design, 0.003)
@@ -221,7 +221,7 @@ def paired(ours: list[tuple[float, float]], theirs: FloatArray) -> tuple[FloatAr
 def of_patch(scene: BondedPlate) -> Compared:
     """The lowest modes that a patch drives, as `antinode response` solves them, beside a solid with the whole potential."""
     material, length = scene.design.material, scene.design.length_m
-    first_hz = scene.design.thickness_m / length**2 * np.sqrt(material.young_pa / material.density_kg_m3)
+    first_hz = scene.design.thickness_m / length**2 * np.sqrt(material.rod(0).young_pa / material.density_kg_m3)
     solid = solid_modes(scene, 2.5 * first_hz)
     high_hz = _in_a_gap(solid.frequency_hz, PATCH_MODES)
     case = _bare_case("solve.accuracy=0.003")

@@ -290,6 +290,8 @@ def _bands(table: BandsTable, design: Design) -> BandsTable:
 
 def _plain(value: Any) -> Any:
     """Dataclasses, tables, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
+    if isinstance(value, Material):
+        return _plain(value.stated)
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.name != "source"}
     if isinstance(value, Table):

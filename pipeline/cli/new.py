@@ -77,7 +77,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     _check_lengths(wishes)
     material = MATERIALS[wishes["material"]]
     length, thickness, side = (MM * wishes[key] for key in ("length", "thickness", "side"))
-    strip = Strip(length, length / 5.0, thickness, material.young_pa, material.density_kg_m3, material.poisson)
+    strip = Strip(length, length / 5.0, thickness, material)
     lines = min_nodal_lines(strip, MM * wishes["half_wavelength"])
     if lines > MAX_NODAL_LINES:
         least = wishes["length"] / (MAX_NODAL_LINES - 0.5)

@@ -106,7 +106,7 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
     """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
-    stiffest = max(material.poisson for material in region_materials(design.material, design.pillar).values())
+    stiffest = max(material.average.poisson for material in region_materials(design.material, design.pillar).values())
     if "tet" in mesh.kind and mesh.order == 2 and stiffest > LOCKING:
         log.warning(
             "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"

@@ -57,7 +57,7 @@ class Beneath:
     def shares(self, patch: BondedPatch) -> Shares:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
         ceramic = patch.material
-        alike = Material(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
+        alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
         shares = rim_shares(self.reductions.material, alike, patch.mesh)
         return replace(shares, spread=shares.spread + ROUGH * shares.taken)
 

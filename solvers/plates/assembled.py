@@ -127,7 +127,7 @@ class Reductions:
     def system(self, mesh: Mesh) -> System:
         """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
         check_mesh(mesh)
-        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        scale = Scale.of(self.thickness_m, self.material)
         return assemble(mesh, region_materials(self.material, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:

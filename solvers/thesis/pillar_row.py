@@ -121,7 +121,7 @@ def strip_beam(design: Design) -> HostBeam:
     material, width = design.material, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
-    rigidity = material.young_pa * design.thickness_m**3 / 12.0 / (1.0 - material.poisson**2)
+    rigidity = float(material.plane_stress_pa[1, 1]) * design.thickness_m**3 / 12.0
     return HostBeam(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
 
 
@@ -164,5 +164,5 @@ def design_feet(pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: f
     """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
     adds the same.
     """
-    axial = pillar.material.young_pa * pillar.form.section.area_m2
+    axial = pillar.material.rod(2).young_pa * pillar.form.section.area_m2
     return pillar.faces * pillar_foot(pillar_beam(pillar, about_x=True), omega, axial, loss, lever_m)

@@ -168,10 +168,10 @@ class Finger:
     def wavenumber_per_m(self, design: Design, frequency_hz: float) -> float:
         """Bound on the wavenumber of the plate's flexural motion under the contact, its pressure included.
 
-        k^4 = (omega^2 rho h + |D|/A) / (E h^3 / (12 (1 - nu^2))), the larger of plate wave and local foundation.
+        k^4 = (omega^2 rho h + |D|/A) / min(D_11, D_22), the larger of plate wave and local foundation.
         """
         material, thickness = design.material, design.thickness_m
-        bending = material.young_pa * thickness**3 / (12.0 * (1.0 - material.poisson**2))
+        bending = float(material.plane_stress_pa.diagonal()[:2].min()) * thickness**3 / 12.0
         inertia = (2.0 * pi * frequency_hz) ** 2 * material.density_kg_m3 * thickness
         return float(((inertia + abs(self.dynamic_stiffness(frequency_hz)) / self.area_m2) / bending) ** 0.25)
 

@@ -276,7 +276,7 @@ class OwnMesh(LiveReductions):
         affine = AffineCell(OFFLINE.box, OFFLINE.mesh, self.material, self.pillar.material)
         mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
         materials = {"plate": self.material, "pillar": self.pillar.material}
-        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        scale = Scale.of(self.thickness_m, self.material)
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
 
 

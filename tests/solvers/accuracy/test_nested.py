@@ -26,10 +26,10 @@ from solvers.superelement.lattice import Lattice
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10
 MATERIALS = {
-    "aluminium": Material("aluminium", 70e9, 2700.0, 0.33),
-    "tungsten": Material("tungsten", 400e9, 19300.0, 0.28),
-    "acrylic": Material("acrylic", 3.3e9, 1190.0, 0.37),
-    "printed": Material("printed", 110e9, 4400.0, 0.34),
+    "aluminium": Material.isotropic("aluminium", 70e9, 2700.0, 0.33),
+    "tungsten": Material.isotropic("tungsten", 400e9, 19300.0, 0.28),
+    "acrylic": Material.isotropic("acrylic", 3.3e9, 1190.0, 0.37),
+    "printed": Material.isotropic("printed", 110e9, 4400.0, 0.34),
 }
 PAIRS = (("aluminium", "aluminium"), ("aluminium", "tungsten"), ("aluminium", "acrylic"))
 

@@ -25,7 +25,7 @@ from solvers.superelement.cell import rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.complex_bands import Row
 
-ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
+ALUMINIUM = Material.isotropic("aluminium", 70e9, 2700.0, 0.34)
 FACE = Interface(3, 2)
 SIZE = (4e-3, 5.5e-3, 2e-3)
 WINDOW = (24e3, 45e3)

@@ -28,7 +28,7 @@ from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.symmetry import diagonal_image
 
-ALUMINIUM, STEEL = Material("aluminium", 70e9, 2700.0, 0.34), Material("steel", 200e9, 7800.0, 0.3)
+ALUMINIUM, STEEL = Material.isotropic("aluminium", 70e9, 2700.0, 0.34), Material.isotropic("steel", 200e9, 7800.0, 0.3)
 MATERIALS = {"plate": ALUMINIUM, "pillar": STEEL}
 FEET = {
     "square": Foot(),

@@ -36,7 +36,7 @@ from tests.helpers.kept_matrices import KeptMatrices
 
 ALUMINIUM = MATERIALS["aluminium"]
 PZ26 = PIEZO_MATERIALS["pz26"]
-NU, E = ALUMINIUM.poisson, ALUMINIUM.young_pa
+NU, E = ALUMINIUM.as_isotropic.poisson, ALUMINIUM.as_isotropic.young_pa
 # A "ceramic" with aluminium's elasticity: the bonded body is then a plain solid that any mesh can carry.
 PLAIN = PiezoMaterial(
     "plain", 2700.0, 1 / E, -NU / E, -NU / E, 1 / E, 2 * (1 + NU) / E, -1e-10, 2e-10, 3e-10, 1e3, 1e3, "invented"

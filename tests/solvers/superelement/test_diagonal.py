@@ -34,7 +34,7 @@ def system(panel: Panel = SQUARE, stiffer: bool = False) -> System:
         corner = np.argmax(mesh.nodes[mesh.cells].mean(axis=1) @ [1.0, -1.0, 0.0])
         regions = {name: np.setdiff1d(cells, corner) for name, cells in mesh.regions.items()}
         mesh = replace(mesh, regions=regions | {"odd": np.array([corner])})
-    return assemble(mesh, materials, Scale(2e-3, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3))
+    return assemble(mesh, materials, Scale.of(2e-3, ALUMINIUM))
 
 
 def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatch) -> None:

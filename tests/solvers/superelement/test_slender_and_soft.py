@@ -22,8 +22,8 @@ from solvers.superelement.lattice import Lattice
 from solvers.superelement.reduction import CellBuilder
 
 ALUMINIUM = MATERIALS["aluminium"]
-RUBBER = Material("rubber", young_pa=1.175e5, density_kg_m3=1300.0, poisson=0.46875)
-LEAD = Material("lead", young_pa=40.8e9, density_kg_m3=11600.0, poisson=0.37)
+RUBBER = Material.isotropic("rubber", young_pa=1.175e5, density_kg_m3=1300.0, poisson=0.46875)
+LEAD = Material.isotropic("lead", young_pa=40.8e9, density_kg_m3=11600.0, poisson=0.37)
 WIDE_M, THICK_M, PITCH_M = 6.35e-3, 6e-3, 20e-3
 PANEL = Panel((-PITCH_M / 2.0,) * 2, (PITCH_M / 2.0,) * 2, (0.0, 0.0), (0, 1))
 
@@ -58,7 +58,7 @@ def test_a_heavy_tip_on_a_soft_neck_follows_its_plate_exactly() -> None:
     pillar = Pillar("square", 6e-3, 6e-3, 5e-3, RUBBER, tip=Tip(6e-3, 5e-3, LEAD))
     panel = replace(PANEL, low=(-5e-3, -5e-3), high=(5e-3, 5e-3))
     mesh = mesh_of(panel_boxes(panel, 1e-3, pillar, HexSettings(3, 2e-3, 1, 0.15)), 3)
-    scale = Scale(1e-3, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    scale = Scale.of(1e-3, ALUMINIUM)
     builder = CellBuilder(assemble(mesh, region_materials(ALUMINIUM, pillar), scale), Interface(2, 1), (0, 1), ())
     size_m = (10e-3, 10e-3, 1e-3)
     rigid, middle = rigid_polynomials(builder.interface, size_m), np.array([0.0, 0.0, size_m[2] / 2.0])

@@ -45,7 +45,7 @@ def anew(panel: Panel, change_m: np.ndarray, setting: Reductions = SETTING) -> C
     assert panel.foot is not None
     whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
     mesh = panel_mesh(whole, THICK_M, pillar, REDUCTION.hexahedra).mesh
-    scale = Scale(THICK_M, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    scale = Scale.of(THICK_M, ALUMINIUM)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
     return reduce_cell(system, REDUCTION.interface, REDUCTION.top_hz, (), panel.free)
 
