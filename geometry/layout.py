@@ -16,6 +16,7 @@ from geometry.elements import FloatArray
 from geometry.materials import Material, PiezoMaterial
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.shapes import shape_of
+from geometry.stack import Stack
 
 SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
@@ -164,11 +165,11 @@ class Pillar:
         return stem + (self.tip.mass_kg if self.tip else 0.0)
 
 
-def region_materials(plate: Material, pillar: Pillar | None) -> dict[str, Material]:
+def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]:
     """The material of each region that a mesh of a plate with such pillars may have."""
-    own = pillar.material if pillar else plate
+    own = pillar.material if pillar else stack.back
     tip = pillar.tip.material if pillar and pillar.tip else own
-    return {"plate": plate, "body": plate, "pillar": own, "tip": tip}
+    return stack.regions | {"body": stack.back, "pillar": own, "tip": tip}
 
 
 @dataclass(frozen=True)
@@ -206,6 +207,11 @@ class Design:
     zones: int = 1
     shared_rows: int = 0
     zone_gap_m: float = 0.0
+
+    @property
+    def stack(self) -> Stack:
+        """The plate's layers."""
+        return Stack.of(self.thickness_m, self.material)
 
     @property
     def is_staggered(self) -> bool:
@@ -319,7 +325,7 @@ class Design:
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
         pillar = self.pillar if self.rows else None
-        return {"x", "y"} <= {*self.material.mirrors} and (pillar is None or pillar.is_own_image)
+        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_own_image)
 
     @property
     def cell_m(self) -> tuple[float, float]:
@@ -330,7 +336,7 @@ class Design:
     def cell_mirrors(self) -> tuple[str, ...]:
         """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
-        kept = {*self.material.mirrors} & {*(self.pillar or self.material).mirrors}
+        kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
         return tuple(name for name in shared if name in kept)
 
     def column_centres(self, row: int = 0) -> FloatArray:

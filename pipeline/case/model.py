@@ -284,7 +284,7 @@ def _solve(table: SolveTable) -> SolveTable:
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
     """The table with the path that the cell has where none is given."""
-    oblong = len(set(design.cell_m)) > 1 and not isnan(design.pitch_x_m)
+    oblong = (len(set(design.cell_m)) > 1 and not isnan(design.pitch_x_m)) or "d" not in design.stack.mirrors
     return table.but(path=table.path or ("GXMYG" if oblong else "GXMG"))
 
 

@@ -18,7 +18,7 @@ HEAVIEST_KG_M3 = 25e3
 def doubts(design: Design) -> list[str]:
     """One line for each material of a design that is unlike any solid."""
     tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
-    materials = dict.fromkeys([design.material, *(pillar.material for pillar in design.kinds), *tips])
+    materials = dict.fromkeys([*design.stack.regions.values(), *(pillar.material for pillar in design.kinds), *tips])
     return [line for material in materials for line in _doubt(material)]
 
 

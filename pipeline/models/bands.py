@@ -312,7 +312,7 @@ class StaggeredCell:
     @classmethod
     def of(cls, design: Design, reduction: ReductionSettings) -> StaggeredCell:
         """Reduce the panels of a design's rows."""
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+        reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
         narrow = replace(design, pitch_x_m=design.pitch_x_m / 2.0)
         cells = [reductions.cell(lattice_panel(each)) for each in (narrow, replace(narrow, pillar=None))]
         return cls(Periodic(cells, shift=1), Periodic(cells[1:] * 2, shift=1))

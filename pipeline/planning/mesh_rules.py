@@ -139,7 +139,7 @@ def good_to_hz(part: str, design: Design) -> float:
     size = 2.0 * design.thickness_m
     if design.pillar:
         size = min(size, design.pitch_x_m / 2.0, design.pitch_y_m / 2.0)
-    return ELEMENT * design.material.shear_m_s / size
+    return ELEMENT * design.stack.mean.shear_m_s / size
 
 
 def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
@@ -152,7 +152,7 @@ def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
     level = MeshLevel(HIGHEST, 0, level.factor)
     if high_hz <= 0.0:
         return level
-    longest = design.material.shear_m_s / high_hz / 2.0
+    longest = design.stack.mean.shear_m_s / high_hz / 2.0
     return replace(level, share=min(level.share, longest / (2.0 * design.thickness_m)))
 
 
@@ -224,7 +224,7 @@ def is_tight(design: Design) -> bool:
 
 def shear_cutoff_hz(design: Design) -> float:
     """First thickness-shear resonance c_t / (2 h), Hz, above which plate theory does not hold."""
-    return design.material.shear_m_s / (2.0 * design.thickness_m)
+    return design.stack.mean.shear_m_s / (2.0 * design.thickness_m)
 
 
 def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:
@@ -256,7 +256,7 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     face = Interface(along, degree_through(design, accuracy, high_hz))
     further = FURTHER if high_hz >= THIN_TO * shear_cutoff_hz(design) or is_tight(design) else 0
     mesh = cell_mesh(design, cell_level(accuracy))
-    wave_m = design.material.shear_m_s / high_hz if high_hz > 0.0 else inf
+    wave_m = design.stack.mean.shear_m_s / high_hz if high_hz > 0.0 else inf
     longest = min(3.0 * design.thickness_m, wave_m)
     size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
     reduction = ReductionSettings(face, cutoff_to_hz(design, accuracy, high_hz), mesh, longest, size, further)

@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from threadpoolctl import ThreadpoolController
 
 from geometry.elements import FloatArray
-from geometry.materials import Material
+from geometry.stack import Stack
 from solvers.analytic.beams import free_free_mode, roots_along
 from solvers.errors import SolverError
 
@@ -23,33 +23,16 @@ from solvers.errors import SolverError
 
 @dataclass(frozen=True)
 class Strip:
-    """The bare zone, lengths in m: along x (free ends), across along y (held sides), thickness; its material."""
+    """The bare zone, lengths in m: along x (free ends), across along y (held sides); its layers."""
 
     length_m: float
     width_m: float
-    thickness_m: float
-    material: Material
+    stack: Stack
 
     def __post_init__(self) -> None:
-        sizes = (self.length_m, self.width_m, self.thickness_m)
+        sizes = (self.length_m, self.width_m, self.stack.thickness_m)
         if not all(np.isfinite(size) and size > 0.0 for size in sizes):
             raise SolverError(f"{self}: sizes must be above 0")
-
-    @cached_property
-    def bending_n_m(self) -> FloatArray:
-        """Bending stiffnesses D over the curvatures xx, yy, 2 xy, shape (3, 3), N m."""
-        return self.material.plane_stress_pa * self.thickness_m**3 / 12.0
-
-    @property
-    def shear_n_m(self) -> tuple[float, float]:
-        """Transverse shear stiffnesses along x and y, 5/6 G h, N/m."""
-        along, across = self.material.transverse_shear_pa
-        return 5.0 / 6.0 * along * self.thickness_m, 5.0 / 6.0 * across * self.thickness_m
-
-    @property
-    def mass_kg_m2(self) -> float:
-        """rho h, kg/m2."""
-        return self.material.density_kg_m3 * self.thickness_m
 
     @property
     def across_per_m(self) -> float:
@@ -58,13 +41,14 @@ class Strip:
 
     def wave_n_m3(self, along: float, across: float) -> float:
         """D_11 a^2 + 2 (D_12 + 2 D_66) a b + D_22 b^2 of squared wavenumbers a along x and b along y, rad2/m2: what bends."""
-        d = self.bending_n_m
+        d = self.stack.bending_n_m
         return float(d[0, 0] * along**2 + 2.0 * (d[0, 1] + 2.0 * d[2, 2]) * along * across + d[1, 1] * across**2)
 
     @cached_property
     def levy_ratios(self) -> tuple[float, float, float]:
         """D_12, D_12 + 2 D_66 and 2 D_66 over D_11: nu, 1 and 1 - nu of isotropic ones."""
-        poisson, twist = (float(part / self.bending_n_m[0, 0]) for part in self.bending_n_m[[0, 2], [1, 2]])
+        d = self.stack.bending_n_m
+        poisson, twist = (float(part / d[0, 0]) for part in d[[0, 2], [1, 2]])
         return poisson, poisson + 2.0 * twist, 2.0 * twist
 
 
@@ -73,7 +57,7 @@ def thin_plate_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -
 
     Source: leissa1969.
     """
-    return sqrt(strip.wave_n_m3(along_per_m**2, across_per_m**2) / strip.mass_kg_m2) / (2.0 * pi)
+    return sqrt(strip.wave_n_m3(along_per_m**2, across_per_m**2) / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
@@ -85,11 +69,11 @@ def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0)
     squares = along_per_m**2, across_per_m**2
     k2 = sum(squares)
     rigidity = strip.wave_n_m3(*squares) / k2**2
-    shear = sum(part * square for part, square in zip(strip.shear_n_m, squares, strict=True)) / k2
-    r, b = strip.thickness_m**2 / 12.0, rigidity / shear
+    shear = sum(part * square for part, square in zip(strip.stack.shear_n_m, squares, strict=True)) / k2
+    r, b = strip.stack.rotary_kg / strip.stack.mass_kg_m2, rigidity / shear
     p = 1.0 + (r + b) * k2
     square = 2.0 * k2**2 / (p + sqrt(p**2 - 4.0 * r * b * k2**2))
-    return sqrt(square * rigidity / strip.mass_kg_m2) / (2.0 * pi)
+    return sqrt(square * rigidity / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
@@ -149,7 +133,7 @@ def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
 def levy_hz(strip: Strip, nodal_lines: int) -> float:
     """Frequency of the exact Kirchhoff mode (0, N), pinned sides, free ends, Hz; see levy_wavenumber_per_m."""
     bent = strip.wave_n_m3(levy_along_per_m2(strip, nodal_lines), strip.across_per_m**2)
-    return sqrt(bent / strip.mass_kg_m2) / (2.0 * pi)
+    return sqrt(bent / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 # -- Rayleigh-Ritz -----------------------------------------------------------------------------------------------------
@@ -186,7 +170,7 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     unknown side. Source: leissa1969.
     """
     x, y = _along(strip, nodal_lines), _across(strip, _power(sides))
-    d = strip.bending_n_m
+    d = strip.stack.bending_n_m
     xx, x0 = _pair(x, x.curve, x.curve), _pair(x, x.value, x.value)
     yy, y0 = _pair(y, y.curve, y.curve), _pair(y, y.value, y.value)
     mixed = np.kron(_pair(x, x.curve, x.value), _pair(y, y.value, y.curve))
@@ -195,7 +179,7 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
         d[0, 0] * np.kron(xx, y0) + d[1, 1] * np.kron(x0, yy) + d[0, 1] * (mixed + mixed.T) + 4.0 * d[2, 2] * twist
     )
     mass: FloatArray = np.asarray(np.kron(x0, y0), dtype=np.float64)
-    values, vectors = _lowest(stiffness, strip.mass_kg_m2 * mass, nodal_lines)
+    values, vectors = _lowest(stiffness, strip.stack.mass_kg_m2 * mass, nodal_lines)
     return _wanted(values, vectors, x, y, nodal_lines)
 
 
@@ -207,7 +191,7 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     w = _along(strip, nodal_lines), _across(strip, 1)
     a = _along(strip, nodal_lines, odd_shift=1), w[1]
     b = w[0], _across(strip, 1 if _power(sides) == 2 else 0, odd=True)
-    d, (gx, gy) = strip.bending_n_m, strip.shear_n_m
+    d, (gx, gy) = strip.stack.bending_n_m, strip.stack.shear_n_m
 
     def block(left: tuple[_Axis, _Axis], right: tuple[_Axis, _Axis], dl: str, dr: str) -> FloatArray:
         along = _pair(left[0], getattr(left[0], dl.split()[0]), getattr(right[0], dr.split()[0]))
@@ -222,10 +206,10 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     aw, bw = -gx * block(a, w, vv, sv), -gy * block(b, w, vv, vs)
     aa, bb = bend_aa + gx * block(a, a, vv, vv), bend_bb + gy * block(b, b, vv, vv)
     stiffness = np.block([[shear_ww, aw.T, bw.T], [aw, aa, ab], [bw, ab.T, bb]])
-    rotary = strip.mass_kg_m2 * strip.thickness_m**2 / 12.0
+    rotary = strip.stack.rotary_kg
     size = shear_ww.shape[0]
     mass = np.zeros_like(stiffness)
-    mass[:size, :size] = strip.mass_kg_m2 * block(w, w, vv, vv)
+    mass[:size, :size] = strip.stack.mass_kg_m2 * block(w, w, vv, vv)
     mass[size : size + aa.shape[0], size : size + aa.shape[0]] = rotary * block(a, a, vv, vv)
     mass[-bb.shape[0] :, -bb.shape[0] :] = rotary * block(b, b, vv, vv)
     values, vectors = _lowest(stiffness, mass, nodal_lines)

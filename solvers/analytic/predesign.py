@@ -83,8 +83,7 @@ def strip_of(design: Design) -> Strip | None:
     """The bare zone of a design, or None when it has no zone or no thickness."""
     if any(isnan(size) for size in (design.length_m, design.width_m, design.thickness_m)):
         return None
-    sizes = (design.length_m, design.width_m, design.thickness_m)
-    return Strip(*sizes, design.material)
+    return Strip(design.length_m, design.width_m, design.stack)
 
 
 def free_kx_per_m(design: Design) -> float:

@@ -210,11 +210,11 @@ def _plate(nodes: FloatArray, strip: Strip, kx: float, share: float) -> tuple[Fl
     2 V = int D_11 k^4 Y^2 + D_22 Y''^2 - 2 D_12 k^2 Y Y'' + 4 D_66 k^2 Y'^2, 2 T = int rho h Y'^2 (over time).
     """
     (value, slope, curve), weight = _shapes(nodes)
-    mixed, d = _integral(value, curve, weight), share * strip.bending_n_m
+    mixed, d = _integral(value, curve, weight), share * strip.stack.bending_n_m
     bent = d[0, 0] * kx**4 * _integral(value, value, weight) + d[1, 1] * _integral(curve, curve, weight)
     bent -= d[0, 1] * kx**2 * (mixed + mixed.transpose(0, 2, 1))
     bent += 4.0 * d[2, 2] * kx**2 * _integral(slope, slope, weight)
-    heavy = strip.mass_kg_m2 * _integral(value, value, weight)
+    heavy = strip.stack.mass_kg_m2 * _integral(value, value, weight)
     return _assembled(bent), _assembled(heavy)
 
 

@@ -118,11 +118,10 @@ class PillarFilter:
 
 def strip_beam(design: Design) -> HostBeam:
     """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x."""
-    material, width = design.material, design.pitch_x_m
+    stack, width = design.stack, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
-    rigidity = float(material.plane_stress_pa[1, 1]) * design.thickness_m**3 / 12.0
-    return HostBeam(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
+    return HostBeam(float(stack.bending_n_m[1, 1]) * width, stack.mass_kg_m2 * width)
 
 
 def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0) -> PillarFilter:

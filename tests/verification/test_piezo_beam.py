@@ -18,6 +18,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
+from geometry.stack import Stack
 from solvers.control.identification import half_power_quality_factor
 from solvers.fem.assembly import assemble
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -106,7 +107,7 @@ def section(pair: Pair) -> Section:
 def joined(metal: Material) -> dict:
     reduction = ReductionSettings(Interface(5, 2), 200e3, HexSettings(3, 5e-3, 0, 0.2), 5e-3)
     design = replace(FREE, material=metal)
-    model = PlateModel(design, Reductions(FREE.thickness_m, metal, None, reduction))
+    model = PlateModel(design, Reductions(Stack.of(FREE.thickness_m, metal), None, reduction))
     return {symmetry: model.assembled(symmetry) for symmetry in CLASSES}
 
 

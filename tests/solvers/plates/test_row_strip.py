@@ -84,7 +84,7 @@ def test_rows_add_what_their_pillars_carry() -> None:
     effective = rows * 29 / design.length_m * (weight + kx**2 * inertia)
     assert lift @ mass @ lift == pytest.approx(2700.0 * 2e-3 * design.half_span_m + effective, rel=1e-12)
     assert lift @ stiffness @ lift == pytest.approx(
-        kx**4 * strip.bending_n_m[0, 0] * design.half_span_m, rel=1e-9
+        kx**4 * strip.stack.bending_n_m[0, 0] * design.half_span_m, rel=1e-9
     )  # rigid pillars store nothing
 
 

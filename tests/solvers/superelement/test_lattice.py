@@ -13,6 +13,7 @@ from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.accuracy.bands import (
     _brought,
@@ -53,7 +54,7 @@ def lattice(
     settings: HexSettings = COARSE,
 ) -> Lattice:  # fmt: skip
     reduction = ReductionSettings(face or Interface(4, 3), top_hz, settings)
-    return Lattice(Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel(pitch, pillar)))
+    return Lattice(Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, reduction).cell(panel(pitch, pillar)))
 
 
 @cache
@@ -283,7 +284,7 @@ def test_degrees_are_told_by_what_a_lattice_of_one_less_lacks_on_coarse_elements
     tiny = Pillar("square", 0.25e-3, 0.25e-3, 0.6e-3, ALUMINIUM)
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=0.6e-3)
     reduction = ReductionSettings(Interface(9, 3), 0.8e6, settings)
-    ample = Lattice(Reductions(THICK_M, ALUMINIUM, tiny, reduction).cell(panel((8e-3, 8e-3), True)))
+    ample = Lattice(Reductions(Stack.of(THICK_M, ALUMINIUM), tiny, reduction).cell(panel((8e-3, 8e-3), True)))
     ends = corners((8e-3, 8e-3))[:3]
 
     def largest(degree: int, of: Lattice) -> float:
@@ -353,7 +354,7 @@ def test_slender_stiff_pillars_on_a_soft_plate_are_no_fault_of_the_cell() -> Non
     """Rounding leaves their motion right to some 1e-8, and no more of the mass is missing."""
     mesh = HexSettings(order=3, size_m=1e-3, layers=1, pillar_size_m=2.25e-3)
     pillar = Pillar("square", 1e-3, 1e-3, 9e-3, MATERIALS["steel"])
-    reductions = Reductions(1e-3, MATERIALS["pmma"], pillar, ReductionSettings(Interface(4, 3), 3e5, mesh))
+    reductions = Reductions(Stack.of(1e-3, MATERIALS["pmma"]), pillar, ReductionSettings(Interface(4, 3), 3e5, mesh))
     cell = reductions.cell(panel((3e-3, 3e-3), pillar=True))
     at_rest, *others = Lattice(cell).frequencies(np.zeros(2), 4)[2:]
     assert at_rest < 1e-3 * others[0]

@@ -16,6 +16,7 @@ from geometry.hex.scenes import HexSettings, panel_scene
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
@@ -29,7 +30,7 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
 THICK_M, TONE_HZ = 2e-3, 40e3
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
-SETTING = Reductions(THICK_M, ALUMINIUM, PILLAR, REDUCTION)
+SETTING = Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, REDUCTION)
 MIDDLE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
 EDGE = Panel((0.0, -2e-3), (3.5e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
 FLUSH = Panel((0.0, -2e-3), (3e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))

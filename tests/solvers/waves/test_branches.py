@@ -13,6 +13,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Path, path_through
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
@@ -34,7 +35,9 @@ def lattice(
     half = np.array(pitch) / 2.0
     degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(6, 3), 1.8e6)
     reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 2e-3, 0, 0.2, 6.3e-3))
-    return Lattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved)))
+    return Lattice(
+        Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved))
+    )
 
 
 def test_the_diagonal_mirror_of_the_degrees_of_freedom_is_that_of_the_field() -> None:
