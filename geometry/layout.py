@@ -17,6 +17,7 @@ from geometry.lattice import Lattice
 from geometry.materials import Material, PiezoMaterial
 from geometry.pillar_shapes.base import PillarShape
 from geometry.pillar_shapes.shapes import shape_of
+from geometry.stack import Stack
 
 SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say
@@ -135,9 +136,15 @@ class Pillar:
         return self.form.is_square_prism and self.fillet_m == 0.0 and self.tip is None
 
     @property
+    def mirrors(self) -> tuple[str, ...]:
+        """Mirrors that leave its shape and its materials alone: x, y, and "d", which exchanges x and y."""
+        laws = [self.material, self.tip.material] if self.tip else [self.material]
+        return tuple(name for name in self.form.mirrors if all(name in law.mirrors for law in laws))
+
+    @property
     def is_own_image(self) -> bool:
         """True when the pillar is its own mirror image in x and y."""
-        return {"x", "y"} <= {*self.form.mirrors}
+        return {"x", "y"} <= {*self.mirrors}
 
     @property
     def joints(self) -> tuple[tuple[Material, Material], ...]:
@@ -159,11 +166,11 @@ class Pillar:
         return stem + (self.tip.mass_kg if self.tip else 0.0)
 
 
-def region_materials(plate: Material, pillar: Pillar | None) -> dict[str, Material]:
+def region_materials(stack: Stack, pillar: Pillar | None) -> dict[str, Material]:
     """The material of each region that a mesh of a plate with such pillars may have."""
-    own = pillar.material if pillar else plate
+    own = pillar.material if pillar else stack.back
     tip = pillar.tip.material if pillar and pillar.tip else own
-    return {"plate": plate, "body": plate, "pillar": own, "tip": tip}
+    return stack.regions | {"body": stack.back, "pillar": own, "tip": tip}
 
 
 @dataclass(frozen=True)
@@ -201,6 +208,11 @@ class Design:
     zones: int = 1
     shared_rows: int = 0
     zone_gap_m: float = 0.0
+
+    @property
+    def stack(self) -> Stack:
+        """The plate's layers."""
+        return Stack.of(self.thickness_m, self.material)
 
     @property
     def is_staggered(self) -> bool:
@@ -313,7 +325,8 @@ class Design:
     @property
     def is_mirrored(self) -> bool:
         """True when the plate is its own mirror image in x = 0 and y = 0: its quarter stands for the whole."""
-        return not (self.pillar and self.rows) or self.pillar.is_own_image
+        pillar = self.pillar if self.rows else None
+        return {"x", "y"} <= {*self.stack.mirrors} and (pillar is None or pillar.is_own_image)
 
     @property
     def lattice(self) -> Lattice:
@@ -324,7 +337,8 @@ class Design:
     def cell_mirrors(self) -> tuple[str, ...]:
         """Mirrors of the unit cell: x, y, and "d", which exchanges x and y, where the pillar and equal pitches have it."""
         shared = ("x", "y", "d") if self.pitch_x_m == self.pitch_y_m and not self.stagger else ("x", "y")
-        return shared if self.pillar is None else tuple(name for name in shared if name in self.pillar.form.mirrors)
+        kept = {*self.stack.mirrors} & {*(self.pillar or self.stack).mirrors}
+        return tuple(name for name in shared if name in kept)
 
     def column_centres(self, row: int = 0) -> FloatArray:
         """x of the pillars of a row, counted from 0 at the zone, shape (columns,), m: floor((length - footprint)/pitch_x) + 1,

@@ -1,8 +1,11 @@
-"""Materials in SI with a source beside every value: isotropic elastic ones and piezoceramics poled along z."""
+"""Materials in SI with a source beside every value: elastic laws and piezoceramics poled along z."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,29 +13,21 @@ from geometry.elements import FloatArray
 from geometry.errors import GeometryError
 
 # -- elastic -----------------------------------------------------------------------------------------------------------
-# Elastic constants in SI, a source beside every value.
+# Elastic laws in SI, a source beside every value.
+
+Stiffness = tuple[tuple[float, ...], ...]  # rows of a 6 x 6 matrix
+VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # place of the strain ij in the order xx, yy, zz, yz, xz, xy
+FLIPPED = {"x": (4, 5), "y": (3, 5)}  # strains that change sign in a mirror
+EXCHANGED = [1, 0, 2, 4, 3, 5]  # strains with x and y exchanged
+SAME = 1e-9  # relative to the largest stiffness
 
 
 @dataclass(frozen=True)
-class Material:
-    """An isotropic linear elastic solid.
+class Isotropic:
+    """The two constants of an isotropic law."""
 
-    Units: young_pa in Pa, density_kg_m3 in kg/m3, poisson without unit, between -1 and 0.5 with both excluded (a
-    displacement element cannot hold the volume). Raises GeometryError for anything else.
-    """
-
-    name: str
     young_pa: float
-    density_kg_m3: float
     poisson: float
-    source: str = "given in the case file"
-
-    def __post_init__(self) -> None:
-        if not (self.young_pa > 0.0 and self.density_kg_m3 > 0.0 and -1.0 < self.poisson < 0.5):
-            raise GeometryError(
-                f"material {self.name}: E = {self.young_pa:g} Pa, density = {self.density_kg_m3:g} kg/m3, "
-                f"nu = {self.poisson:g}: E and density must be above 0, nu between -1 and 0.5, both excluded"
-            )
 
     @property
     def shear_pa(self) -> float:
@@ -45,22 +40,150 @@ class Material:
         return self.young_pa * self.poisson / ((1.0 + self.poisson) * (1.0 - 2.0 * self.poisson))
 
 
+class Rod(NamedTuple):
+    """A rod cut along an axis: Young's modulus, Poisson's ratio and shear modulus, the last two averaged over the section."""
+
+    young_pa: float
+    poisson: float
+    shear_pa: float
+
+
+@dataclass(frozen=True)
+class Material:
+    """A linear elastic law with its density, axes along x, y, z.
+
+    stiffness_pa: over the strains xx, yy, zz, yz, xz, xy (engineering shear). constants: those of an isotropic law, which
+    `isotropic` makes; None for any other. Raises GeometryError unless the density and all eigenvalues are above 0.
+    """
+
+    name: str
+    density_kg_m3: float
+    stiffness_pa: Stiffness
+    constants: Isotropic | None = None
+    source: str = "given in the case file"
+
+    def __post_init__(self) -> None:
+        c = np.array(self.stiffness_pa)
+        if not (self.density_kg_m3 > 0.0 and (c == c.T).all() and np.linalg.eigvalsh(c)[0] > 0.0):
+            raise GeometryError(f"material {self.name}: density and energy of any strain must be above 0")
+
+    @classmethod
+    def isotropic(
+        cls, name: str, young_pa: float, density_kg_m3: float, poisson: float, source: str = "given in the case file"
+    ) -> Material:
+        """An isotropic solid. GeometryError unless E and density are above 0, nu between -1 and 0.5 with both excluded (a
+        displacement element cannot hold the volume).
+        """
+        if not (young_pa > 0.0 and density_kg_m3 > 0.0 and -1.0 < poisson < 0.5):
+            raise GeometryError(
+                f"material {name}: E = {young_pa:g} Pa, density = {density_kg_m3:g} kg/m3, "
+                f"nu = {poisson:g}: E and density must be above 0, nu between -1 and 0.5, both excluded"
+            )
+        own = Isotropic(young_pa, poisson)
+        stiffness = own.shear_pa * np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
+        stiffness[:3, :3] += own.lame_pa
+        return cls(name, density_kg_m3, tuple(map(tuple, stiffness.tolist())), own, source)
+
+    def scaled(self, factor: float) -> Material:
+        """The same law `factor` times as stiff."""
+        stiffness = tuple(map(tuple, (factor * np.array(self.stiffness_pa)).tolist()))
+        own = self.constants and replace(self.constants, young_pa=factor * self.constants.young_pa)
+        return replace(self, stiffness_pa=stiffness, constants=own)
+
+    @property
+    def as_isotropic(self) -> Isotropic:
+        """Its constants, for theories that hold for isotropic laws alone. GeometryError for any other law."""
+        if self.constants is None:
+            raise GeometryError(
+                f"material {self.name}: must be isotropic here; a singular edge or an exact wave needs it"
+            )
+        return self.constants
+
+    @cached_property
+    def average(self) -> Isotropic:
+        """The isotropic law nearest to it (Voigt's average), itself where it is isotropic: for estimates."""
+        if self.constants:
+            return self.constants
+        c = np.array(self.stiffness_pa)
+        normal, coupled, shear = np.trace(c[:3, :3]), c[0, 1] + c[0, 2] + c[1, 2], np.trace(c[3:, 3:])
+        bulk, rigid = (normal + 2.0 * coupled) / 9.0, (normal - coupled + 3.0 * shear) / 15.0
+        young = 9.0 * bulk * rigid / (3.0 * bulk + rigid)
+        return Isotropic(float(young), float(young / (2.0 * rigid) - 1.0))
+
+    @property
+    def stated(self) -> dict[str, object]:
+        """Name, constants and density, as records have them."""
+        law = vars(self.constants) if self.constants else {"stiffness_pa": self.stiffness_pa}
+        return {"name": self.name, **law, "density_kg_m3": self.density_kg_m3}
+
+    @property
+    def shear_m_s(self) -> float:
+        """Speed of shear waves, sqrt(G/rho), m/s; of its average where directions differ."""
+        return sqrt(self.average.shear_pa / self.density_kg_m3)
+
+    @property
+    def pressure_m_s(self) -> float:
+        """Speed of pressure waves, sqrt((lambda + 2 G)/rho), m/s; of its average where directions differ."""
+        return sqrt((self.average.lame_pa + 2.0 * self.average.shear_pa) / self.density_kg_m3)
+
+    @cached_property
+    def tensor_pa(self) -> FloatArray:
+        """Stiffness tensor C_ikjl, shape (3, 3, 3, 3), Pa."""
+        return np.asarray(np.array(self.stiffness_pa)[VOIGT[:, :, None, None], VOIGT])
+
+    @cached_property
+    def _compliance(self) -> FloatArray:
+        """Shape (6, 6), 1/Pa."""
+        return np.asarray(np.linalg.inv(np.array(self.stiffness_pa)))
+
+    @cached_property
+    def plane_stress_pa(self) -> FloatArray:
+        """Stiffness over xx, yy, xy where no stress acts along z: what bends in a plate, shape (3, 3), Pa."""
+        flat = [0, 1, 5]
+        return np.asarray(np.linalg.inv(self._compliance[np.ix_(flat, flat)]))
+
+    @property
+    def transverse_shear_pa(self) -> tuple[float, float]:
+        """Shear moduli through a plate, xz and yz, Pa."""
+        return 1.0 / float(self._compliance[4, 4]), 1.0 / float(self._compliance[3, 3])
+
+    def rod(self, axis: int) -> Rod:
+        """What a rod along an axis, 0 to 2, is made of."""
+        s, others = self._compliance, [other for other in range(3) if other != axis]
+        poisson = -sum(s[axis, other] for other in others) / (2.0 * s[axis, axis])
+        shear = 2.0 / sum(s[place, place] for place in VOIGT[axis, others])
+        return Rod(1.0 / float(s[axis, axis]), float(poisson), float(shear))
+
+    @cached_property
+    def mirrors(self) -> tuple[str, ...]:
+        """Mirrors that leave it alone: x, y, and "d", which exchanges x and y."""
+        c, images = np.array(self.stiffness_pa), {"d": np.array(self.stiffness_pa)[np.ix_(EXCHANGED, EXCHANGED)]}
+        for name, places in FLIPPED.items():
+            sign = np.where(np.isin(np.arange(6), places), -1.0, 1.0)
+            images[name] = c * np.outer(sign, sign)
+        return tuple(name for name in ("x", "y", "d") if np.abs(images[name] - c).max() <= SAME * np.abs(c).max())
+
+
 MATERIALS: dict[str, Material] = {
     material.name: material
     for material in (
-        Material("aluminium", 70e9, 2700.0, 0.34, "thesis, table 2.1"),
-        Material(
+        Material.isotropic("aluminium", 70e9, 2700.0, 0.34, "thesis, table 2.1"),
+        Material.isotropic(
             "AlSi7Mg0.6",
             70e9,
             2670.0,
             0.33,
             "typical laser powder-bed data sheet: E 65-75 GPa by build direction and heat treatment; mid value",
         ),
-        Material("steel", 210e9, 7850.0, 0.30, "EN 1993-1-1, 3.2.6 (E, nu); EN 1991-1-1, table A.4 (density)"),
-        Material("glass", 70e9, 2500.0, 0.22, "soda-lime silicate, EN 572-1 (E, density); handbook nu 0.20-0.23"),
-        Material("brass", 105e9, 8500.0, 0.34, "handbook value for CuZn37"),
-        Material("pmma", 3.0e9, 1180.0, 0.37, "handbook value, room temperature, static"),
-        Material("titanium", 114e9, 4430.0, 0.34, "Ti-6Al-4V, handbook value"),
+        Material.isotropic(
+            "steel", 210e9, 7850.0, 0.30, "EN 1993-1-1, 3.2.6 (E, nu); EN 1991-1-1, table A.4 (density)"
+        ),
+        Material.isotropic(
+            "glass", 70e9, 2500.0, 0.22, "soda-lime silicate, EN 572-1 (E, density); handbook nu 0.20-0.23"
+        ),
+        Material.isotropic("brass", 105e9, 8500.0, 0.34, "handbook value for CuZn37"),
+        Material.isotropic("pmma", 3.0e9, 1180.0, 0.37, "handbook value, room temperature, static"),
+        Material.isotropic("titanium", 114e9, 4430.0, 0.34, "Ti-6Al-4V, handbook value"),
     )
 }
 

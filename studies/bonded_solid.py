@@ -94,7 +94,7 @@ def _modes(bonded: BondedPlate, middle_hz: float, layers: int) -> tuple[FloatArr
     """Frequencies and heights: a quarter of plate, pillars and patch as one solid between two mirrors."""
     boxes = _plate(bonded, layers)
     plate, patch = hex_mesh(boxes, 3), _patch(bonded, boxes, layers)
-    system = assemble(plate, region_materials(bonded.design.material, bonded.design.pillar))
+    system = assemble(plate, region_materials(bonded.design.stack, bonded.design.pillar))
     joined, scale = bonded_solid(system, patch, PIEZO_MATERIALS["pz26"], bonded.patch_m[2]), system.scale
     unit = scale.young_pa * scale.length_m
     moves = np.column_stack([joined.place_nm[:, :2] != 0, np.ones(len(joined.place_nm), dtype=bool)])

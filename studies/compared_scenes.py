@@ -104,7 +104,7 @@ def _bands(design: Design, lattice: ReducedLattice) -> tuple[FloatArray, FloatAr
 
 
 def _lattice(design: Design, level: mesh_rules.MeshLevel) -> ReducedLattice:
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, _settings(design, level))
+    reductions = Reductions(design.stack, design.pillar, _settings(design, level))
     return ReducedLattice(reductions.cell(lattice_panel(design)))
 
 
@@ -122,8 +122,8 @@ def of_whole_cell(design: Design) -> Compared:
     assert design.pillar
     fine = list(mesh_rules.CELL_LEVELS.values())[1]
     boxes = cell_boxes(design, mesh_rules.cell_mesh(design, fine))
-    scale = Scale(design.thickness_m, design.material.young_pa, design.material.density_kg_m3)
-    system = assemble(hex_mesh(boxes, fine.order), region_materials(design.material, design.pillar), scale)
+    scale = Scale.of(design.thickness_m, design.stack.mean)
+    system = assemble(hex_mesh(boxes, fine.order), region_materials(design.stack, design.pillar), scale)
     whole, same = BlochCell(system, design.lattice), _lattice(design, fine)
     ours, bar = _at_corners(design, 0.003)
     theirs = np.array([whole.frequencies(k, BANDS) for k in _corners(design)])
@@ -144,9 +144,7 @@ def of_tetrahedra(design: Design, shape: str) -> Compared:
     """
     design, level = shaped(design, shape), list(mesh_rules.CELL_LEVELS.values())[1]
     mesh, halved = tet_cell(design, mesh_rules.tet_cell_edge_m(design, ROUGHLY), QUIET)
-    reductions = Reductions(
-        design.thickness_m, design.material, design.pillar, _settings(design, level), mesher=lambda panel: mesh
-    )
+    reductions = Reductions(design.stack, design.pillar, _settings(design, level), mesher=lambda panel: mesh)
     by_tetrahedra = ReducedLattice(reductions.cell(replace(lattice_panel(design), halved=halved)))
     (rough, bar), (fine, _) = _bands(design, by_tetrahedra), _bands(design, _lattice(design, level))
     return Compared(f"{shape} cell by tetrahedra", described(design), np.abs(rough / fine - 1.0), bar)
@@ -221,7 +219,7 @@ def paired(ours: list[tuple[float, float]], theirs: FloatArray) -> tuple[FloatAr
 def of_patch(scene: BondedPlate) -> Compared:
     """The lowest modes that a patch drives, as `antinode response` solves them, beside a solid with the whole potential."""
     material, length = scene.design.material, scene.design.length_m
-    first_hz = scene.design.thickness_m / length**2 * np.sqrt(material.young_pa / material.density_kg_m3)
+    first_hz = scene.design.thickness_m / length**2 * np.sqrt(material.rod(0).young_pa / material.density_kg_m3)
     solid = solid_modes(scene, 2.5 * first_hz)
     high_hz = _in_a_gap(solid.frequency_hz, PATCH_MODES)
     case = _bare_case("solve.accuracy=0.003")
@@ -275,7 +273,7 @@ def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> 
     assert bare_m
     settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.wanted_window_hz(design)[1])
     settings = replace(settings, hexahedra=mesh, bare_size_m=shrunk * bare_m)
-    model = PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, settings))
+    model = PlateModel(design, Reductions(design.stack, design.pillar, settings))
     tones, bars = [], []
     for symmetry in model.symmetries:
         modes = modes_near(pencil := model.pencil(symmetry), 0.0, CLASS_MODES)

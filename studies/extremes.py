@@ -135,7 +135,7 @@ def thin(length_over_thickness: float) -> Result:
 
 def poisson(element: str, poisson: float) -> Result:
     """The same plate, 1:10, by every element at about equal degrees of freedom; low orders lock towards 1/2."""
-    material = Material("given", ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3, poisson)
+    material = Material.isotropic("given", ALUMINIUM.as_isotropic.young_pa, ALUMINIUM.density_kg_m3, poisson)
     order = int(element[-1])
     cuts = {1: 12, 2: 6, 3: 4, 4: 3}[order]
     through = {1: 4, 2: 2, 3: 1, 4: 1}[order]
@@ -167,7 +167,7 @@ def slender(height_over_side: float) -> Result:
 
 def contrast(young_ratio: float) -> Result:
     """A pillar stiffer than its plate (a 4 mm cell between sliding walls), against a finer mesh."""
-    pillar_material = replace(ALUMINIUM, name="stiff", young_pa=ALUMINIUM.young_pa * young_ratio)
+    pillar_material = replace(ALUMINIUM.scaled(young_ratio), name="stiff")
     pillar = Pillar("square", 2e-3, 2e-3, 6.3e-3, pillar_material)
     panel = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
     walls = {"x-": "A", "y-": "S", "x+": "A", "y+": "S"}

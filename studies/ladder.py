@@ -157,7 +157,7 @@ def _reductions(d: Design, reduction: ReductionSettings, mesh_level: dict[str, A
         mesher = lambda panel: hex_mesh(  # noqa: E731
             panel_boxes(panel, d.thickness_m, d.pillar, hexahedra), hexahedra.order
         )
-    return Reductions(d.thickness_m, d.material, d.pillar, reduction, None, mesher)
+    return Reductions(d.stack, d.pillar, reduction, None, mesher)
 
 
 POINTS = {"G": (1, 1), "X": (-1, 1), "M": (-1, -1)}  # phases over one pitch

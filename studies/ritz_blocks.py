@@ -90,7 +90,8 @@ def _class_hz(material: Material, axes: list[_Axis], parity: Parity) -> FloatArr
 
 def _block(material: Material, axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int) -> FloatArray:
     """Stiffness between the displacements i and j: lambda d_i u_i d_j u_j + mu (d_j u_i d_i u_j + delta_ij grad u . grad u)."""
-    lame, shear = material.lame_pa, material.shear_pa
+    own = material.as_isotropic
+    lame, shear = own.lame_pa, own.shear_pa
     total = lame * _product(axes, kept, i, j, i, j) + shear * _product(axes, kept, i, j, j, i)
     if i == j:
         total = total + shear * sum(_product(axes, kept, i, j, k, k) for k in range(3))

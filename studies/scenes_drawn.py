@@ -15,7 +15,7 @@ from pipeline.case.model import load_case
 from studies.bonded_solid import BondedPlate
 
 CASE = Path(__file__).with_name("three-rows.toml")
-TUNGSTEN = Material("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
+TUNGSTEN = Material.isotropic("tungsten", 400e9, 19300.0, 0.28)  # the hardest contrast, beside the library's materials
 KNOWN = [*MATERIALS.values(), TUNGSTEN]
 CARRIERS = ("pmma", "glass", "aluminium", "steel")
 NONE = float("nan")
@@ -50,7 +50,9 @@ def soft(draw: np.random.Generator) -> Design:
     design = _with_height(ordinary(draw), draw.uniform(0.4, 3.0))
     assert design.pillar
     young = 10.0 ** draw.uniform(6.0, 9.0)
-    rubber = Material(f"rubber of {young / 1e6:.3g} MPa", young, draw.uniform(1000.0, 1600.0), draw.uniform(0.44, 0.48))
+    rubber = Material.isotropic(
+        f"rubber of {young / 1e6:.3g} MPa", young, draw.uniform(1000.0, 1600.0), draw.uniform(0.44, 0.48)
+    )
     return replace(design, pillar=replace(design.pillar, material=rubber))
 
 

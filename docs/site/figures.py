@@ -59,7 +59,7 @@ def superelement_convergence(figure: Any) -> None:
     tones = []
     for degree in degrees:
         settings = ReductionSettings(Interface(degree, 3), 1.5e6, mesh)
-        cell = Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design))
+        cell = Reductions(design.stack, design.pillar, settings).cell(lattice_panel(design))
         tones.append(ReducedLattice(cell).frequencies(at_x, 5))
     error = np.array(tones[:-1]) / tones[-1] - 1.0
     axes = figure.subplots()

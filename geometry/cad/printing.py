@@ -188,7 +188,7 @@ def check_print(stl: str | os.PathLike[str], body: Body, design: Design) -> Prin
         overhang_deg=angle,
         overhang_area_m2=area / MM**2,
         extent_m=(x, y, z),
-        mass_kg=volume * design.material.density_kg_m3,
+        mass_kg=volume * design.stack.material.density_kg_m3,
     )
 
 

@@ -125,7 +125,7 @@ def _assemble(design: Design, size_m: tuple[float, float], stands: tuple[Stand, 
     """Parts of the plate's material united, those of another one bonded to it."""
     pillars = [pillar for each in stands for pillar in _standing(each, design.thickness_m, mirrors)]
     tips = tuple(box for each in stands for box in _tips(each, design.thickness_m, mirrors))
-    foreign = bool(pillars and design.pillar and design.pillar.material != design.material)
+    foreign = bool(pillars and design.pillar and design.pillar.material != design.stack.back)
     bonds = frozenset(name for name, bonded in (("pillar", foreign), ("tip", bool(tips))) if bonded)
     block = _block(*size_m, design.thickness_m, mirrors)
     if pillars and not foreign:  # one boolean for all: pairwise fusing grows with the square of their number

@@ -45,7 +45,7 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
             payload["fields"] = True
         for each in questions:
             payload |= each.inputs()
-        parts = repr((case.design.material, case.design.pillar, DesignRecord.of_design(case.design).cell))
+        parts = repr((case.design.stack, case.design.pillar, DesignRecord.of_design(case.design).cell))
         jobs.append(Job(case_id, payload, dict(overrides), parts, partial(_forecast, case, query)))
     if faults:
         raise InputError(faults)

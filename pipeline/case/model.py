@@ -295,11 +295,14 @@ def _solve(table: SolveTable) -> SolveTable:
 
 def _bands(table: BandsTable, design: Design) -> BandsTable:
     """The table with the path that the cell has where none is given."""
-    return table.but(path=table.path or ("GXMG" if isnan(design.pitch_x_m) else design.lattice.default_path))
+    own = "GXMG" if isnan(design.pitch_x_m) else design.lattice.border(design.stack.mirrors)
+    return table.but(path=table.path or own or design.lattice.default_path)
 
 
 def _plain(value: Any) -> Any:
     """Dataclasses, tables, tuples and numbers as JSON; NaN (nothing given) as null; sources of constants left out."""
+    if isinstance(value, Material):
+        return _plain(value.stated)
     if is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in fields(value) if f.name != "source"}
     if isinstance(value, Table):

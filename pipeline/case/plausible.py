@@ -18,7 +18,7 @@ HEAVIEST_KG_M3 = 25e3
 def doubts(design: Design) -> list[str]:
     """One line for each material of a design that is unlike any solid."""
     tips = [pillar.tip.material for pillar in design.kinds if pillar.tip]
-    materials = dict.fromkeys([design.material, *(pillar.material for pillar in design.kinds), *tips])
+    materials = dict.fromkeys([*design.stack.regions.values(), *(pillar.material for pillar in design.kinds), *tips])
     return [line for material in materials for line in _doubt(material)]
 
 
@@ -41,8 +41,10 @@ def short_wave(design: Design) -> str | None:
 
 
 def _doubt(material: Material) -> list[str]:
-    speed = sqrt(material.young_pa / material.density_kg_m3)
-    given = f"{material.name}: young_GPa = {material.young_pa / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"
+    speed = sqrt(material.average.young_pa / material.density_kg_m3)
+    given = (
+        f"{material.name}: young_GPa = {material.average.young_pa / 1e9:g}, density_kg_m3 = {material.density_kg_m3:g}"
+    )
     if speed > FASTEST_M_S:
         why = f"sound in a rod would travel at {figure(speed / 1e3)} km/s, in diamond it does at 18 km/s"
     elif speed < SLOWEST_M_S:

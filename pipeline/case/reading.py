@@ -254,7 +254,8 @@ def _material_table(name: str) -> dict[str, Any] | None:
     known = MATERIALS.get(name)
     if known is None:
         return None
-    return {"young_GPa": known.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": known.poisson}
+    own = known.as_isotropic
+    return {"young_GPa": own.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": own.poisson}
 
 
 def toml_text(value: Any) -> str:
@@ -347,7 +348,7 @@ def _read_material(
 
 def _check_contrast(materials: dict[str, Material], diagnostics: Diagnostics) -> None:
     """One line where plate and pillar or tip differ in stiffness by more than one matrix can hold."""
-    young = {owner: material.young_pa / GPA for owner, material in materials.items()}
+    young = {owner: material.average.young_pa / GPA for owner, material in materials.items()}
     plate = young.pop("", None)
     for owner, other in young.items():
         if plate is not None and max(plate, other) > MAX_CONTRAST * min(plate, other):

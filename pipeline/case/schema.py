@@ -100,7 +100,7 @@ class MaterialTable(Table):
     @property
     def material(self) -> Material:
         """The material of these constants, in SI."""
-        return Material("given", GPA * self.young_GPa, float(self.density_kg_m3), float(self.poisson))
+        return Material.isotropic("given", GPA * self.young_GPa, float(self.density_kg_m3), float(self.poisson))
 
 
 class PlateTable(Table):

@@ -128,7 +128,8 @@ def _listed(
 def materials(arguments: Namespace) -> int:
     """List the isotropic materials with constants and sources."""
     head = ("name", "young_GPa", "density_kg_m3", "poisson", "source")
-    rows = [[m.name, m.young_pa / GPA, m.density_kg_m3, m.poisson, m.source] for m in MATERIALS.values()]
+    known = [(m, m.as_isotropic) for m in MATERIALS.values()]
+    rows = [[m.name, own.young_pa / GPA, m.density_kg_m3, own.poisson, m.source] for m, own in known]
     return _listed(arguments, "materials", head, rows)
 
 

@@ -67,6 +67,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
     from geometry.layout import Pillar
     from geometry.materials import MATERIALS
+    from geometry.stack import Stack
     from pipeline.case.limits import MAX_NODAL_LINES
     from pipeline.errors import InputError
     from pipeline.units import KHZ, MM
@@ -77,7 +78,7 @@ def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     _check_lengths(wishes)
     material = MATERIALS[wishes["material"]]
     length, thickness, side = (MM * wishes[key] for key in ("length", "thickness", "side"))
-    strip = Strip(length, length / 5.0, thickness, material.young_pa, material.density_kg_m3, material.poisson)
+    strip = Strip(length, length / 5.0, Stack.of(thickness, material))
     lines = min_nodal_lines(strip, MM * wishes["half_wavelength"])
     if lines > MAX_NODAL_LINES:
         least = wishes["length"] / (MAX_NODAL_LINES - 0.5)

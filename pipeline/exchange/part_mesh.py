@@ -44,7 +44,6 @@ COUNT_ACCURACY = 0.03
 GROUPS = {"touch": "TOUCH", "back": "BACK", "foot": "FOOT", "top": "TOP"}
 GROUPS |= {"x-": "XMIN", "x+": "XMAX", "y-": "YMIN", "y+": "YMAX"}
 CLAMP = "CLAMP"
-VOLUMES = {"plate": "PLATE", "pillar": "PILLAR", "tip": "TIP", "body": "BODY"}
 
 
 @dataclass(frozen=True)
@@ -112,9 +111,9 @@ def _exchange(case: Case, part: str, log: Log, tetrahedra: bool, share: float = 
             mesh = split_hexahedra(mesh)
         check_mesh(mesh)
     design, facets, regions = case.design, outer_facets(mesh), mesh.region_of_cells()
-    own = region_materials(design.material, design.pillar)
-    volumes = {VOLUMES[name]: cells for name, cells in regions.items()}
-    materials = {VOLUMES[name]: own[name] for name in regions}
+    own = region_materials(design.stack, design.pillar)
+    volumes = {name.upper(): cells for name, cells in regions.items()}
+    materials = {name.upper(): own[name] for name in regions}
     faces, search = _faces(mesh, facets, design, part), with_defaults(case, Request(part))
     return _estimated(Exchange(case.name, part, mesh, facets, faces, volumes, materials, search), own, log)
 

@@ -14,6 +14,7 @@ from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from geometry.materials import Isotropic
 from pipeline.errors import InputError
 from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, Explorer, Limit
 from pipeline.models import live_column
@@ -129,11 +130,11 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "face_inner": vars(INNER),
         "face": _face(FACE),
         "lines": {"n": len(line_gram(FACE)), "a": line_gram(FACE).ravel().tolist()},
-        "bare": _bare(design.material.lame_pa / design.material.young_pa, design.material.shear_pa / design.material.young_pa),
+        "bare": _bare(design.stack.material.as_isotropic),
         "zone_width": design.width_m,
         "kx": case.kx_wanted_per_m,
         "half_wave": design.half_wavelength_m or design.width_m,
-        "plate_density": design.material.density_kg_m3,
+        "plate_density": design.stack.material.density_kg_m3,
         "windows": _windows(design, LIMITS["thickness"]),
         "panel": PANEL,
         "reach": chain.REACH,
@@ -224,7 +225,7 @@ def _face(face: Interface) -> Plain:
     }  # fmt: skip
 
 
-def _bare(lame: float, shear: float) -> Plain:
+def _bare(law: Isotropic) -> Plain:
     """Lame's constants over Young's modulus, and the integrals over a line that bare panels are made of."""
 
     def plain(matrix: FloatArray) -> Plain:
@@ -234,7 +235,7 @@ def _bare(lame: float, shear: float) -> Plain:
     flat, _ = bare.line_values(gauss, False)
     _, bottom = bare.line_values(np.array([-1.0]), False)
     return {
-        "lambda": lame, "mu": shear, "functions": bare.functions(FACE).tolist(),
+        "lambda": law.lame_pa / law.young_pa, "mu": law.shear_pa / law.young_pa, "functions": bare.functions(FACE).tolist(),
         "lines": [[plain(matrix) for matrix in line] for line in bare.line_integrals()],
         "gauss": gauss.tolist(), "weights": weights.tolist(), "flatValues": plain(flat), "bottom": bottom[0].tolist(),
     }  # fmt: skip

@@ -286,7 +286,7 @@ def solve_bands(
 
 def row_cell(design: Design, reduction: ReductionSettings) -> Periodic:
     """Reduce the primitive cell of staggered rows: a panel with the pillar and a bare one, each half a pitch wide."""
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+    reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
     return Periodic([reductions.cell(panel) for panel in row_panels(design)], shift=1)
 
 

@@ -124,7 +124,7 @@ def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log)
     """The column, its rows in a plate without end, the bare plate beside them, and the elements' order."""
     top_hz = max(high_hz, mesh_rules.wanted_window_hz(design)[1])
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+    reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
     count = 1 + design.is_staggered
     with log.step("reduce cells"):
         column = Column(design, reductions, kx)

@@ -237,6 +237,6 @@ def _retuned(design: Design, factor: float) -> Design:
     """The plate with the pillars' own resonances at `factor` times theirs: by their stiffness."""
 
     def of(pillar: Pillar) -> Pillar:
-        return replace(pillar, material=replace(pillar.material, young_pa=pillar.material.young_pa * factor**2))
+        return replace(pillar, material=pillar.material.scaled(factor**2))
 
     return replace(design, pillar=design.pillar and of(design.pillar), graded=tuple(map(of, design.graded)))

@@ -16,7 +16,7 @@ from geometry.layout import Design
 from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.planning.mesh_rules import search_window_hz
-from solvers.analytic.predesign import free_kx_per_m
+from solvers.analytic.predesign import free_kx_per_m, strip_of
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
 from solvers.measures.wanted_mode import LEAD, SIMILAR, Found, Verdict, search, weights
@@ -73,7 +73,7 @@ class LiveReductions(Reductions):
     def __init__(self, live: LiveCell, design: Design, known: dict[str, Cell], high_hz: float) -> None:
         hexahedra = HexSettings(3, 2.0 * design.thickness_m, 0)
         settings = ReductionSettings(FACE, REACH * high_hz, hexahedra, PANEL * design.thickness_m)
-        super().__init__(design.thickness_m, design.material, design.pillar, settings, _Known(known))
+        super().__init__(design.stack, design.pillar, settings, _Known(known))
         self.live = live
 
     def coarser(self, panel: Panel) -> None:
@@ -83,7 +83,7 @@ class LiveReductions(Reductions):
         """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
         width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
         if panel.foot is None:
-            return bare_cell((width, depth, self.thickness_m), self.material, FACE)
+            return bare_cell((width, depth, self.stack.thickness_m), self.stack.material, FACE)
         assert self.pillar is not None
         if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
             if not has_room(panel, self.pillar):
@@ -91,7 +91,7 @@ class LiveReductions(Reductions):
                     f"the zone's middle or the plate's edge cuts the foot of a {self.pillar.shape} pillar: no live answer there"
                 )
             return super().cell(panel)
-        return self.live.at((self.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
+        return self.live.at((self.stack.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
 
 
 class _Known:
@@ -164,10 +164,12 @@ def end_layer(design: Design) -> float:
 
     A plate that twists carries no shear through its edge: within 0.315 h of each end the energy of twist is missing, as in
     St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the
-    energy of a wave cos(k x) cos(q y) is 2 (1 - nu) k^2 q^2 / (k^2 + q^2)^2, four times as much at the tip of a free-free beam.
+    energy of a wave cos(k x) cos(q y) is 4 D_66 k^2 q^2 over that of all curvatures, four times as much at the tip of a
+    free-free beam.
     """
-    k2, q2 = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2
-    share = 2.0 * (1.0 - design.material.poisson) * k2 * q2 / (k2 + q2) ** 2
+    k2, q2, strip = free_kx_per_m(design) ** 2, (pi / design.width_m) ** 2, strip_of(design)
+    assert strip
+    share = 4.0 * float(strip.stack.bending_n_m[2, 2]) * k2 * q2 / strip.wave_n_m3(k2, q2)
     return 0.63 * 4.0 * share * design.thickness_m / design.length_m / 2.0
 
 

@@ -265,7 +265,7 @@ def _loaded(materials: tuple[Material, Material], foot: Foot) -> CellModel | Non
 
 def _materials(case: Case) -> tuple[Material, Material]:
     assert case.design.pillar is not None
-    return case.design.material, case.design.pillar.material
+    return case.design.stack.material, case.design.pillar.material
 
 
 def _key(materials: tuple[Material, Material], offline: Offline) -> str:

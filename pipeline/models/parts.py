@@ -100,13 +100,13 @@ def built(case: Case, choice: ModelChoice, log: Log, meshes: list[MeshRecord]) -
     meshes.append(mesh_record(part, mesh))
     warn_of_locking(design, mesh, log)
     clamped = ("foot",) if choice.edge_m and part == "pillar" else CLAMPED[part]
-    materials = region_materials(design.material, design.pillar)
+    materials = region_materials(design.stack, design.pillar)
     return SolidModel(mesh, materials, clamped, choice.quarter, design.touch_lines_m)
 
 
 def warn_of_locking(design: Design, mesh: AnyMesh, log: Log) -> None:
     """Warn where displacement elements are known to be too stiff; `antinode report extremes` has the measurement."""
-    stiffest = max(material.poisson for material in region_materials(design.material, design.pillar).values())
+    stiffest = max(material.average.poisson for material in region_materials(design.stack, design.pillar).values())
     if "tet" in mesh.kind and mesh.order == 2 and stiffest > LOCKING:
         log.warning(
             "LOCKING", f"nu = {stiffest:g}: quadratic tetrahedra lock above {LOCKING:g}; hexahedra of order 4 do not"
@@ -123,7 +123,7 @@ def mesh_error_source(case: Case, choice: ModelChoice, model: PartModel) -> Mesh
     stresses of its tetrahedra; None for what was reduced, whose cells tell it.
     """
     fine, design = choice.hexahedra, case.design
-    materials = region_materials(design.material, design.pillar)
+    materials = region_materials(design.stack, design.pillar)
     if not isinstance(model, SolidModel):
         return None
     if choice.edge_m or fine is None:
@@ -157,20 +157,19 @@ def _shares(design: Design, part: str, mesh: HexSettings) -> Shares:
         return foot_shares(design, mesh)
     if part == "pillar" and pillar:
         return clamped_shares(pillar.material, mesh, *pillar.joints)
-    return clamped_shares(design.material, mesh, thickness_m=design.thickness_m)
+    return clamped_shares(design.stack.mean, mesh, thickness_m=design.thickness_m)
 
 
 def foot_shares(design: Design, mesh: HexSettings) -> Shares:
     """What coarser meshes tell at the rims of a plate's feet; one without pillars has nothing singular."""
     pillar = design.pillar
-    return rim_shares(design.material, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
+    return rim_shares(design.stack.back, pillar.material, mesh, *pillar.joints) if pillar else Shares(order=mesh.order)
 
 
 def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
     assert choice.reduction
     reductions = Reductions(
-        design.thickness_m,
-        design.material,
+        design.stack,
         design.pillar,
         choice.reduction,
         CellCache(),

@@ -114,8 +114,7 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         )
     reach = Deviations(given.height_m, given.side_m, given.position_m).reach_m
     reductions = VariedReductions(
-        design.thickness_m,
-        design.material,
+        design.stack,
         design.pillar,
         replace(choice.reduction, further=0),
         CellCache(),

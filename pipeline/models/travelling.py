@@ -154,7 +154,7 @@ def _window(design: Design) -> tuple[float, float]:
 def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
     """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
     shape = wanted_shape(replace(design, nodal_lines=lines), table.points_m)
-    per_point = design.material.density_kg_m3 * design.thickness_m * design.length_m * design.width_m / len(shape)
+    per_point = design.stack.mass_kg_m2 * design.length_m * design.width_m / len(shape)
     return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
 
 

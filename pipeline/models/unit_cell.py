@@ -154,7 +154,7 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
 
     def reduce(reduction: ReductionSettings) -> Cell:
         own = (None, lambda _: mesh) if mesh else (CellCache(), None)
-        reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, *own)
+        reductions = Reductions(design.stack, design.pillar, reduction, *own)
         with log.step("reduce the cell"):
             cell = reductions.cell(panel)
         source = "reduced now" if reductions.fresh else "taken from the cache"
@@ -195,11 +195,11 @@ class _Pilot:
         return interface.along <= face.along and interface.through <= face.through and reduction.top_hz <= self._top_hz
 
     def _reduced(self, reduction: ReductionSettings) -> ReducedLattice:
-        design, material = self.design, self.design.material
+        design = self.design
         box = square_of(design.pillar) if design.pillar else None
         through = ceil(reduction.interface.through / ORDER)  # a node more through the plate than the degree
         coarse = coarse_settings(design, self.count, through)
-        reductions = Reductions(design.thickness_m, material, box, replace(reduction, hexahedra=coarse), CellCache())
+        reductions = Reductions(design.stack, box, replace(reduction, hexahedra=coarse), CellCache())
         return ReducedLattice(reductions.cell(lattice_panel(replace(design, pillar=box))))
 
 
@@ -320,7 +320,7 @@ def bare_cell(case: Case, interface: Interface, log: Log) -> Cell:
     design = replace(case.design, pillar=None)
     reduction = replace(mesh_rules.lattice_reduction(design, case.solve.accuracy), interface=interface)
     with log.step("reduce the bare cell"):
-        return Reductions(design.thickness_m, design.material, None, reduction, CellCache()).cell(lattice_panel(design))
+        return Reductions(design.stack, None, reduction, CellCache()).cell(lattice_panel(design))
 
 
 MORE = 4  # waves beside those asked for
@@ -399,4 +399,4 @@ def _mesh(design: Design, settings: HexSettings) -> Mesh:
 
 
 def _bloch(design: Design, mesh: Mesh) -> BlochCell:
-    return BlochCell(assemble(mesh, region_materials(design.material, design.pillar)), design.lattice)
+    return BlochCell(assemble(mesh, region_materials(design.stack, design.pillar)), design.lattice)

@@ -105,7 +105,7 @@ def _warn_of_file(read: MeshFile, case: Case, file: str, log: Log) -> None:
     pillar = case.design.pillar
     if (
         pillar
-        and pillar.material != case.design.material
+        and pillar.material != case.design.stack.back
         and "pillar" not in {name.casefold() for name in read.mesh.regions}
     ):
         log.warning("NO_PILLAR", f"{file}: no group PILLAR: nothing has the material of pillar.material")
@@ -113,8 +113,8 @@ def _warn_of_file(read: MeshFile, case: Case, file: str, log: Log) -> None:
 
 def _materials(case: Case, mesh: AnyMesh) -> dict[str, Material]:
     """The case's material for every region, the pillar's and its tip's for those of that name."""
-    own = region_materials(case.design.material, case.design.pillar)
-    return {name: own.get(name.casefold(), case.design.material) for name in mesh.regions}
+    own = region_materials(case.design.stack, case.design.pillar)
+    return {name: own.get(name.casefold(), case.design.stack.back) for name in mesh.regions}
 
 
 def _has_touch(case: Case, mesh: AnyMesh) -> bool:

@@ -61,7 +61,7 @@ class CoarseCell:
         settings = coarse_settings(self.design, self.count)
         settings = replace(settings, size_m=max(settings.size_m, max(self.design.lattice.cell_m) / MANY))
         mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
-        return assemble(mesh, region_materials(self.design.material, self.design.pillar))
+        return assemble(mesh, region_materials(self.design.stack, self.design.pillar))
 
     @cached_property
     def _waves(self) -> PlainPencil:

@@ -174,10 +174,10 @@ def part_modes(design: Design, part: str, frequency_hz: float) -> float:
     if part == "zone":
         kept_bytes = 2.0 * design.length_m
         return plate_modes(
-            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.material, kept_bytes
+            frequency_hz, design.length_m, design.width_m, design.thickness_m, design.stack.mean, kept_bytes
         )
     across = 2.0 * design.half_span_m
-    plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.material)
+    plate = plate_modes(frequency_hz, design.length_m, across, design.thickness_m, design.stack.mean)
     own = Counter(design.row_pillars)
     shared = design.shared_rows * (design.zones - 1) / 2.0  # a row stands for two, one on each side
     if design.pillar and shared:
@@ -411,7 +411,7 @@ def fixed_modes(
 ) -> float:
     """Fixed-interface modes that a panel keeps, no more than its mesh can have."""
     rim = 2.0 * sum(size_m)
-    count = plate_modes(reduction.top_hz, *size_m, design.thickness_m, design.material, rim)
+    count = plate_modes(reduction.top_hz, *size_m, design.thickness_m, design.stack.mean, rim)
     if foot and design.pillar:
         count += design.pillar.faces * pillar_modes(reduction.top_hz, design.pillar)
     return min(count, 0.8 * mesh.dofs)

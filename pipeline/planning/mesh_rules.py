@@ -139,7 +139,7 @@ def good_to_hz(part: str, design: Design) -> float:
     size = 2.0 * design.thickness_m
     if design.pillar:
         size = min(size, design.pitch_x_m / 2.0, design.pitch_y_m / 2.0)
-    return ELEMENT * _shear_speed(design) / size
+    return ELEMENT * design.stack.mean.shear_m_s / size
 
 
 def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
@@ -152,7 +152,7 @@ def whole_level(design: Design, accuracy: float, high_hz: float) -> MeshLevel:
     level = MeshLevel(HIGHEST, 0, level.factor)
     if high_hz <= 0.0:
         return level
-    longest = _shear_speed(design) / high_hz / 2.0
+    longest = design.stack.mean.shear_m_s / high_hz / 2.0
     return replace(level, share=min(level.share, longest / (2.0 * design.thickness_m)))
 
 
@@ -224,11 +224,7 @@ def is_tight(design: Design) -> bool:
 
 def shear_cutoff_hz(design: Design) -> float:
     """First thickness-shear resonance c_t / (2 h), Hz, above which plate theory does not hold."""
-    return _shear_speed(design) / (2.0 * design.thickness_m)
-
-
-def _shear_speed(design: Design) -> float:
-    return sqrt(design.material.shear_pa / design.material.density_kg_m3)
+    return design.stack.mean.shear_m_s / (2.0 * design.thickness_m)
 
 
 def lattice_reduction(design: Design, accuracy: float, most_hz: float = inf) -> ReductionSettings:
@@ -260,7 +256,7 @@ def plate_reduction(design: Design, accuracy: float, high_hz: float) -> Reductio
     face = Interface(along, degree_through(design, accuracy, high_hz))
     further = FURTHER if high_hz >= THIN_TO * shear_cutoff_hz(design) or is_tight(design) else 0
     mesh = cell_mesh(design, cell_level(accuracy))
-    wave_m = _shear_speed(design) / high_hz if high_hz > 0.0 else inf
+    wave_m = design.stack.mean.shear_m_s / high_hz if high_hz > 0.0 else inf
     longest = min(3.0 * design.thickness_m, wave_m)
     size = min(bare_size_m(design, mesh.order) or inf, wave_m / 2.0)
     reduction = ReductionSettings(face, cutoff_to_hz(design, accuracy, high_hz), mesh, longest, size, further)
@@ -349,14 +345,14 @@ def search_window_hz(design: Design) -> tuple[float, float]:
     if design.nodal_lines < 2:  # its shape is rigid along: rigid across, it would not bend at all
         return low, high
     strip = _strip(design)
-    return min(low, _wanted_hz(design) - thin_plate_hz(strip, strip.across_per_m)), high
+    return min(low, _wanted_hz(design) - thin_plate_hz(strip, 0.0, strip.across_per_m)), high
 
 
 @lru_cache(maxsize=64)
 def _clamped_hz(strip: Strip, lines: int) -> float:
     """The same of the zone between clamped sides, with shear unless it is rigid along x; 0 where its shape is not known."""
     if lines < 2:  # cylindrical bending of a clamped beam across the zone
-        return thin_plate_hz(strip, roots("clamped", "clamped", 1)[0] / strip.width_m)
+        return thin_plate_hz(strip, 0.0, roots("clamped", "clamped", 1)[0] / strip.width_m)
     return mindlin_mode(strip, lines, "clamped").frequency_hz if lines <= MAX_LINES else 0.0
 
 
@@ -364,7 +360,7 @@ def _wanted_hz(design: Design) -> float:
     """The zone's exact thin-plate frequency, Hz."""
     strip = _strip(design)
     pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone
-    return thin_plate_hz(strip, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
+    return thin_plate_hz(strip, 0.0, strip.across_per_m) if pinned else levy_hz(strip, design.nodal_lines)
 
 
 def _strip(design: Design) -> Strip:

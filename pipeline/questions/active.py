@@ -169,7 +169,7 @@ class ActiveMason(
             data,
             target_hz=KHZ * self.frequency_kHz if self.frequency_kHz else data.target_hz,
             quality_factor=self.quality_factor or (case.quality_factor if case else data.quality_factor),
-            material=case.design.material if case else data.material,
+            material=case.design.stack.material if case else data.material,
         )
         with asked("mason"):
             whole = study = mason_study(data)
@@ -442,7 +442,7 @@ class ActiveBeam(
         from pipeline.active import thesis
         from solvers.thesis.active_study import ActiveBeamData, active_beam_study
 
-        data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.material)
+        data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.stack.material)
         data = replace(
             data,
             frequencies_hz=tuple(KHZ * each for each in self.frequency_kHz) or data.frequencies_hz,

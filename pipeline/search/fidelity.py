@@ -166,7 +166,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
         frequency_hz, profile = live_modes(case, LiveCell(cell), {}, (low, high))
         return _of_profile(fidelity, frequency_hz, measure_profile(profile, design))
     reduction = mesh_rules.plate_reduction(design, max(COLUMN_ACCURACY, case.solve.accuracy), _outwards(low, high)[1])
-    reductions = Reductions(design.thickness_m, design.material, design.pillar, reduction, CellCache())
+    reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
     solved = Column(design.one_zone, reductions, kx).modes(low, high)
     alone = _of_profile(fidelity, solved.frequency_hz, solved.confinement)
     if design.zones == 1 or alone.frequency_hz is None:

@@ -40,7 +40,7 @@ class Limits(Part):
             )
         lean = max((overhang_deg(pillar) for pillar in design.kinds), default=0.0)
         first = design.pillar
-        if first and design.rows and first.faces == 2 and first.material == design.material:
+        if first and design.rows and first.faces == 2 and first.material == design.stack.back:
             violations.append(
                 ("pillars on both faces cannot be printed with the plate: its underside is a ceiling", 1.0)
             )
@@ -81,5 +81,5 @@ def overhang_deg(pillar: Pillar) -> float:
 
 def mass_kg(design: Design) -> float:
     """Plate and pillars, fillets left out, kg."""
-    plate = design.length_m * 2.0 * design.half_span_m * design.thickness_m * design.material.density_kg_m3
+    plate = design.length_m * 2.0 * design.half_span_m * design.stack.mass_kg_m2
     return plate + sum(len(each.centres) * each.pillar.faces * each.pillar.mass_kg for each in design.standing())

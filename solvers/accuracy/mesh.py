@@ -24,7 +24,7 @@ from solvers.accuracy.singularity import (
     rim_error,
     rim_wedges,
 )
-from solvers.fem.assembly import Scale, elasticity
+from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, factor_near
 from solvers.fem.factor.factoriser import Factoriser
 from solvers.fem.solid import Pencil, SolidModel
@@ -408,8 +408,7 @@ class _Recovered:
     """int N_a d/dx_k over quadratic fields (corners, n) and M over linear N, of one material's elements."""
 
     def __init__(self, mesh: Mesh, cells: IntArray, material: Material, scale: Scale) -> None:
-        tensor = elasticity(material) / scale.young_pa
-        self.elastic = np.array([[tensor[i, k, j, m] for j, m in STRAINS] for i, k in STRAINS])
+        self.elastic = np.array(material.stiffness_pa) / scale.young_pa  # the order of STRAINS
         corners, local = np.unique(mesh.cells[cells, :4], return_inverse=True)
         rows = local.reshape(-1, 4)
         slope, mass = _integrals(mesh, cells, scale.length_m)

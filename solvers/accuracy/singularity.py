@@ -134,17 +134,17 @@ def _minima(grid: FloatArray) -> list[tuple[int, int]]:
 
 def _in_plane(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:
     """Conditions on A, B, C, D of every wedge: tractions and displacements at the faces, scaled by the first modulus."""
-    unit = wedges[0].material.shear_pa
+    unit = wedges[0].material.as_isotropic.shear_pa
 
     def rows(wedge: Wedge, t: float) -> tuple[ComplexArray, ComplexArray]:
         p, m = a + 1.0, a - 1.0
         f = np.array([np.cos(p * t), np.sin(p * t), np.cos(m * t), np.sin(m * t)])
         slope = np.array([-p * np.sin(p * t), p * np.cos(p * t), -m * np.sin(m * t), m * np.cos(m * t)])
-        kappa = 4.0 * (1.0 - wedge.material.poisson)
+        kappa = 4.0 * (1.0 - wedge.material.as_isotropic.poisson)
         none = np.zeros_like(a)
         radial = -p * f + kappa * np.array([none, none, np.cos(m * t), np.sin(m * t)])
         hoop = -slope + kappa * np.array([none, none, np.sin(m * t), -np.cos(m * t)])
-        softness = unit / wedge.material.shear_pa
+        softness = unit / wedge.material.as_isotropic.shear_pa
         return np.array([p * f, slope], dtype=complex), np.array([softness * radial, softness * hoop], dtype=complex)
 
     return _conditions(wedges, faces, rows)
@@ -152,10 +152,10 @@ def _in_plane(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) 
 
 def _along_edge(a: ComplexArray, wedges: Sequence[Wedge], faces: tuple[str, str]) -> ComplexArray:
     """Conditions on E and G of every wedge: shear and displacement along the edge."""
-    unit = wedges[0].material.shear_pa
+    unit = wedges[0].material.as_isotropic.shear_pa
 
     def rows(wedge: Wedge, t: float) -> tuple[ComplexArray, ComplexArray]:
-        stiff = wedge.material.shear_pa / unit
+        stiff = wedge.material.as_isotropic.shear_pa / unit
         shear = stiff * np.array([[-np.sin(a * t), np.cos(a * t)]])
         return np.asarray(shear, dtype=complex), np.array([[np.cos(a * t), np.sin(a * t)]], dtype=complex)
 

@@ -27,14 +27,16 @@ def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, sym
     """Lowest Lamb wave, S0 (symmetric) or A0, Hz.
 
     A0: 4 k^2 q^2 [sin(qb)/q] cos(pb) + (q^2 - k^2)^2 [sin(pb)/p] cos(qb) = 0 with p^2 = w^2/c_l^2 - k^2,
-    q^2 = w^2/c_t^2 - k^2, b = h/2; S0 with sines and cosines exchanged. SolverError unless k and h are above 0.
+    q^2 = w^2/c_t^2 - k^2, b = h/2; S0 with sines and cosines exchanged. SolverError unless k and h are above 0,
+    GeometryError for a law that is not isotropic.
     Source: lamb1917.
     """
     if not (wavenumber_per_m > 0.0 and thickness_m > 0.0):
         raise SolverError(f"wavenumber {wavenumber_per_m} 1/m, thickness {thickness_m} m: both must be above 0")
+    material.as_isotropic  # noqa: B018  refuses any other law
     if not symmetric and wavenumber_per_m * thickness_m / 2.0 < THIN:
         return _thin_a0_hz(wavenumber_per_m, thickness_m, material)
-    slow, fast = shear_speed(material), pressure_speed(material)
+    slow, fast = material.shear_m_s, material.pressure_m_s
     b, k2 = thickness_m / 2.0, wavenumber_per_m**2
 
     def characteristic(speed: float) -> float:
@@ -47,16 +49,6 @@ def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, sym
     if speed is None:
         raise SolverError("no wave found between the speeds searched")
     return speed * wavenumber_per_m / (2.0 * pi)
-
-
-def shear_speed(material: Material) -> float:
-    """c_t = sqrt(G / rho), m/s."""
-    return sqrt(material.shear_pa / material.density_kg_m3)
-
-
-def pressure_speed(material: Material) -> float:
-    """c_l = sqrt((lambda + 2 G) / rho), m/s."""
-    return sqrt((material.lame_pa + 2.0 * material.shear_pa) / material.density_kg_m3)
 
 
 def supported_plate_hz(m: int, n: int, edges_m: tuple[float, float], thickness_m: float, material: Material) -> float:
@@ -81,12 +73,12 @@ def _thin_a0_hz(wavenumber_per_m: float, thickness_m: float, material: Material)
     Over b, with K = (kb)^2, W = (w b/c_t)^2, X = (pb)^2, Y = (qb)^2 and m = 1 - (c_t/c_l)^2 the equation is
     W sin(pb)/(pb) cos(qb) = 4 K (K - W) m h, h = [sin(qb)/(qb) cos(pb) - sin(pb)/(pb) cos(qb)]/(Y - X), 1/3 for thin plates.
     """
-    k2, m = (wavenumber_per_m * thickness_m / 2.0) ** 2, 1.0 - (shear_speed(material) / pressure_speed(material)) ** 2
+    k2, m = (wavenumber_per_m * thickness_m / 2.0) ** 2, 1.0 - (material.shear_m_s / material.pressure_m_s) ** 2
     w = 4.0 * k2**2 * m / 3.0
     for _ in range(ROUNDS):
         x, y = w * (1.0 - m) - k2, w - k2
         w = 4.0 * k2 * (k2 - w) * m * _cancelled(x, y) / (_s(x, 1.0) * _c(y, 1.0))
-    return sqrt(w) * shear_speed(material) / (pi * thickness_m)
+    return sqrt(w) * material.shear_m_s / (pi * thickness_m)
 
 
 def _cancelled(x: float, y: float) -> float:
@@ -163,16 +155,16 @@ def _half_waves(wavenumber: float, height_m: float) -> int:
 def _waves(frequency_hz: float, thickness_m: float, material: Material) -> tuple[float, float, float]:
     """Wavenumbers of shear, longitudinal and bending waves, rad/m; a bending wave is no faster than a shear wave."""
     omega = 2.0 * pi * frequency_hz
-    shear = omega * sqrt(material.density_kg_m3 / material.shear_pa)
-    longitudinal = omega * sqrt(material.density_kg_m3 / (material.lame_pa + 2.0 * material.shear_pa))
-    inertia = 12.0 * material.density_kg_m3 * (1.0 - material.poisson**2) / (material.young_pa * thickness_m**2)
+    shear, own = omega / material.shear_m_s, material.average
+    longitudinal = omega / material.pressure_m_s
+    inertia = 12.0 * material.density_kg_m3 * (1.0 - own.poisson**2) / (own.young_pa * thickness_m**2)
     return shear, longitudinal, max((inertia * omega**2) ** 0.25, shear)
 
 
 def _branches(frequency_hz: float, thickness_m: float, material: Material) -> list[float]:
     """Real wavenumbers of a plate's branches, rad/m."""
     shear, longitudinal, bending = _waves(frequency_hz, thickness_m, material)
-    plane = shear * sqrt((1.0 - material.poisson) / 2.0)  # the plate's own longitudinal wave
+    plane = shear * sqrt((1.0 - material.average.poisson) / 2.0)  # the plate's own longitudinal wave
     branches = [bending, shear, plane]
     for wave, many in ((shear, 2), (longitudinal, 1)):
         branches += many * _higher(wave, thickness_m)

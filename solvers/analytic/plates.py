@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import islice
-from math import cos, hypot, pi, sin, sqrt, tanh
+from math import cos, pi, sin, sqrt, tanh
 from typing import Literal
 
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.polynomial import legendre
 from threadpoolctl import ThreadpoolController
 
 from geometry.elements import FloatArray
+from geometry.stack import Stack
 from solvers.analytic.beams import free_free_mode, roots_along
 from solvers.errors import SolverError
 
@@ -22,52 +23,57 @@ from solvers.errors import SolverError
 
 @dataclass(frozen=True)
 class Strip:
-    """The bare zone, SI: length along x (free ends), width along y (clamped sides), thickness, elastic constants."""
+    """The bare zone, lengths in m: along x (free ends), across along y (held sides); its layers."""
 
     length_m: float
     width_m: float
-    thickness_m: float
-    young_pa: float
-    density_kg_m3: float
-    poisson: float
+    stack: Stack
 
     def __post_init__(self) -> None:
-        sizes = (self.length_m, self.width_m, self.thickness_m, self.young_pa, self.density_kg_m3)
-        if not all(np.isfinite(size) and size > 0.0 for size in sizes) or not -1.0 < self.poisson < 0.5:
-            raise SolverError(f"{self}: sizes and constants must be above 0, poisson between -1 and 0.5")
-
-    @property
-    def rigidity_n_m(self) -> float:
-        """D = E h^3 / (12 (1 - nu^2)), N m."""
-        return self.young_pa * self.thickness_m**3 / (12.0 * (1.0 - self.poisson**2))
-
-    @property
-    def mass_kg_m2(self) -> float:
-        """rho h, kg/m2."""
-        return self.density_kg_m3 * self.thickness_m
+        sizes = (self.length_m, self.width_m, self.stack.thickness_m)
+        if not all(np.isfinite(size) and size > 0.0 for size in sizes):
+            raise SolverError(f"{self}: sizes must be above 0")
 
     @property
     def across_per_m(self) -> float:
         """pi/W, wavenumber across of the lowest shape between pinned sides, rad/m."""
         return pi / self.width_m
 
+    def wave_n_m3(self, along: float, across: float) -> float:
+        """D_11 a^2 + 2 (D_12 + 2 D_66) a b + D_22 b^2 of squared wavenumbers a along x and b along y, rad2/m2: what bends."""
+        d = self.stack.bending_n_m
+        return float(d[0, 0] * along**2 + 2.0 * (d[0, 1] + 2.0 * d[2, 2]) * along * across + d[1, 1] * across**2)
 
-def thin_plate_hz(strip: Strip, wavenumber_per_m: float) -> float:
-    """f = k^2/(2 pi) sqrt(D/(rho h)), Hz, of a Kirchhoff plate wave of this wavenumber. Source: leissa1969."""
-    return wavenumber_per_m**2 / (2.0 * pi) * sqrt(strip.rigidity_n_m / strip.mass_kg_m2)
+    @cached_property
+    def levy_ratios(self) -> tuple[float, float, float]:
+        """D_12, D_12 + 2 D_66 and 2 D_66 over D_11: nu, 1 and 1 - nu of isotropic ones."""
+        d = self.stack.bending_n_m
+        poisson, twist = (float(part / d[0, 0]) for part in d[[0, 2], [1, 2]])
+        return poisson, poisson + 2.0 * twist, 2.0 * twist
 
 
-def mindlin_wave_hz(strip: Strip, wavenumber_per_m: float) -> float:
-    """Frequency of a Mindlin plate's bending wave, Hz, shear factor 5/6.
+def thin_plate_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
+    """Frequency of a Kirchhoff plate's wave from its wavenumbers along x and y, Hz: k^2 sqrt(D/(rho h)) of isotropic ones.
+
+    Source: leissa1969.
+    """
+    return sqrt(strip.wave_n_m3(along_per_m**2, across_per_m**2) / strip.stack.mass_kg_m2) / (2.0 * pi)
+
+
+def mindlin_wave_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
+    """Frequency of a Mindlin plate's bending wave from its wavenumbers along x and y, Hz, shear factor 5/6.
 
     Lower root of r b w^4 - (1 + (r + b) k^2) w^2 + k^4 = 0 with w^2 in units of D/(rho h), r = h^2/12 (rotary inertia),
-    b = D/(5/6 G h) (shear). Source: mindlin1951.
+    b = D/(5/6 G h) (shear), D and G along the wave. Source: mindlin1951.
     """
-    shear = 5.0 / 6.0 * strip.young_pa / (2.0 * (1.0 + strip.poisson)) * strip.thickness_m
-    r, b, k2 = strip.thickness_m**2 / 12.0, strip.rigidity_n_m / shear, wavenumber_per_m**2
+    squares = along_per_m**2, across_per_m**2
+    k2 = sum(squares)
+    rigidity = strip.wave_n_m3(*squares) / k2**2
+    shear = sum(part * square for part, square in zip(strip.stack.shear_n_m, squares, strict=True)) / k2
+    r, b = strip.stack.rotary_kg / strip.stack.mass_kg_m2, rigidity / shear
     p = 1.0 + (r + b) * k2
     square = 2.0 * k2**2 / (p + sqrt(p**2 - 4.0 * r * b * k2**2))
-    return sqrt(square * strip.rigidity_n_m / strip.mass_kg_m2) / (2.0 * pi)
+    return sqrt(square * rigidity / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
@@ -75,22 +81,24 @@ def beam_function_hz(strip: Strip, nodal_lines: int) -> float:
 
     An estimate: the beam function meets neither the plate equation nor a plate's free edge (see levy_hz).
     """
-    return thin_plate_hz(strip, hypot(free_free_mode(nodal_lines).kappa / strip.length_m, strip.across_per_m))
+    return thin_plate_hz(strip, free_free_mode(nodal_lines).kappa / strip.length_m, strip.across_per_m)
 
 
 def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
-    """kappa of the exact Kirchhoff mode with N nodal lines, pinned sides and free ends; omega = kappa^2 sqrt(D/rho h).
+    """kappa of the exact Kirchhoff mode with N nodal lines, pinned sides and free ends; omega = kappa^2 sqrt(D/rho h) of an
+    isotropic plate.
 
     w = X(x) sin(pi y/W); free edge X'' = nu q^2 X, X''' = (2 - nu) q^2 X', q = pi/W. Even N:
     a+^2 k sin(kL/2) + a-^2 s tanh(sL/2) cos(kL/2) = 0; odd N: a+^2 k cos(kL/2) tanh(sL/2) - a-^2 s sin(kL/2) = 0;
-    k^2 = kappa^2 - q^2, s^2 = kappa^2 + q^2, a+- = kappa^2 +- (1 - nu) q^2. SolverError for N < 0. Source: leissa1969.
+    k^2 = kappa^2 - h q^2, s^2 = kappa^2 + h q^2, a+- = kappa^2 +- t q^2, with nu, h = 1 and t = 1 - nu the `levy_ratios`:
+    an orthotropic plate has others. SolverError for N < 0. Source: leissa1969.
     """
     if nodal_lines < 0:
         raise SolverError(f"nodal lines = {nodal_lines}: must be 0 or more")
-    q = strip.across_per_m
-    low = q * 0.5 * (1.0 - strip.poisson**2) ** 0.25  # the narrow-strip limit is twice this
+    q, (nu, mixed, _) = strip.across_per_m, strip.levy_ratios
+    low = q * 0.5 * (mixed**2 - nu**2) ** 0.25  # the narrow-strip limit is twice this
     step, even = 0.125 * pi / strip.length_m, nodal_lines % 2 == 0
-    grid = [low, *(sqrt(q**2 + (i * step) ** 2) for i in range(8 * (nodal_lines + 3)))]
+    grid = [low, *(sqrt(mixed * q**2 + (i * step) ** 2) for i in range(8 * (nodal_lines + 3)))]
     found = roots_along(lambda kappa: _free_edges(kappa, strip, even), grid, 1e-14 * q)
     kappa = next(islice(found, nodal_lines // 2, None), None)
     if kappa is None:
@@ -100,9 +108,9 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
 
 def _free_edges(kappa: float, strip: Strip, even: bool) -> float:
     """The free-edge equation over kappa^4 (odd: over k too); below the cut-off k = i p, over cosh(pL/2) as well."""
-    q, half, nu = strip.across_per_m, strip.length_m / 2.0, strip.poisson
-    plus, minus = (1.0 + (1.0 - nu) * (q / kappa) ** 2) ** 2, (1.0 - (1.0 - nu) * (q / kappa) ** 2) ** 2
-    s, k2 = sqrt(kappa**2 + q**2), kappa**2 - q**2
+    q, half, (_, mixed, twist) = strip.across_per_m, strip.length_m / 2.0, strip.levy_ratios
+    plus, minus = (1.0 + twist * (q / kappa) ** 2) ** 2, (1.0 - twist * (q / kappa) ** 2) ** 2
+    s, k2 = sqrt(kappa**2 + mixed * q**2), kappa**2 - mixed * q**2
     k, rise = sqrt(abs(k2)), tanh(s * half)
     if k2 >= 0.0:
         over = sin(k * half) / k if k > 0.0 else half
@@ -117,9 +125,15 @@ def _free_edges(kappa: float, strip: Strip, even: bool) -> float:
     return value
 
 
+def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
+    """Square k^2 of the same mode's wavenumber along x, rad2/m2; below 0 where it decays from the ends."""
+    return levy_wavenumber_per_m(strip, nodal_lines) ** 2 - strip.levy_ratios[1] * strip.across_per_m**2
+
+
 def levy_hz(strip: Strip, nodal_lines: int) -> float:
     """Frequency of the exact Kirchhoff mode (0, N), pinned sides, free ends, Hz; see levy_wavenumber_per_m."""
-    return thin_plate_hz(strip, levy_wavenumber_per_m(strip, nodal_lines))
+    bent = strip.wave_n_m3(levy_along_per_m2(strip, nodal_lines), strip.across_per_m**2)
+    return sqrt(bent / strip.stack.mass_kg_m2) / (2.0 * pi)
 
 
 # -- Rayleigh-Ritz -----------------------------------------------------------------------------------------------------
@@ -152,18 +166,20 @@ class _Axis:
 def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     """The thin-plate mode (0, N).
 
-    Energy D/2 integral of (w_xx + w_yy)^2 - 2 (1 - nu)(w_xx w_yy - w_xy^2). SolverError for N < 0 or N > 40 or an
+    Energy 1/2 integral of D_11 w_xx^2 + D_22 w_yy^2 + 2 D_12 w_xx w_yy + 4 D_66 w_xy^2. SolverError for N < 0 or N > 40 or an
     unknown side. Source: leissa1969.
     """
     x, y = _along(strip, nodal_lines), _across(strip, _power(sides))
-    nu = strip.poisson
+    d = strip.stack.bending_n_m
     xx, x0 = _pair(x, x.curve, x.curve), _pair(x, x.value, x.value)
     yy, y0 = _pair(y, y.curve, y.curve), _pair(y, y.value, y.value)
     mixed = np.kron(_pair(x, x.curve, x.value), _pair(y, y.value, y.curve))
     twist = np.kron(_pair(x, x.slope, x.slope), _pair(y, y.slope, y.slope))
-    stiffness = np.kron(xx, y0) + np.kron(x0, yy) + nu * (mixed + mixed.T) + 2.0 * (1.0 - nu) * twist
+    stiffness = (
+        d[0, 0] * np.kron(xx, y0) + d[1, 1] * np.kron(x0, yy) + d[0, 1] * (mixed + mixed.T) + 4.0 * d[2, 2] * twist
+    )
     mass: FloatArray = np.asarray(np.kron(x0, y0), dtype=np.float64)
-    values, vectors = _lowest(strip.rigidity_n_m * stiffness, strip.mass_kg_m2 * mass, nodal_lines)
+    values, vectors = _lowest(stiffness, strip.stack.mass_kg_m2 * mass, nodal_lines)
     return _wanted(values, vectors, x, y, nodal_lines)
 
 
@@ -175,8 +191,7 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     w = _along(strip, nodal_lines), _across(strip, 1)
     a = _along(strip, nodal_lines, odd_shift=1), w[1]
     b = w[0], _across(strip, 1 if _power(sides) == 2 else 0, odd=True)
-    nu, d = strip.poisson, strip.rigidity_n_m
-    g = 5.0 / 6.0 * strip.young_pa / (2.0 * (1.0 + nu)) * strip.thickness_m
+    d, (gx, gy) = strip.stack.bending_n_m, strip.stack.shear_n_m
 
     def block(left: tuple[_Axis, _Axis], right: tuple[_Axis, _Axis], dl: str, dr: str) -> FloatArray:
         along = _pair(left[0], getattr(left[0], dl.split()[0]), getattr(right[0], dr.split()[0]))
@@ -184,17 +199,17 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
         return np.asarray(np.kron(along, across))
 
     vv, sv, vs = "value value", "slope value", "value slope"
-    shear_ww = block(w, w, sv, sv) + block(w, w, vs, vs)
-    bend_aa = block(a, a, sv, sv) + (1.0 - nu) / 2.0 * block(a, a, vs, vs)
-    bend_bb = block(b, b, vs, vs) + (1.0 - nu) / 2.0 * block(b, b, sv, sv)
-    bend_ab = nu * block(a, b, sv, vs) + (1.0 - nu) / 2.0 * block(a, b, vs, sv)
-    aw, bw = -g * block(a, w, vv, sv), -g * block(b, w, vv, vs)
-    aa, bb, ab = d * bend_aa + g * block(a, a, vv, vv), d * bend_bb + g * block(b, b, vv, vv), d * bend_ab
-    stiffness = np.block([[g * shear_ww, aw.T, bw.T], [aw, aa, ab], [bw, ab.T, bb]])
-    rotary = strip.mass_kg_m2 * strip.thickness_m**2 / 12.0
+    shear_ww = gx * block(w, w, sv, sv) + gy * block(w, w, vs, vs)
+    bend_aa = d[0, 0] * block(a, a, sv, sv) + d[2, 2] * block(a, a, vs, vs)
+    bend_bb = d[1, 1] * block(b, b, vs, vs) + d[2, 2] * block(b, b, sv, sv)
+    ab = d[0, 1] * block(a, b, sv, vs) + d[2, 2] * block(a, b, vs, sv)
+    aw, bw = -gx * block(a, w, vv, sv), -gy * block(b, w, vv, vs)
+    aa, bb = bend_aa + gx * block(a, a, vv, vv), bend_bb + gy * block(b, b, vv, vv)
+    stiffness = np.block([[shear_ww, aw.T, bw.T], [aw, aa, ab], [bw, ab.T, bb]])
+    rotary = strip.stack.rotary_kg
     size = shear_ww.shape[0]
     mass = np.zeros_like(stiffness)
-    mass[:size, :size] = strip.mass_kg_m2 * block(w, w, vv, vv)
+    mass[:size, :size] = strip.stack.mass_kg_m2 * block(w, w, vv, vv)
     mass[size : size + aa.shape[0], size : size + aa.shape[0]] = rotary * block(a, a, vv, vv)
     mass[-bb.shape[0] :, -bb.shape[0] :] = rotary * block(b, b, vv, vv)
     values, vectors = _lowest(stiffness, mass, nodal_lines)

@@ -17,8 +17,8 @@ from solvers.analytic.plates import (
     Strip,
     beam_function_hz,
     kirchhoff_mode,
+    levy_along_per_m2,
     levy_hz,
-    levy_wavenumber_per_m,
     mindlin_mode,
 )
 from solvers.analytic.timoshenko import Beam, EndBody, beam_of, exact_omegas, ritz_frequencies_hz
@@ -83,9 +83,7 @@ def strip_of(design: Design) -> Strip | None:
     """The bare zone of a design, or None when it has no zone or no thickness."""
     if any(isnan(size) for size in (design.length_m, design.width_m, design.thickness_m)):
         return None
-    material = design.material
-    sizes = (design.length_m, design.width_m, design.thickness_m)
-    return Strip(*sizes, material.young_pa, material.density_kg_m3, material.poisson)
+    return Strip(design.length_m, design.width_m, design.stack)
 
 
 def free_kx_per_m(design: Design) -> float:
@@ -95,7 +93,7 @@ def free_kx_per_m(design: Design) -> float:
     strip = strip_of(design)
     if strip is None or design.nodal_lines < 2:
         return 0.0
-    return sqrt(max(levy_wavenumber_per_m(strip, design.nodal_lines) ** 2 - strip.across_per_m**2, 0.0))
+    return sqrt(max(levy_along_per_m2(strip, design.nodal_lines), 0.0))
 
 
 def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = False) -> Beam:
@@ -106,8 +104,7 @@ def pillar_beam(pillar: Pillar, height_m: float | None = None, about_x: bool = F
     form, material = pillar.form, pillar.material
     section, height = form.section, pillar.height_m if height_m is None else height_m
     about = section.about_x_m4 if about_x else min(section.about_x_m4, section.about_y_m4)
-    constants = (material.young_pa, material.density_kg_m3, material.poisson)
-    beam = beam_of(height, section.area_m2, about, form.shear_factor(material.poisson), constants)
+    beam = beam_of(height, section.area_m2, about, form.shear_factor(material.rod(2).poisson), material)
     slope = form.taper - 1.0
     beam = replace(beam, width_ratio=lambda s: 1.0 + slope * s) if slope else beam
     return replace(beam, end=tip_body(pillar.tip)) if pillar.tip else beam
@@ -160,8 +157,7 @@ def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
 
 
 def _zone_size(strip: Strip, lines: int) -> ZoneSize:
-    kappa = levy_wavenumber_per_m(strip, lines)
-    along = kappa**2 - strip.across_per_m**2
+    along = levy_along_per_m2(strip, lines)
     ritz = lines <= MAX_LINES
     return ZoneSize(
         nodal_lines=lines,

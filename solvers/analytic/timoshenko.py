@@ -12,6 +12,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from geometry.elements import FloatArray
+from geometry.materials import Material
 from solvers.analytic.beams import End, check_ends, rigid_count, roots_along
 from solvers.errors import SolverError, check_above_zero
 
@@ -68,18 +69,16 @@ class Beam:
         return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
 
 
-def beam_of(
-    length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: tuple[float, float, float]
-) -> Beam:
-    """A uniform beam from its section's area, second moment and shear factor, and (E, density, nu) in SI.
+def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: Material) -> Beam:
+    """A uniform beam along z from its section's area, second moment and shear factor.
 
-    Raises SolverError for a size or constant that is not above 0.
+    Raises SolverError for a size that is not above 0.
     """
-    young, density, poisson = material
-    for what, value in (("length", length_m), ("section", min(area_m2, about_m4)), ("E", young), ("density", density)):
+    for what, value in (("length", length_m), ("section", min(area_m2, about_m4))):
         check_above_zero(f"beam {what}", value)
-    shear = shear_factor * young / (2.0 * (1.0 + poisson)) * area_m2
-    return Beam(length_m, young * about_m4, shear, density * area_m2, density * about_m4)
+    rod, density = material.rod(2), material.density_kg_m3
+    shear = shear_factor * rod.shear_pa * area_m2
+    return Beam(length_m, rod.young_pa * about_m4, shear, density * area_m2, density * about_m4)
 
 
 def check_beam(beam: Beam, count: int) -> None:

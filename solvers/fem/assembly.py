@@ -30,6 +30,11 @@ class Scale:
     young_pa: float
     density_kg_m3: float
 
+    @classmethod
+    def of(cls, length_m: float, material: Material) -> Scale:
+        """The units of a body of this length and material."""
+        return cls(length_m, material.average.young_pa, material.density_kg_m3)
+
     @property
     def angular(self) -> float:
         """rad/s per unit of sqrt(lambda)."""
@@ -78,15 +83,6 @@ def on_components(scalar: sp.csr_array | sp.csc_array, shapes: FloatArray) -> Fl
     return np.asarray(scalar @ flat).reshape(3 * scalar.shape[0], shapes.shape[1])
 
 
-def elasticity(material: Material) -> FloatArray:
-    """Isotropic stiffness tensor C_ikjl = lambda d_ik d_jl + mu (d_ij d_kl + d_il d_kj), shape (3, 3, 3, 3), Pa."""
-    eye = np.eye(3)
-    return np.asarray(
-        material.lame_pa * np.einsum("ik,jl->ikjl", eye, eye)
-        + material.shear_pa * (np.einsum("ij,kl->ikjl", eye, eye) + np.einsum("il,kj->ikjl", eye, eye))
-    )
-
-
 def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None = None) -> System:
     """Assemble K_(a i)(b j) = int C_ikjl N_a,k N_b,l and m_ab = int rho N_a N_b.
 
@@ -96,15 +92,15 @@ def assemble(mesh: AnyMesh, materials: dict[str, Material], scale: Scale | None 
     """
     regions = mesh.region_of_cells()
     first = materials[next(iter(regions))]
-    scale = scale or Scale(float(np.ptp(mesh.nodes, axis=0).min()), first.young_pa, first.density_kg_m3)
+    scale = scale or Scale.of(float(np.ptp(mesh.nodes, axis=0).min()), first)
     forms = Forms(mesh, scale.length_m)
     tensor = np.zeros((mesh.cell_count, 3, 3, 3, 3)) if len(regions) > 1 else None
     density = np.zeros(mesh.cell_count)
-    single = elasticity(first) / scale.young_pa
+    single = first.tensor_pa / scale.young_pa
     for name, cells in regions.items():
         density[cells] = materials[name].density_kg_m3 / scale.density_kg_m3
         if tensor is not None:
-            tensor[cells] = elasticity(materials[name]) / scale.young_pa
+            tensor[cells] = materials[name].tensor_pa / scale.young_pa
     return System(forms.stiffness(single if tensor is None else tensor), forms.mass(density), scale, mesh, density)
 
 

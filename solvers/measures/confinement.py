@@ -140,7 +140,7 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
     shape = shape_at(touch, design, symmetry)
     heavy = touch.weights * shape
     own = float(heavy @ shape)
-    surface = design.material.density_kg_m3 * design.thickness_m
+    surface = design.stack.mass_kg_m2
     return np.asarray(heavy * np.sqrt(surface / (own * touch.modal_mass_kg))) if own > 0.0 else np.zeros(len(heavy))
 
 
@@ -167,7 +167,7 @@ def measure_profile(profile: Profile, design: Design) -> Confinement:
     shape, values = profile.shape[active], profile.values[active]
     own = weights[active] @ np.abs(shape) ** 2
     projection = np.abs((weights[active] * shape.conj()) @ values) ** 2 / np.maximum(own, 1e-300)
-    surface = design.material.density_kg_m3 * design.thickness_m
+    surface = design.stack.mass_kg_m2
     integrals, areas = [part @ squares for part in parts], [float(part.sum()) for part in parts]
     return confined(integrals, areas, projection, surface / profile.modal_mass)
 

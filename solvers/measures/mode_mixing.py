@@ -37,7 +37,7 @@ class Overlaps:
         faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
         heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
         projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
-        surface = design.material.density_kg_m3 * design.thickness_m
+        surface = design.stack.mass_kg_m2
         return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
 
     @classmethod

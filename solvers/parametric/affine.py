@@ -18,7 +18,7 @@ from scipy.stats import qmc
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
 from solvers.errors import SolverError
-from solvers.fem.assembly import Forms, Scale, elasticity
+from solvers.fem.assembly import Forms, Scale
 from solvers.parametric.foot import SQUARE, FixedMesh, Foot, quarter_mesh
 
 THICKNESS, HEIGHT, SIDE, PITCH = range(4)
@@ -130,7 +130,7 @@ class AffineCell:
 
     def __init__(self, box: DesignBox, mesh: FixedMesh, plate: Material, pillar: Material) -> None:
         self.box, self.reference = box, box.middle
-        self.scale = Scale(self.reference[THICKNESS], plate.young_pa, plate.density_kg_m3)
+        self.scale = Scale.of(self.reference[THICKNESS], plate)
         self.mesh, self.parts = quarter_mesh(box.foot, self.reference, mesh)
         materials = {"plate": plate, "pillar": pillar}
         forms = Forms(self.mesh, self.scale.length_m)
@@ -142,7 +142,7 @@ class AffineCell:
         groups: dict[Exponents, FloatArray] = {}
         whole = np.zeros((len(self.mesh.cells), 3, 3, 3, 3))
         for name, cells in self.mesh.regions.items():
-            whole[cells] = elasticity(materials[name]) / self.scale.young_pa
+            whole[cells] = materials[name].tensor_pa / self.scale.young_pa
         for part, k, l in product(np.unique(self.parts, axis=0), range(3), range(3)):  # noqa: E741  as in C_ikjl
             cells = np.flatnonzero((self.parts == part).all(axis=1))
             tensor = groups.setdefault(_exponents(part, (k, l)), np.zeros_like(whole))

@@ -15,7 +15,7 @@ from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
-from solvers.fem.assembly import Scale, elasticity
+from solvers.fem.assembly import Scale
 from solvers.fem.quadrature import gauss, gauss_points
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface, bubble_functions
@@ -88,7 +88,7 @@ def bare_matrices(
     gradients, square = _reference(face, span)
     stretch = np.array(size_m) / size_m[2] / 2.0
     volume = float(np.prod(stretch))
-    tensor = elasticity(material) / material.young_pa
+    tensor = material.tensor_pa / Scale.of(size_m[2], material).young_pa
     scaled = np.array([volume / stretch[j] / stretch[l] * g for (j, l), g in zip(TRIPLES, gradients, strict=True)])  # noqa: E741
     stiffness = np.einsum("ijkl,jlfg->figk", tensor, scaled.reshape(3, 3, *square.shape), optimize=True)
     count = 3 * len(square)
@@ -125,7 +125,7 @@ def bare_cell(size_m: tuple[float, float, float], material: Material, face: Inte
     """The panel's cell; every mode of its inside is kept."""
     values, parity, _ = _inside(size_m, material, face)
     stiffness, mass, touch = bare_strip(size_m, material, face)
-    b, scale = face.count, Scale(size_m[2], material.young_pa, material.density_kg_m3)
+    b, scale = face.count, Scale.of(size_m[2], material)
     return Cell(
         (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0, np.zeros_like(mass), face, scale, size_m,
         scale.frequency(values), parity, float("inf"), np.zeros((b, b)), touch, Expansion.nothing(len(mass)), len(mass),

@@ -100,10 +100,10 @@ class FinitePlate:
         span, x = (-1.0, -1.0 + width) if follows else (1.0 - width, 1.0), self.x_m[-1] + follows * self.pitch_m
         even, odd = self._along(self.kx * x)
         moved = even * piece.even + odd * piece.odd
-        stiffness, mass, touch = bare_strip(cell.size_m, self.design.material, cell.interface, span)
+        stiffness, mass, touch = bare_strip(cell.size_m, self.design.stack.material, cell.interface, span)
         if not piece.bare:
             moved = without_pillar(
-                bare_cell(cell.size_m, self.design.material, cell.interface), moved[: cell.interface.count], about
+                bare_cell(cell.size_m, self.design.stack.material, cell.interface), moved[: cell.interface.count], about
             )
         rule = _at_quadrature(touch, [line - piece.middle for line in self.design.touch_lines_m])
         return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if follows else -2.0)
@@ -182,7 +182,7 @@ class FinitePlate:
         with one_thread():
             parts = [self._squares(own) for own in (lambda y: y < half, lambda y: y >= half, lambda y: y > end)]
             overlap, norm = self._overlap(half)
-        factor = self.design.material.density_kg_m3 * self.design.thickness_m / self.scale.mass_kg
+        factor = self.design.stack.mass_kg_m2 / self.scale.mass_kg
         return Faces([form for form, _ in parts], [area for _, area in parts], overlap, norm, factor)
 
     def _squares(self, own: Callable[[FloatArray], BoolArray]) -> tuple[FloatArray, float]:

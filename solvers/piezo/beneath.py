@@ -57,8 +57,8 @@ class Beneath:
     def shares(self, patch: BondedPatch) -> Shares:
         """What of the mesh's error beneath a patch the mesh without its innermost layer tells."""
         ceramic = patch.material
-        alike = Material(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
-        shares = rim_shares(self.reductions.material, alike, patch.mesh)
+        alike = Material.isotropic(ceramic.name, 1.0 / ceramic.s11, ceramic.density_kg_m3, -ceramic.s12 / ceramic.s11)
+        shares = rim_shares(self.reductions.stack.material, alike, patch.mesh)
         return replace(shares, spread=shares.spread + ROUGH * shares.taken)
 
     def prepare(self, plate: AssembledPlate, patches: Iterable[BondedPatch], back: bool) -> None:
@@ -88,7 +88,7 @@ class Beneath:
     def kept(self, what: tuple[object, ...], place: str, computed: Callable[[], FloatArray]) -> FloatArray:
         """A symmetric matrix of a place from the cache, or computed and kept there."""
         own = self.reductions
-        name = repr((what, place, own.thickness_m, own.material, own.pillar))
+        name = repr((what, place, own.stack, own.pillar))
         key = hashlib.sha256(name.encode()).hexdigest()
         kept = self.cache.get(key) if self.cache is not None else None
         if kept is not None:
@@ -154,8 +154,8 @@ class _Place:
     @classmethod
     def of(cls, plate: AssembledPlate, patch: BondedPatch, reductions: Reductions, back: bool) -> _Place:
         """Where a patch is bonded to a plate of such panels."""
-        panels = Panels.beneath(plate.grid, patch.box_m, reductions.thickness_m)
-        return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.thickness_m)
+        panels = Panels.beneath(plate.grid, patch.box_m, reductions.stack.thickness_m)
+        return cls(panels, panels.stands(reductions.pillar), patch, back, reductions.stack.thickness_m)
 
     @cached_property
     def mirrors(self) -> tuple[int, ...]:

@@ -277,7 +277,7 @@ class ForcedPlate:
         measured = known or touched(group, vectors, self.design)
         inside, outside = (np.diag(gram)[: len(tones)] for gram in measured.grams)
         strength = measured.strength[: len(tones)]
-        per_area = self.design.material.density_kg_m3 * self.design.thickness_m / self.plate.scale.mass_kg
+        per_area = self.design.stack.mass_kg_m2 / self.plate.scale.mass_kg
         whole = np.maximum(inside + outside, 1e-300)
         share = inside / whole if self.areas_m2[1] is not None else np.full(len(tones), np.nan)
         mac = strength / np.maximum(per_area * inside, 1e-300)

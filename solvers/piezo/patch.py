@@ -23,7 +23,7 @@ import scipy.sparse.linalg as spla
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings, grid_lines
-from geometry.materials import PiezoMaterial
+from geometry.materials import VOIGT, PiezoMaterial
 from geometry.mesh import Mesh
 from solvers.fem.assembly import Forms
 from solvers.fem.factor.factoriser import Factor, Factoriser
@@ -40,7 +40,6 @@ OWN = 1e-6  # of a resonance: how finely a patch's own one is found
 BASIS = 10  # Lanczos vectors of a lowest resonance
 KEPT = ("points", "projection", "stiffness", "mass", "theta", "swell", "capacitance_f", "own_hz")
 CLASSES = ("SS", "SA", "AS", "AA")
-VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # places of xx yy zz yz xz xy
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from geometry.elements import FloatArray
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
-from geometry.materials import Material
 from geometry.mesh import Mesh, check_mesh
+from geometry.stack import Stack
 from geometry.tiling import Panel, Signature, signature, tile
 from solvers.accuracy.cell import extrapolated, recovered
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
@@ -62,8 +62,7 @@ class Reductions:
     and for bare panels, structured hexahedra do.
     """
 
-    thickness_m: float
-    material: Material
+    stack: Stack
     pillar: Pillar | None
     reduction: ReductionSettings
     cache: Cache[Cell] | None = None
@@ -99,7 +98,7 @@ class Reductions:
     def _recovered(self, cell: Cell, builder: CellBuilder, parts: list[SymmetryClass]) -> Cell:
         """The cell less what the stresses of its tetrahedra tell of its mesh."""
         system = builder.system
-        recovery = StressRecovery(system.mesh, region_materials(self.material, self.pillar), system.scale)
+        recovery = StressRecovery(system.mesh, region_materials(self.stack, self.pillar), system.scale)
         return recovered(cell, builder, parts, recovery)
 
     def settings(self, panel: Panel) -> HexSettings:
@@ -122,13 +121,13 @@ class Reductions:
         return panel.pillar or self.pillar
 
     def _mesh(self, panel: Panel, settings: HexSettings) -> PatchedMesh:
-        return panel_mesh(panel, self.thickness_m, self.pillar, settings)
+        return panel_mesh(panel, self.stack.thickness_m, self.pillar, settings)
 
     def system(self, mesh: Mesh) -> System:
-        """The assembled matrices of a panel's mesh. Raises MeshError for one that is not sound."""
+        """The assembled matrices of a mesh. MeshError for one that is not sound, GeometryError for several layers."""
         check_mesh(mesh)
-        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
-        return assemble(mesh, region_materials(self.material, self.pillar), scale)
+        scale = Scale.of(self.stack.thickness_m, self.stack.material)
+        return assemble(mesh, region_materials(self.stack, self.pillar), scale)
 
     def coarser(self, panel: Panel) -> Coarser | None:
         """What takes the mesh's error from a reduced panel by coarser meshes nested in its own; None for a mesh that has none.
@@ -152,7 +151,7 @@ class Reductions:
             if not at_rim or self.pillar is None:
                 return extrapolated(cell, (fine, parts), lower, None, Shares(order=settings.order), reduction.top_hz)
             own = self.pillar_of(panel) or self.pillar
-            shares = rim_shares(self.material, own.material, settings, *own.joints, wall=own.wall_angle)
+            shares = rim_shares(self.stack.back, own.material, settings, *own.joints, wall=own.wall_angle)
             return extrapolated(cell, (fine, parts), lower, layer[0], shares, reduction.top_hz)
 
         return extrapolate
@@ -175,7 +174,7 @@ class Reductions:
         pillar = self.pillar_of(panel) if panel.foot else None
         mesher = self.mesher_name if panel.foot else ""
         place = signature(replace(panel, pillar=None))
-        text = repr((place, panel.halved, self.thickness_m, self.material, pillar, self.reduction, mesher))
+        text = repr((place, panel.halved, self.stack, pillar, self.reduction, mesher))
         return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
-from math import ceil, pi, sqrt
+from math import ceil, pi
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -48,7 +48,7 @@ def root_compliance(pillar: Pillar) -> float:
 
     Plane stress, for a square section of side a; another one has that of the square of equal area. Source: odonnell1960.
     """
-    return ROOT / (pillar.material.young_pa * pillar.form.section.area_m2**1.5)
+    return ROOT / (pillar.material.rod(2).young_pa * pillar.form.section.area_m2**1.5)
 
 
 def bending_effective_mass(pillar: Pillar, lever_m: float, compliance: float = 0.0) -> EffectiveMass:
@@ -84,7 +84,7 @@ def lifting_effective_mass(pillar: Pillar) -> EffectiveMass:
     beam = pillar_beam(pillar, about_x=True)
     s, weight, ratio = _rule(beam)
     shapes, slopes = _clamped(s)
-    stretch = pillar.material.young_pa * pillar.form.section.area_m2
+    stretch = pillar.material.rod(2).young_pa * pillar.form.section.area_m2
     heavy, _ = _inertias(beam, weight, ratio)
     stiffness = _gram(slopes / beam.length_m, slopes / beam.length_m, weight * stretch * ratio**2)
     return _own(stiffness, _gram(shapes, shapes, heavy), shapes.T @ heavy, float(heavy.sum()))
@@ -164,7 +164,7 @@ def _solved(design: Design, window_hz: tuple[float, float], softness: float) -> 
         raise SolverError("a strip across the plate needs a zone and a thickness")
     kx = free_kx_per_m(design)
     nodes = _nodes(design)
-    stiffness, mass = _plate(nodes, strip, kx, _rigidity(strip, kx))
+    stiffness, mass = _plate(nodes, strip, kx, _lowered(strip, kx))
     if design.pillar and design.rows:
         stiffness, mass = _with_rows(stiffness, mass, nodes, design, kx, softness)
     free = np.arange(len(stiffness))
@@ -198,24 +198,24 @@ def _nodes(design: Design) -> FloatArray:
     return np.concatenate([fixed[:1], *panels])
 
 
-def _rigidity(strip: Strip, kx: float) -> float:
-    """D, lowered so that the wave of the wanted shape has the frequency that shear gives it, N m."""
-    wave = sqrt(kx**2 + strip.across_per_m**2)
-    return strip.rigidity_n_m * (mindlin_wave_hz(strip, wave) / thin_plate_hz(strip, wave)) ** 2
+def _lowered(strip: Strip, kx: float) -> float:
+    """Factor on the rigidity with which the wave of the wanted shape has the frequency that shear gives it."""
+    wave = kx, strip.across_per_m
+    return (mindlin_wave_hz(strip, *wave) / thin_plate_hz(strip, *wave)) ** 2
 
 
-def _plate(nodes: FloatArray, strip: Strip, kx: float, rigidity: float) -> tuple[FloatArray, FloatArray]:
-    """K and M per length over (Y, Y') of every node.
+def _plate(nodes: FloatArray, strip: Strip, kx: float, share: float) -> tuple[FloatArray, FloatArray]:
+    """K and M per length over (Y, Y') of every node, `share` of the rigidities counted.
 
-    2 V = int D (k^4 Y^2 + Y''^2 - 2 nu k^2 Y Y'' + 2 (1 - nu) k^2 Y'^2), 2 T = int rho h Y'^2 (over time).
+    2 V = int D_11 k^4 Y^2 + D_22 Y''^2 - 2 D_12 k^2 Y Y'' + 4 D_66 k^2 Y'^2, 2 T = int rho h Y'^2 (over time).
     """
     (value, slope, curve), weight = _shapes(nodes)
-    mixed = _integral(value, curve, weight)
-    bent = kx**4 * _integral(value, value, weight) + _integral(curve, curve, weight)
-    bent -= strip.poisson * kx**2 * (mixed + mixed.transpose(0, 2, 1))
-    bent += 2.0 * (1.0 - strip.poisson) * kx**2 * _integral(slope, slope, weight)
-    heavy = strip.mass_kg_m2 * _integral(value, value, weight)
-    return _assembled(rigidity * bent), _assembled(heavy)
+    mixed, d = _integral(value, curve, weight), share * strip.stack.bending_n_m
+    bent = d[0, 0] * kx**4 * _integral(value, value, weight) + d[1, 1] * _integral(curve, curve, weight)
+    bent -= d[0, 1] * kx**2 * (mixed + mixed.transpose(0, 2, 1))
+    bent += 4.0 * d[2, 2] * kx**2 * _integral(slope, slope, weight)
+    heavy = strip.stack.mass_kg_m2 * _integral(value, value, weight)
+    return _assembled(bent), _assembled(heavy)
 
 
 def _shapes(nodes: FloatArray) -> tuple[list[FloatArray], FloatArray]:

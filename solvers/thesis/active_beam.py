@@ -105,7 +105,7 @@ def strip(
     length_m: float, width_m: float, thickness_m: float, material: Material, viscosity_s: float = 0.0
 ) -> FreeBeam:
     """A flat strip: EI = E b h^3/12, rho A = rho b h."""
-    bending = material.young_pa * width_m * thickness_m**3 / 12.0
+    bending = material.rod(0).young_pa * width_m * thickness_m**3 / 12.0
     return FreeBeam(length_m, bending, material.density_kg_m3 * width_m * thickness_m, viscosity_s)
 
 

@@ -204,9 +204,9 @@ class MasonData:
     @property
     def cell(self) -> Cell:
         """One cell: l = c/(3 f), c = sqrt(E/rho)."""
-        length = sqrt(self.material.young_pa / self.material.density_kg_m3) / (3.0 * self.target_hz)
+        length = sqrt(self.material.rod(0).young_pa / self.material.density_kg_m3) / (3.0 * self.target_hz)
         loss = 1.0 / self.quality_factor
-        return Cell(length, self.area_m2, self.material.density_kg_m3, self.material.young_pa, loss)
+        return Cell(length, self.area_m2, self.material.density_kg_m3, self.material.rod(0).young_pa, loss)
 
     @property
     def filter(self) -> Filter:

@@ -118,11 +118,10 @@ class PillarFilter:
 
 def strip_beam(design: Design) -> HostBeam:
     """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x."""
-    material, width = design.material, design.pitch_x_m
+    stack, width = design.stack, design.pitch_x_m
     if isnan(width) or isnan(design.thickness_m):
         raise SolverError("the strip needs a pitch and a thickness")
-    rigidity = material.young_pa * design.thickness_m**3 / 12.0 / (1.0 - material.poisson**2)
-    return HostBeam(rigidity * width, material.density_kg_m3 * design.thickness_m * width)
+    return HostBeam(float(stack.bending_n_m[1, 1]) * width, stack.mass_kg_m2 * width)
 
 
 def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0) -> PillarFilter:
@@ -164,5 +163,5 @@ def design_feet(pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: f
     """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
     adds the same.
     """
-    axial = pillar.material.young_pa * pillar.form.section.area_m2
+    axial = pillar.material.rod(2).young_pa * pillar.form.section.area_m2
     return pillar.faces * pillar_foot(pillar_beam(pillar, about_x=True), omega, axial, loss, lever_m)

@@ -83,7 +83,7 @@ class PatchedBeam:
 
 def section(beam: PatchedBeam, patched: bool) -> tuple[float, float, float, float]:
     """EA, ES, EI about the middle plane and rho A of a bare or a patched section (N, N m, N m2, kg/m)."""
-    young, area = beam.material.young_pa, beam.width_m * beam.thickness_m
+    young, area = beam.material.rod(0).young_pa, beam.width_m * beam.thickness_m
     bare = (young * area, 0.0, young * area * beam.thickness_m**2 / 12.0, beam.material.density_kg_m3 * area)
     if not patched:
         return bare

@@ -168,11 +168,10 @@ class Finger:
     def wavenumber_per_m(self, design: Design, frequency_hz: float) -> float:
         """Bound on the wavenumber of the plate's flexural motion under the contact, its pressure included.
 
-        k^4 = (omega^2 rho h + |D|/A) / (E h^3 / (12 (1 - nu^2))), the larger of plate wave and local foundation.
+        k^4 = (omega^2 rho h + |D|/A) / min(D_11, D_22), the larger of plate wave and local foundation.
         """
-        material, thickness = design.material, design.thickness_m
-        bending = material.young_pa * thickness**3 / (12.0 * (1.0 - material.poisson**2))
-        inertia = (2.0 * pi * frequency_hz) ** 2 * material.density_kg_m3 * thickness
+        bending = float(design.stack.bending_n_m.diagonal()[:2].min())
+        inertia = (2.0 * pi * frequency_hz) ** 2 * design.stack.mass_kg_m2
         return float(((inertia + abs(self.dynamic_stiffness(frequency_hz)) / self.area_m2) / bending) ** 0.25)
 
     def following(self, design: Design, frequency_hz: float) -> Finger:
@@ -410,7 +409,7 @@ def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger)
     points, means = disk_means(finger.degree)
     contact = Contact(np.array(finger.at_m) + finger.radius_m * points, means, back=False)
     box = np.repeat(finger.at_m, 2) + finger.radius_m * np.array([-1.0, 1.0, -1.0, 1.0])
-    panels = Panels.beneath(plate.grid, box, beneath.reductions.thickness_m)
+    panels = Panels.beneath(plate.grid, box, beneath.reductions.stack.thickness_m)
     own_box = box - np.repeat(panels.middle_m, 2)
 
     def more() -> FloatArray:
@@ -430,7 +429,7 @@ def missing_flexibility(plate: AssembledPlate, beneath: Beneath, finger: Finger)
 
 def _fine(panels: Panels, reductions: Reductions, contact: Contact, box_m: FloatArray) -> FloatArray:
     """N K^-1 N' in the plate's scale."""
-    thickness = reductions.thickness_m
+    thickness = reductions.stack.thickness_m
     settings = HexSettings(MESH.order, thickness / MESH.through, MESH.layers)
     stands = panels.stands(reductions.pillar)
     mesh = hex_mesh(bonded_boxes(panels.span_m, thickness, stands, box_m, False, settings), MESH.order)

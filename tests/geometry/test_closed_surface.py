@@ -12,6 +12,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
@@ -38,7 +39,7 @@ def test_a_plate_of_any_columns_is_closed(length_m: float, extension_m: float) -
     """Every edge belongs to two triangles; the area is that of plate and pillars."""
     design = replace(DESIGN, length_m=length_m, extension_m=extension_m)
     assert design.pillar
-    model = PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, COARSE))
+    model = PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, COARSE))
     whole = model.skin("SS", np.ones((model.assembled("SS").dof, 1))).unfolded("SS")
     kept, triangles = closed_surface(whole.points, whole.facets, design.thickness_m)
     assert (uses_of_edges(triangles) == 2).all()

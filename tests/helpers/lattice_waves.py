@@ -9,13 +9,13 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.lattice import Lattice
 from geometry.materials import Material
-from solvers.analytic.plate_waves import lamb_hz, shear_speed
+from solvers.analytic.plate_waves import lamb_hz
 from solvers.errors import SolverError
 
 
 def shear_hz(wavenumber_per_m: float, material: Material) -> float:
     """Lowest horizontally polarised shear wave SH0, f = k c_t / (2 pi), Hz."""
-    return wavenumber_per_m * shear_speed(material) / (2.0 * pi)
+    return wavenumber_per_m * material.shear_m_s / (2.0 * pi)
 
 
 def folded_hz(
@@ -34,6 +34,6 @@ def folded_hz(
                 continue
             frequencies += [lamb_hz(k, thickness_m, material, s) for s in (False, True)] + [shear_hz(k, material)]
     lowest = np.sort(frequencies)[:count]
-    if lowest[-1] >= 0.9 * shear_speed(material) / (2.0 * thickness_m):
+    if lowest[-1] >= 0.9 * material.shear_m_s / (2.0 * thickness_m):
         raise SolverError(f"{count} waves reach above the thickness-shear cut-off: ask for fewer")
     return np.asarray(lowest)

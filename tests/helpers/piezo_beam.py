@@ -50,7 +50,7 @@ class Section:
 
 def elastic_layer(material: Material, low_m: float, high_m: float) -> Layer:
     """A layer of an isotropic material in plane stress."""
-    young, poisson = material.young_pa, material.poisson
+    young, poisson = material.as_isotropic.young_pa, material.as_isotropic.poisson
     stiffness = young / (1.0 - poisson**2) * np.array([[1.0, poisson], [poisson, 1.0]])
     return Layer(low_m, high_m, stiffness, material.density_kg_m3, np.zeros(2), 0.0)
 

@@ -8,7 +8,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
 from geometry.mesh import Mesh, split_hexahedra
 
-SOFT = Material("soft", 2.5e9, 1200.0, 0.31)
+SOFT = Material.isotropic("soft", 2.5e9, 1200.0, 0.31)
 EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)
 
 

@@ -10,7 +10,7 @@ from geometry.materials import VACUUM_F_M, Material, PiezoMaterial
 from tests.helpers.piezo_beam import Section, elastic_layer, laminate, piezo_layer
 
 YOUNG_PA, D31, HELD_F_M = 66e9, -190e-12, 15.93e-9
-STEEL_LIKE = Material("substructure", 100e9, 7165.0, 0.0)
+STEEL_LIKE = Material.isotropic("substructure", 100e9, 7165.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from pipeline.workers import LocalWorkers
 from solvers import machine, threads
 from solvers.fem.eigen import Modes, modes_in_band
@@ -36,7 +37,7 @@ def own_pool(monkeypatch: pytest.MonkeyPatch) -> None:
 def solved() -> tuple[PlateModel, list[Modes]]:
     """Panels reduced and all classes of a small plate solved, each of several."""
     reduction = ReductionSettings(Interface(3, 3), 400e3, HexSettings(3, 2e-3, 0, pillar_size_m=2.5e-3))
-    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, STEEL, PILLAR, reduction))
+    model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, STEEL), PILLAR, reduction))
     return model, factoriser.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
 
 

@@ -13,6 +13,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import lattice_panel
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
@@ -35,7 +36,7 @@ BENDING_AT_M_HZ, GAP_HZ = 32540.0, (163100.0, 175840.0)
 def reduced(design: Design, reduction: ReductionSettings) -> ReducedLattice:
     """The lattice of one reduced cell."""
     return ReducedLattice(
-        Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction).cell(lattice_panel(design))
+        Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, reduction).cell(lattice_panel(design))
     )
 
 

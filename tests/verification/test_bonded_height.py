@@ -94,7 +94,7 @@ def reduced(scene: Scene) -> tuple[FloatArray, FloatArray, FloatArray, FloatArra
     """The same of the plate of reduced cells with its patch, and the bars of frequencies and heights."""
     design = scene.design
     settings = ReductionSettings(Interface(6, 3), 9.0 * scene.band_hz[1], HexSettings(3, 4e-3, 0, 0.2), 6e-3)
-    reductions = Reductions(design.thickness_m, design.material, None, settings)
+    reductions = Reductions(design.stack, None, settings)
     made = PlateModel(design, reductions)
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     patch = bonded_patch(PZ26, scene.bonded.box_m, 1e-3 * scene.patch_mm[2], scene.is_on_back)

@@ -97,7 +97,7 @@ def test_the_cad_solid_and_its_print_file_hold_both(tmp_path: Path) -> None:
 def test_waves_of_the_cell_are_even_or_odd_through_the_thickness() -> None:
     """Flexural and in-plane waves part: u_z at the touch face is that at the back, or its opposite."""
     design = case_of().design
-    cell = Reductions(design.thickness_m, design.material, design.pillar, REDUCTION).cell(lattice_panel(design))
+    cell = Reductions(design.stack, design.pillar, REDUCTION).cell(lattice_panel(design))
     waves = ReducedLattice(cell).waves(np.array([300.0, 170.0]), 8)
     half = design.pitch_x_m / 2.0
     corners = np.flatnonzero((np.abs(np.abs(cell.skin.points[:, :2]) - half) < 1e-9).all(axis=1))
@@ -117,9 +117,7 @@ def test_pairs_of_waves_that_symmetry_makes_equal_are_equal(shape: str) -> None:
     choice = cell_model_choice(case_of(pillar=stub))
     assert choice.kind == "hex" and choice.reduction
     design = case_of(pillar=stub).design
-    cell = Reductions(design.thickness_m, design.material, design.pillar, replace(REDUCTION, top_hz=2e3)).cell(
-        lattice_panel(design)
-    )
+    cell = Reductions(design.stack, design.pillar, replace(REDUCTION, top_hz=2e3)).cell(lattice_panel(design))
     tones = ReducedLattice(cell).waves(np.zeros(2), 8).frequency_hz[3:]
     pairs = np.abs(tones[1:] / tones[:-1] - 1.0) < 1e-9
     assert pairs.sum() == 2 and not (pairs[1:] & pairs[:-1]).any()
@@ -128,7 +126,7 @@ def test_pairs_of_waves_that_symmetry_makes_equal_are_equal(shape: str) -> None:
 def test_a_driven_plate_is_confined_by_the_definition_of_its_modes() -> None:
     """The touch face ends where pillars hang from it: its area is what is left, for the motion of patches as for modes."""
     design, tone = case_of().design, 30e3
-    model = PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, REDUCTION))
+    model = PlateModel(design, Reductions(design.stack, design.pillar, REDUCTION))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([-2e-3, 2e-3, -1e-3, 1e-3]), 0.3e-3, True)
     plate = PatchedPlate({each: model.assembled(each) for each in CLASSES}, [patch], True)
     forced = ForcedPlate(plate, design, Drive((0,), (), (20e3, 40e3), 300.0))

@@ -47,7 +47,7 @@ def solid_hz(slenderness: float, poisson: float) -> np.ndarray:
         x = np.insert(x, 1, 0.3 * x[1])
     mesh = bodies.bricks((x, across, across), 3)
     stops = [(bodies.at(mesh, 0, 0.0), [0, 1, 2]), (bodies.at(mesh, 1, 0.0), [1]), (bodies.at(mesh, 2, 0.0), [0, 1])]
-    pencil = bodies.constrained(mesh, Material("beam", YOUNG, DENSITY, poisson), stops)
+    pencil = bodies.constrained(mesh, Material.isotropic("beam", YOUNG, DENSITY, poisson), stops)
     truth = beam_hz(slenderness, poisson)
     return modes_in_band(pencil, 0.2 * truth[0], 1.1 * truth[2]).frequency_hz
 

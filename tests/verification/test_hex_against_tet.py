@@ -9,7 +9,7 @@ from geometry.mesh import Mesh
 from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 
-SOFT = Material("soft", 2.5e9, 1200.0, 0.31)
+SOFT = Material.isotropic("soft", 2.5e9, 1200.0, 0.31)
 EDGES_M = (2.0e-3, 1.5e-3, 1.1e-3)
 COUNT = 5
 

@@ -12,6 +12,7 @@ from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
@@ -28,7 +29,7 @@ ORDER_3 = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=3.15e-3)
 def joined(settings: HexSettings, through: int = 3, design: Design = DESIGN, along: int = 5) -> PlateModel:
     """The plate from reduced cells."""
     reduction = ReductionSettings(Interface(along, through), 600e3, settings, 4e-3)
-    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction))
+    return PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, reduction))
 
 
 def lines_of_pieces(model: PlateModel, settings: HexSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ from solvers.fem.eigen import PlainPencil, modes_in_band
 from solvers.fem.solid import Pencil
 from tests.helpers import bodies
 
-STEEL = Material("steel", 200e9, 8000.0, 0.3)
+STEEL = Material.isotropic("steel", 200e9, 8000.0, 0.3)
 ROUNDED = 5e-5  # half a unit in the fifth digit of 99 999, relative, at worst 5e-4 of 1.0; these begin with 1 to 4
 FV32_HZ = np.array([44.623, 130.03, 162.70, 246.05, 379.90, 391.44])
 FV52_HZ = np.array([44.762, 110.52, 110.52, 169.08, 193.93, 206.64, 206.64])
@@ -186,7 +186,7 @@ def drift_rate(mesh: Mesh, pencil: Pencil) -> tuple[float, float]:
     squared = 2.0 * float(reaction @ np.linalg.solve(_line_mass(mesh.nodes[line, 1], 2), reaction))
     angle = pi / 2.0
     wedge = 1.0 / (angle + sin(angle)) + 1.0 / (angle - sin(angle))
-    softer = (1.0 - STEEL.poisson**2) * wedge * log(2.0) * pencil.scale.length_m
+    softer = (1.0 - STEEL.as_isotropic.poisson**2) * wedge * log(2.0) * pencil.scale.length_m
     return eigenvalue, -squared * softer
 
 

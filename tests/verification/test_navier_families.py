@@ -12,7 +12,7 @@ from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 from tests.helpers.lattice_waves import shear_hz
 
-STEEL = Material("steel", 200e9, 8000.0, 0.3)
+STEEL = Material.isotropic("steel", 200e9, 8000.0, 0.3)
 BENDING_HZ = {2: (45.9712, 1), 5: (109.8569, 2), 8: (168.8193, 1), 10: (205.8646, 2), 13: (258.5599, 2)}
 SHEAR_HZ = {1: (155.043, 2), 2: (219.264, 1), 4: (310.087, 2)}  # by m^2 + n^2: frequency, multiplicity
 TOP_HZ = 315.0

@@ -18,7 +18,7 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import Pencil, constrain
 from tests.helpers.lattice_waves import shear_hz
 
-PLATE = Material("plate", 200e9, 8000.0, 0.3)
+PLATE = Material.isotropic("plate", 200e9, 8000.0, 0.3)
 BENDING_HZ = {(1, 1): 45.9712, (1, 2): 109.8569, (2, 1): 109.8569, (2, 2): 168.8193}  # an independent computation
 
 

@@ -14,6 +14,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
+from geometry.stack import Stack
 from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
@@ -139,7 +140,7 @@ def lattice_of(pillar: Pillar, pitch_m: float, mesher: Callable[[Panel], Mesh] |
     """A coarse cell of a square pitch, reduced."""
     design = Design(30e-3, 10e-3, 2e-3, 3, ALUMINIUM, pillar, pitch_m, pitch_m, 1, 3e-3)
     reduction = ReductionSettings(Interface(3, 2), 400e3, HexSettings(2, pitch_m, 0, pillar_size_m=pillar.height_m))
-    reductions = Reductions(2e-3, ALUMINIUM, pillar, reduction, None, mesher)
+    reductions = Reductions(Stack.of(2e-3, ALUMINIUM), pillar, reduction, None, mesher)
     return ReducedLattice(reductions.cell(lattice_panel(design)))
 
 

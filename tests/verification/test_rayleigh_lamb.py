@@ -12,7 +12,7 @@ from solvers.waves.bloch import BlochCell
 from tests.helpers import bodies
 from tests.helpers.lattice_waves import folded_hz
 
-STEEL = Material("steel", 200e9, 8000.0, 0.3)
+STEEL = Material.isotropic("steel", 200e9, 8000.0, 0.3)
 PITCH_M, THICKNESS_M = (3e-3, 4e-3), 1e-3
 SHARES = ((1.0, 0.0), (1.0, 1.0), (0.37, 0.81), (0.8, -0.3))
 COUNT = 6

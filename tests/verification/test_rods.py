@@ -17,11 +17,11 @@ from geometry.mesh import check_mesh
 from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 
-STEEL = Material("steel", 200e9, 8000.0, 0.3)
+STEEL = Material.isotropic("steel", 200e9, 8000.0, 0.3)
 RADIUS_M, LENGTH_M = 0.01, 0.06
-SHEAR = sqrt(STEEL.young_pa / (2.0 * (1.0 + STEEL.poisson)) / STEEL.density_kg_m3)
-PRESSURE = SHEAR * sqrt((2.0 - 2.0 * STEEL.poisson) / (1.0 - 2.0 * STEEL.poisson))
-BAR = sqrt(STEEL.young_pa / STEEL.density_kg_m3)
+SHEAR = sqrt(STEEL.as_isotropic.young_pa / (2.0 * (1.0 + STEEL.as_isotropic.poisson)) / STEEL.density_kg_m3)
+PRESSURE = SHEAR * sqrt((2.0 - 2.0 * STEEL.as_isotropic.poisson) / (1.0 - 2.0 * STEEL.as_isotropic.poisson))
+BAR = sqrt(STEEL.as_isotropic.young_pa / STEEL.density_kg_m3)
 ORDER, SLICES = 4, 3
 
 
@@ -94,7 +94,7 @@ def test_a_round_rods_modes_are_exact_waves(torsion: bool) -> None:
 
 def test_the_longitudinal_wave_is_the_slender_rods_with_lateral_inertia() -> None:
     for number in (1, 2):
-        spread = (STEEL.poisson * wavenumber(number) * RADIUS_M) ** 2 / 2.0  # nu^2 k^2 I_p / A
+        spread = (STEEL.as_isotropic.poisson * wavenumber(number) * RADIUS_M) ** 2 / 2.0  # nu^2 k^2 I_p / A
         slender = BAR * wavenumber(number) / (2.0 * pi)
         love = slender / sqrt(1.0 + spread)
         exact = longitudinal_hz(number)

@@ -15,7 +15,7 @@ from solvers.fem.factor.choice import available
 from solvers.fem.solid import Pencil, constrain, free_mask
 
 EDGE_M = 0.1
-PLATE = Material("plate", 70e9, 2700.0, 0.34)
+PLATE = Material.isotropic("plate", 70e9, 2700.0, 0.34)
 SIDES = ("x-", "x+", "y-", "y+")
 
 

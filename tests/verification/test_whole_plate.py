@@ -12,6 +12,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
+from geometry.stack import Stack
 from geometry.tiling import Panel, signature
 from solvers.accuracy.plate import mode_errors
 from solvers.errors import SolverError
@@ -43,7 +44,9 @@ FINE, COARSE = (
 
 
 def joined(design: Design, mesher: object = None, reduction: ReductionSettings = FINE) -> PlateModel:
-    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, reduction, None, mesher))
+    return PlateModel(
+        design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, reduction, None, mesher)
+    )
 
 
 def in_one_piece(model: PlateModel) -> SolidModel:
@@ -102,7 +105,7 @@ def test_the_whole_plate_has_the_modes_of_all_mirror_classes() -> None:
 
 def every_piece(model: PlateModel) -> dict:
     """The cells of the negative sides too, each reduced for itself."""
-    reductions = Reductions(DESIGN.thickness_m, ALUMINIUM, BOX, COARSE)
+    reductions = Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), BOX, COARSE)
     panels = [model.tiling.panel(i, j) for i in range(len(model.tiling.x) - 1) for j in range(len(model.tiling.y) - 1)]
     return {signature(panel): reductions.cell(panel) for panel in {signature(p): p for p in panels}.values()}
 

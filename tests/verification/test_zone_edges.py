@@ -18,6 +18,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh
+from geometry.stack import Stack
 from geometry.tet.scenes import tet_panel, tet_plate
 from geometry.tiling import Panel
 from pipeline.case.model import load_case
@@ -48,7 +49,7 @@ Mesher = Callable[[Panel], Mesh]
 
 
 def joined(design: Design, mesher: Mesher | None = None) -> PlateModel:
-    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, design.pillar, COARSE, None, mesher))
+    return PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, COARSE, None, mesher))
 
 
 def passive_over_zone(design: Design) -> float:
@@ -79,7 +80,7 @@ def test_the_zone_ends_at_its_border_for_every_shape(shape: str) -> None:
 
 def test_a_column_s_zone_ends_at_its_border() -> None:
     """What search and explorer rank designs by."""
-    column = Column(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, ROUND, COARSE), pi / 5e-3)
+    column = Column(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), ROUND, COARSE), pi / 5e-3)
     profile = column.profile(some(column.dof).astype(complex))
     zone = profile.weights[profile.y_m < DESIGN.width_m / 2.0].sum()
     assert zone == pytest.approx(DESIGN.pitch_x_m * DESIGN.width_m / 2.0, rel=AREAS)

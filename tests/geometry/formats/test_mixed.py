@@ -14,7 +14,7 @@ from geometry.formats.med import write_med
 from geometry.formats.neutral import CORNER_COUNT, PLACES, RawMesh
 from geometry.materials import Material
 from geometry.mesh import AnyMesh, MixedMesh, check_mesh
-from solvers.fem.assembly import Scale, System, assemble, elasticity
+from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
 from solvers.fem.surface import face_quadrature, skin_faces
@@ -109,7 +109,7 @@ def test_a_uniform_strain_is_held_by_distorted_elements_of_every_kind(
     pyramids = next(block for block in mesh.blocks if block.kind == "pyramid")
     inside = pyramids.cells[:, [4, *range(9, 13)][: 1 if order == 1 else 5]]  # the tip, and the middles of edges to it
     assert np.abs(forces[inside]).max() < 1e-12 * np.abs(forces).max()
-    stress = np.einsum("ikjl,jl->ik", elasticity(SOFT) / system.scale.young_pa, strain)
+    stress = np.einsum("ikjl,jl->ik", SOFT.tensor_pa / system.scale.young_pa, strain)
     volume = check_mesh(mesh).volume_m3 / system.scale.length_m**3
     assert moved.ravel() @ forces.ravel() == pytest.approx(volume * np.sum(stress * strain), rel=1e-11)
 
@@ -118,8 +118,8 @@ def test_straight_quadratic_elements_of_every_kind_hold_a_quadratic_field(tmp_pa
     """Pure bending u = (-x z, 0, x^2/2) of a material without lateral strain: no forces inside, its energy exactly."""
     mesh = load(written(row(WITH_EDGES), tmp_path / "row.msh"))
     assert isinstance(mesh, MixedMesh)
-    bending = Material("cork", SOFT.young_pa, SOFT.density_kg_m3, 0.0)
-    system = assemble(mesh, {"plate": bending}, Scale(EDGE_M, bending.young_pa, bending.density_kg_m3))
+    bending = Material.isotropic("cork", SOFT.as_isotropic.young_pa, SOFT.density_kg_m3, 0.0)
+    system = assemble(mesh, {"plate": bending}, Scale.of(EDGE_M, bending))
     x, _, z = mesh.nodes.T / EDGE_M
     moved = np.column_stack([-x * z, np.zeros_like(x), x**2 / 2.0])
     forces = (system.stiffness @ moved.ravel()).reshape(-1, 3)
@@ -176,7 +176,7 @@ def test_an_abaqus_file_names_its_elements_block_by_block(tmp_path: Path) -> Non
 def test_two_regions_of_a_mixed_mesh_have_their_own_density(tmp_path: Path) -> None:
     (tmp_path / "body.inp").write_text(INP)
     mesh = load(str(tmp_path / "body.inp"), "mm")
-    heavy = Material("heavy", SOFT.young_pa, 3.0 * SOFT.density_kg_m3, SOFT.poisson)
+    heavy = Material.isotropic("heavy", SOFT.as_isotropic.young_pa, 3.0 * SOFT.density_kg_m3, SOFT.as_isotropic.poisson)
     system = assemble(mesh, {"plate": SOFT, "pillar": heavy})
     pillar = system.region_mass("pillar")
     assert pillar is not None

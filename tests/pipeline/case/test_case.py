@@ -126,7 +126,10 @@ def test_bands_only_case_is_json_without_nan():
         ("solve.model = solid", lambda c: c.solve.model == "solid"),
         ('solve.model="solid"', lambda c: c.solve.model == "solid"),
         ("material=steel", lambda c: c.design.material.name == "steel"),
-        ("material.young_GPa=65", lambda c: (c.design.material.young_pa, c.design.material.poisson) == (65e9, 0.34)),
+        (
+            "material.young_GPa=65",
+            lambda c: (c.design.material.as_isotropic.young_pa, c.design.material.as_isotropic.poisson) == (65e9, 0.34),
+        ),
         ("pillar.material=steel", lambda c: c.design.pillar.material.name == "steel" != c.design.material.name),
         (
             "patches.centres_mm=[[0,0],[20,0],[-20,0],[40,0],[-40,0],[0,5],[20,5],[0,-5]]",

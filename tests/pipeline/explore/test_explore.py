@@ -272,11 +272,11 @@ class OwnMesh(LiveReductions):
         if panel.foot is None:
             return super().cell(panel)
         assert self.pillar is not None
-        sizes = (self.thickness_m, self.pillar.height_m, self.pillar.base_m, panel.high[0] - panel.low[0])
-        affine = AffineCell(OFFLINE.box, OFFLINE.mesh, self.material, self.pillar.material)
+        sizes = (self.stack.thickness_m, self.pillar.height_m, self.pillar.base_m, panel.high[0] - panel.low[0])
+        affine = AffineCell(OFFLINE.box, OFFLINE.mesh, self.stack.material, self.pillar.material)
         mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
-        materials = {"plate": self.material, "pillar": self.pillar.material}
-        scale = Scale(self.thickness_m, self.material.young_pa, self.material.density_kg_m3)
+        materials = {"plate": self.stack.material, "pillar": self.pillar.material}
+        scale = Scale.of(self.stack.thickness_m, self.stack.material)
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
 
 

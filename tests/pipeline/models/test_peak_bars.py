@@ -12,6 +12,7 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from pipeline.models import forced as driven_plate
 from pipeline.models.forced import AROUND_PEAK, DECAYED, curve_errors, quality_error
 from solvers.driven.curve_bars import Doubts
@@ -32,7 +33,7 @@ BAND_HZ = (10e3, 30e3)
 @cache
 def forced() -> ForcedPlate:
     reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 2e-3, 0, 0.2), 8e-3)
-    model = PlateModel(PLATE, Reductions(PLATE.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(PLATE, Reductions(Stack.of(PLATE.thickness_m, ALUMINIUM), None, reduction))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array((-9e-3, -3e-3, -2e-3, 2e-3)), 0.5e-3, True)
     patched = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, [patch], True)
     return ForcedPlate(patched, PLATE, Drive((0,), (), BAND_HZ, QUALITY))

@@ -32,7 +32,7 @@ from solvers.accuracy.mesh import (
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 
-STEEL = Material("steel", 210e9, 7850.0, 0.3)
+STEEL = Material.isotropic("steel", 210e9, 7850.0, 0.3)
 PILLAR = Pillar("square", 2e-3, 2e-3, 6e-3, STEEL)
 MESH = HexSettings(3, 2e-3, 1, 0.15, 1.5e-3)
 BAND = (1e3, 450e3)
@@ -103,7 +103,7 @@ def test_the_bar_of_a_part_holds_the_finer_computation() -> None:
 
 
 def test_shares_are_between_the_exponents_and_grow_with_the_contrast() -> None:
-    soft, hard = Material("soft", 3e9, 1200.0, 0.37), Material("hard", 400e9, 19300.0, 0.28)
+    soft, hard = Material.isotropic("soft", 3e9, 1200.0, 0.37), Material.isotropic("hard", 400e9, 19300.0, 0.28)
     light, even, heavy = (rim_shares(*pair, MESH) for pair in ((hard, soft), (STEEL, STEEL), (soft, hard)))
     assert light.taken < even.taken < heavy.taken and all(
         0.0 < each.spread < each.taken for each in (light, even, heavy)

@@ -23,7 +23,7 @@ from solvers.accuracy.singularity import (
 
 
 def material(young: float, poisson: float) -> Material:
-    return Material("any", young, 1000.0, poisson)
+    return Material.isotropic("any", young, 1000.0, poisson)
 
 
 STEEL = material(210e9, 0.3)

@@ -26,10 +26,10 @@ from solvers.superelement.lattice import ReducedLattice
 DESIGN = load_case(Path(__file__).resolve().parents[3] / "examples" / "small.toml").design
 TOP_HZ, COUNT = 8e5, 10
 MATERIALS = {
-    "aluminium": Material("aluminium", 70e9, 2700.0, 0.33),
-    "tungsten": Material("tungsten", 400e9, 19300.0, 0.28),
-    "acrylic": Material("acrylic", 3.3e9, 1190.0, 0.37),
-    "printed": Material("printed", 110e9, 4400.0, 0.34),
+    "aluminium": Material.isotropic("aluminium", 70e9, 2700.0, 0.33),
+    "tungsten": Material.isotropic("tungsten", 400e9, 19300.0, 0.28),
+    "acrylic": Material.isotropic("acrylic", 3.3e9, 1190.0, 0.37),
+    "printed": Material.isotropic("printed", 110e9, 4400.0, 0.34),
 }
 PAIRS = (("aluminium", "aluminium"), ("aluminium", "tungsten"), ("aluminium", "acrylic"))
 
@@ -43,9 +43,7 @@ def scene(plate: str, pillar: str) -> Design:
 def cell(plate: str, pillar: str, order: int, layers: int = 1) -> Cell:
     design = scene(plate, pillar)
     mesh = HexSettings(order, 4e-3, layers, 0.15, 1.6e-3)
-    reductions = Reductions(
-        design.thickness_m, design.material, design.pillar, ReductionSettings(Interface(4, 3), TOP_HZ, mesh)
-    )
+    reductions = Reductions(design.stack, design.pillar, ReductionSettings(Interface(4, 3), TOP_HZ, mesh))
     return reductions.cell(lattice_panel(design))
 
 
@@ -119,7 +117,7 @@ def test_almost_massless_combinations_keep_their_mass() -> None:
         pitch_y_m=8.31e-3,
     )
     settings = ReductionSettings(Interface(4, 3), 3.5e5, HexSettings(3, 5.84e-3, 1, 0.15, 1.17e-3))
-    one = Reductions(design.thickness_m, design.material, design.pillar, settings).cell(lattice_panel(design))
+    one = Reductions(design.stack, design.pillar, settings).cell(lattice_panel(design))
     bar = one.mesh_error
     assert bar and bar.taken > 0.15  # nothing had to be left
     unit = np.sqrt(np.diag(one.mass))
@@ -130,7 +128,7 @@ def plate(order: int) -> PlateModel:
     design = replace(scene(*PAIRS[0]), length_m=12e-3, width_m=10e-3, extension_m=5e-3)
     mesh = HexSettings(order, 4e-3, 1, 0.15, 3.2e-3)
     settings = ReductionSettings(Interface(4, 2), 4e5, mesh, 6e-3, 4e-3)
-    return PlateModel(design, Reductions(design.thickness_m, design.material, design.pillar, settings))
+    return PlateModel(design, Reductions(design.stack, design.pillar, settings))
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from solvers.accuracy.plate import mode_errors
 from solvers.fem.eigen import modes_near
 from solvers.plates.assembled import PlateModel, Reductions
@@ -26,7 +27,7 @@ COUNT = 12
 def plate(along: int, top_hz: float) -> tuple[np.ndarray, float, float]:
     """Lowest frequencies of a class, and the worst estimates by modes and by degrees."""
     reduction = ReductionSettings(Interface(along, 3), top_hz, MESH)
-    joined = PlateModel(DESIGN, Reductions(2e-3, ALUMINIUM, PILLAR, reduction)).assembled("SS")
+    joined = PlateModel(DESIGN, Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, reduction)).assembled("SS")
     modes = modes_near(joined.pencil(), 0.0, COUNT)
     errors = mode_errors(joined, joined.pencil(), modes.vectors[:, :COUNT])
     return modes.frequency_hz[:COUNT], float(errors.modes.max()), float(errors.degrees.max())

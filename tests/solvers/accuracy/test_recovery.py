@@ -15,9 +15,9 @@ from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from tests.helpers import bodies
 
-STEEL, SOFT = Material("steel", 210e9, 7850.0, 0.3), Material("soft", 3e9, 1200.0, 0.35)
+STEEL, SOFT = Material.isotropic("steel", 210e9, 7850.0, 0.3), Material.isotropic("soft", 3e9, 1200.0, 0.35)
 EDGES_M = (4e-3, 2e-3, 2e-3)
-SCALE = Scale(1e-3, STEEL.young_pa, STEEL.density_kg_m3)
+SCALE = Scale.of(1e-3, STEEL)
 
 
 def block(counts: tuple[int, int, int]) -> Mesh:

@@ -18,7 +18,7 @@ from solvers.accuracy.singularity import Wedge, antiplane_exponent, edge_exponen
 
 FACTOR, REACH, POINTS = 0.15, 3, 24  # of a layer; elements from the rim to where the load is; of the quadrature there
 WITHIN = 0.07  # of a share: a sum of one-dimensional errors stands for elements that share their nodes
-PLATE = Material("plate", 1e9, 1000.0, 0.3)
+PLATE = Material.isotropic("plate", 1e9, 1000.0, 0.3)
 
 
 class Field(Protocol):
@@ -42,7 +42,7 @@ class Along:
 
     def __init__(self, contrast: float) -> None:
         self.contrast = contrast
-        self.exponent = antiplane_exponent(rim_wedges(PLATE, Material("pillar", contrast * 1e9, 1000.0, 0.3)))
+        self.exponent = antiplane_exponent(rim_wedges(PLATE, Material.isotropic("pillar", contrast * 1e9, 1000.0, 0.3)))
 
     def at(self, x: FloatArray, y: FloatArray, normal: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
         a, r, t = self.exponent, np.hypot(x, y), np.mod(np.arctan2(y, x), 2.0 * pi)

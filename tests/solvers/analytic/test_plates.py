@@ -7,6 +7,8 @@ from math import pi, sqrt
 
 import pytest
 
+from geometry.materials import MATERIALS, Material
+from geometry.stack import Stack
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.plates import (
     Strip,
@@ -19,8 +21,10 @@ from solvers.analytic.plates import (
     thin_plate_hz,
 )
 from solvers.errors import SolverError
+from tests.helpers.laws import orthotropic
 
-ZONE = Strip(0.1155, 0.020, 0.002, 70e9, 2700.0, 0.34)
+THIN = Stack.of(2e-5, MATERIALS["aluminium"])
+ZONE = Strip(0.1155, 0.020, Stack.of(0.002, MATERIALS["aluminium"]))
 # the same zone as a solid, long side faces clamped, 0 to 9 nodal lines: converged three-dimensional values, Hz
 SOLID = [25_935, 26_024, 26_561, 27_447, 28_773, 30_613, 33_033, 36_087, 39_807, 44_204]
 
@@ -40,10 +44,25 @@ def test_levy_against_ritz(nodal_lines):
 @pytest.mark.parametrize("poisson", [-0.5, 0.0, 0.49])
 @pytest.mark.parametrize("nodal_lines", [0, 1, 5])
 def test_levy_against_ritz_for_other_poisson_ratios(poisson, nodal_lines):
-    strip = replace(ZONE, poisson=poisson)
+    strip = replace(ZONE, stack=Stack.of(2e-3, Material.isotropic("given", 70e9, 2700.0, poisson)))
     assert kirchhoff_mode(strip, nodal_lines, "pinned").frequency_hz == pytest.approx(
         levy_hz(strip, nodal_lines), rel=1e-6
     )
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("nodal_lines", [0, 1, 5])
+def test_levy_against_ritz_for_an_orthotropic_plate(nodal_lines, turned):
+    young, shear = (2e9, 40e9, 5e9) if turned else (40e9, 2e9, 5e9), (1.5e9, 2e9, 3e9)
+    strip = replace(ZONE, stack=Stack.of(2e-3, orthotropic(young, (0.015 if turned else 0.3, 0.1, 0.2), shear)))
+    assert kirchhoff_mode(strip, nodal_lines, "pinned").frequency_hz == pytest.approx(
+        levy_hz(strip, nodal_lines), rel=1e-6
+    )
+
+
+def test_mindlin_of_a_thin_orthotropic_plate_is_kirchhoff():
+    thin = replace(ZONE, stack=Stack.of(2e-5, orthotropic((40e9, 2e9, 5e9), (0.3, 0.1, 0.2), (1.5e9, 2e9, 3e9))))
+    assert mindlin_mode(thin, 8, "pinned").frequency_hz == pytest.approx(levy_hz(thin, 8), rel=5e-4)
 
 
 @pytest.mark.parametrize("nodal_lines", [2, 3, 8])
@@ -64,14 +83,14 @@ def test_short_zone_is_a_beam_across():
 def test_edge_waves_of_a_long_zone():
     """Both ends of a long zone carry the same edge wave: kappa^4/q^4 from Konenkov's equation, below the cut-off."""
     long = replace(ZONE, length_m=5.0)
-    nu = long.poisson
+    nu = long.stack.material.as_isotropic.poisson
     konenkov = (1.0 - nu) * (3.0 * nu - 1.0 + 2.0 * sqrt((1.0 - nu) ** 2 + nu**2))
     for lines in (0, 1):
         assert (levy_wavenumber_per_m(long, lines) / long.across_per_m) ** 4 == pytest.approx(konenkov, rel=1e-9)
 
 
 def test_shear_vanishes_in_thin_plates():
-    thin = replace(ZONE, thickness_m=2e-5)
+    thin = replace(ZONE, stack=THIN)
     assert mindlin_mode(thin, 8, "pinned").frequency_hz == pytest.approx(levy_hz(thin, 8), rel=5e-4)
     assert mindlin_mode(ZONE, 8, "pinned").frequency_hz < 0.96 * levy_hz(ZONE, 8)
 
@@ -101,7 +120,7 @@ def test_clamped_mindlin_plate_against_the_clamped_solid(nodal_lines):
 
 def test_clamped_narrow_strip_is_a_clamped_beam_across():
     """Thin plate, W much smaller than L, N = 1: cylindrical bending between clamped sides, kappa W = 4.7300."""
-    long = replace(ZONE, length_m=2.0, thickness_m=2e-5)
+    long = replace(ZONE, length_m=2.0, stack=THIN)
     expected = thin_plate_hz(long, 4.730040745 / long.width_m)
     assert kirchhoff_mode(long, 3, "clamped").frequency_hz == pytest.approx(expected, rel=2e-3)
 

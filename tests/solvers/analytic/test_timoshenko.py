@@ -8,6 +8,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 
+from geometry.materials import MATERIALS
 from solvers.analytic.beams import VANISHING, rigid_count, roots
 from solvers.analytic.timoshenko import Beam, beam_of, exact_omegas, ritz_frequencies_hz
 from solvers.errors import SolverError
@@ -98,4 +99,4 @@ def test_ritz_finds_the_rigid_motions(left, right):
 )
 def test_refused(sizes):
     with pytest.raises(SolverError, match="must be a finite number above 0"):
-        exact_omegas(beam_of(*sizes, 5.0 / 6.0, ALUMINIUM), "clamped", "free", 1)
+        exact_omegas(beam_of(*sizes, 5.0 / 6.0, MATERIALS["aluminium"]), "clamped", "free", 1)

@@ -12,6 +12,7 @@ from scipy.linalg import eigh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from solvers.driven.forms import best_volts, contrast_volts, face_grams, forms, unit_volts
 from solvers.driven.several_patches import plate_table, power_flow
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
@@ -34,7 +35,7 @@ TONE = 8.3e3  # half a wave of the strip is 24 mm, 24 thicknesses
 @cache
 def patched(design: Design, boxes: tuple[tuple[float, ...], ...], edge_m: float) -> PatchedPlate:
     reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 2e-3, 0, 0.2), edge_m)
-    model = PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), None, reduction))
     bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(box), 0.5e-3, True) for box in boxes]
     return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
 

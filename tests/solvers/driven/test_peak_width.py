@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from solvers.control.identification import half_power_points
 from solvers.driven.error_bars import Variation, width_rates
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
@@ -29,7 +30,7 @@ SMALL = 1e-5  # of an eigenvalue
 @cache
 def patched() -> PatchedPlate:
     reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 2e-3, 0, 0.2), 8e-3)
-    model = PlateModel(PLATE, Reductions(PLATE.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(PLATE, Reductions(Stack.of(PLATE.thickness_m, ALUMINIUM), None, reduction))
     boxes = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
     patches = [bonded_patch(PIEZO_MATERIALS["pz26"], box, 0.5e-3, True) for box in boxes]
     return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, patches, True)

@@ -10,7 +10,7 @@ from scipy.sparse.linalg import norm
 from geometry.materials import Material
 from geometry.mesh import Mesh, is_affine
 from solvers.fem import assembly
-from solvers.fem.assembly import Scale, assemble, elasticity
+from solvers.fem.assembly import Scale, assemble
 from solvers.fem.solid import mass_rows, rigid_body_modes
 from tests.helpers import small_meshes as small
 
@@ -21,7 +21,7 @@ KINDS = sorted(small.ALL)
 
 def engineer_stress(material: Material, gradient: np.ndarray) -> np.ndarray:
     """Hooke's law from E and nu alone: eps = ((1 + nu) sigma - nu tr(sigma) I) / E, solved for sigma (3, 3), Pa."""
-    young, poisson = material.young_pa, material.poisson
+    young, poisson = material.as_isotropic.young_pa, material.as_isotropic.poisson
     strain = (gradient + gradient.T) / 2.0
     compliance = (np.eye(6) * (1.0 + poisson)) / young
     compliance[:3, :3] -= poisson / young
@@ -116,7 +116,7 @@ def test_regions_carry_their_own_material_and_region_masses_add_up() -> None:
     mesh = small.hexes(2)
     halves = {"plate": np.arange(4), "pillar": np.arange(4, 8)}
     split = Mesh(mesh.nodes, mesh.cells, "hex", 2, halves, mesh.faces, mesh.spans)
-    heavy = Material("heavy", 3.0 * small.SOFT.young_pa, 5.0 * small.SOFT.density_kg_m3, 0.2)
+    heavy = Material.isotropic("heavy", 3.0 * small.SOFT.as_isotropic.young_pa, 5.0 * small.SOFT.density_kg_m3, 0.2)
     system = assemble(split, {"plate": small.SOFT, "pillar": heavy}, SI)
     plate, pillar = system.region_mass("plate"), system.region_mass("pillar")
     assert plate is not None and pillar is not None and system.region_mass("foot") is None
@@ -136,7 +136,7 @@ def test_regions_carry_their_own_material_and_region_masses_add_up() -> None:
 
 def test_the_elasticity_tensor_is_hookes_law() -> None:
     gradient = np.random.default_rng(6).normal(size=(3, 3))
-    result = np.einsum("ikjl,jl->ik", elasticity(small.SOFT), gradient)
+    result = np.einsum("ikjl,jl->ik", small.SOFT.tensor_pa, gradient)
     assert np.allclose(result, engineer_stress(small.SOFT, gradient), rtol=1e-13)
 
 
@@ -161,7 +161,7 @@ def test_eigenvalues_agree_with_scikit_fem(kind: str) -> None:
     mesh = skfem.MeshTet(corners.nodes.T / 1e-3, corners.cells.T)
     shape = skfem.ElementTetP1() if order == 1 else skfem.ElementTetP2()
     basis = skfem.Basis(mesh, skfem.ElementVector(shape), intorder=4)
-    young, nu = 1.0, small.SOFT.poisson
+    young, nu = 1.0, small.SOFT.as_isotropic.poisson
     mu, lame = young / (2.0 * (1.0 + nu)), young * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
     @skfem.BilinearForm
@@ -174,7 +174,7 @@ def test_eigenvalues_agree_with_scikit_fem(kind: str) -> None:
         return dot(u, v)
 
     oracle = eigh(stiffness.assemble(basis).toarray(), mass.assemble(basis).toarray(), eigvals_only=True)
-    system = assemble(ours, BODY, Scale(1e-3, small.SOFT.young_pa, small.SOFT.density_kg_m3))
+    system = assemble(ours, BODY, Scale.of(1e-3, small.SOFT))
     result = eigh(system.stiffness.toarray(), np.kron(system.mass.toarray(), np.eye(3)), eigvals_only=True)
     assert len(result) == len(oracle)
     assert np.abs(result[6:] / oracle[6:] - 1.0).max() < 1e-9

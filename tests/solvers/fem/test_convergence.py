@@ -34,8 +34,8 @@ MESHES = {  # order, cuts of the coarse and the fine mesh
 def exact_hz(count: int) -> np.ndarray:
     """The lowest frequencies: one pressure wave a wavevector, two shear waves, one when a component of k is zero."""
     body, result = small.SOFT, []
-    shear = body.young_pa / (2.0 * (1.0 + body.poisson)) / body.density_kg_m3
-    pressure = shear * (2.0 - 2.0 * body.poisson) / (1.0 - 2.0 * body.poisson)
+    shear = body.as_isotropic.young_pa / (2.0 * (1.0 + body.as_isotropic.poisson)) / body.density_kg_m3
+    pressure = shear * (2.0 - 2.0 * body.as_isotropic.poisson) / (1.0 - 2.0 * body.as_isotropic.poisson)
     for numbers in product(range(4), repeat=3):
         k = pi * float(np.linalg.norm(np.array(numbers) / np.array(EDGES_M)))
         turns = sum(n > 0 for n in numbers)

@@ -12,6 +12,7 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import Material
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from pipeline.models.live_column import CONDENSED
 from pipeline.planning.mesh_rules import search_window_hz
@@ -25,7 +26,7 @@ from solvers.superelement.cell import rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.complex_bands import Row
 
-ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
+ALUMINIUM = Material.isotropic("aluminium", 70e9, 2700.0, 0.34)
 FACE = Interface(3, 2)
 SIZE = (4e-3, 5.5e-3, 2e-3)
 WINDOW = (24e3, 45e3)
@@ -37,7 +38,7 @@ def reductions(
     size_m: float = 4e-3, order: int = 3, top_hz: float = 6.0 * WINDOW[1], design: Design = DESIGN
 ) -> Reductions:
     settings = ReductionSettings(FACE, top_hz, HexSettings(order, size_m, 0), 3.0 * design.thickness_m)
-    made = Reductions(design.thickness_m, ALUMINIUM, design.pillar, settings)
+    made = Reductions(Stack.of(design.thickness_m, ALUMINIUM), design.pillar, settings)
     made.coarser = lambda panel: None  # type: ignore[method-assign]
     return made
 

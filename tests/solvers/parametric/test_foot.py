@@ -28,7 +28,7 @@ from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.symmetry import diagonal_image
 
-ALUMINIUM, STEEL = Material("aluminium", 70e9, 2700.0, 0.34), Material("steel", 200e9, 7800.0, 0.3)
+ALUMINIUM, STEEL = Material.isotropic("aluminium", 70e9, 2700.0, 0.34), Material.isotropic("steel", 200e9, 7800.0, 0.3)
 MATERIALS = {"plate": ALUMINIUM, "pillar": STEEL}
 FEET = {
     "square": Foot(),
@@ -145,7 +145,7 @@ def test_bands_are_those_of_an_independent_mesh(shape: str) -> None:
     sizes = (design.thickness_m, pillar.height_m, pillar.base_m, pitch)
     mesh, _ = quarter_mesh(foot, sizes, FixedMesh(layers=1 if shape == "cross" else 2))
     reduction = mesh_rules.lattice_reduction(design, case.solve.accuracy)
-    reductions = Reductions(design.thickness_m, design.material, pillar, reduction, None, lambda panel: mesh)
+    reductions = Reductions(design.stack, pillar, reduction, None, lambda panel: mesh)
     own = ReducedLattice(reductions.cell(lattice_panel(design)))
     other = lattice_model(case, cell_model_choice(case), corners, WarningLog(), [], finer=False)
     ours, theirs = (np.array([each.waves(k, count).frequency_hz for k in corners]) for each in (own, other.lattice))

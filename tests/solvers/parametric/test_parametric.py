@@ -23,8 +23,8 @@ from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.reduction import reduce_cell
 
-ALUMINIUM = Material("aluminium", 70e9, 2700.0, 0.34)
-STEEL = Material("steel", 200e9, 7800.0, 0.3)
+ALUMINIUM = Material.isotropic("aluminium", 70e9, 2700.0, 0.34)
+STEEL = Material.isotropic("steel", 200e9, 7800.0, 0.3)
 BOX = DesignBox((1.5e-3, 4e-3, 1.5e-3, 3e-3), (2.5e-3, 7e-3, 2.5e-3, 5e-3))
 MESH = FixedMesh(order=2, beside=1, along=3, layers=0)
 FACE = Interface(3, 2)
@@ -54,7 +54,7 @@ def bases(cells: tuple[ParametricCell, ...]) -> BandBases:
 def stretched(affine: AffineCell, sizes: Sizes) -> System:
     """The same topology meshed and assembled for one design, as any plate's cell is."""
     mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
-    scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    scale = Scale.of(sizes[0], ALUMINIUM)
     return assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale)
 
 
@@ -170,7 +170,7 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(fractions), COUNT)
     own = ReducedLattice(cell.at(sizes, INNER))
     mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
-    scale = Scale(sizes[0], ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    scale = Scale.of(sizes[0], ALUMINIUM)
     plain = ReducedLattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
     for fraction, computed_hz in zip(fractions, cell.scale.frequency(values), strict=True):
         wanted, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))

@@ -11,6 +11,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from solvers.piezo import beneath
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.patch import bonded_patch
@@ -31,7 +32,7 @@ def plate_model(rows: int = 0) -> PlateModel:
     pitch = 4e-3 if rows else float("nan")
     design = Design(24e-3, 10e-3, 2e-3, 2, ALUMINIUM, pillar, pitch, pitch, rows, 3e-3)
     reduction = ReductionSettings(Interface(4, 3), 300e3, HexSettings(3, 2e-3, 1 if rows else 0, 0.2, 2e-3), 4e-3)
-    return PlateModel(design, Reductions(design.thickness_m, ALUMINIUM, pillar, reduction))
+    return PlateModel(design, Reductions(Stack.of(design.thickness_m, ALUMINIUM), pillar, reduction))
 
 
 @pytest.mark.parametrize(

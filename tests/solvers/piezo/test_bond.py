@@ -8,6 +8,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.piezo.bond import _field, grid_weights
@@ -24,7 +25,7 @@ PLACES = np.array([[0.3e-3, -1.1e-3], [1.9e-3, 0.2e-3], [-1.2e-3, 1.3e-3]])
 def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:
     """Planted: without the look at the grid a round pillar's panel told -0.08 to 1 of a lift by 1."""
     pillar = Pillar(shape, 2e-3, 1.4e-3 if shape == "tapered" else 2e-3, 6e-3, ALUMINIUM)
-    cell = Reductions(2e-3, ALUMINIUM, pillar, SETTINGS).cell(PANEL)
+    cell = Reductions(Stack.of(2e-3, ALUMINIUM), pillar, SETTINGS).cell(PANEL)
     if shape in ("round", "hexagonal"):
         with pytest.raises(SolverError, match="no tensor grid"):
             _field(cell, PLACES, np.eye(3), back=False)

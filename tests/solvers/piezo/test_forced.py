@@ -14,6 +14,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial
+from geometry.stack import Stack
 from geometry.tiling import tile
 from solvers import machine
 from solvers.analytic.beams import frequency_hz, roots
@@ -36,7 +37,7 @@ from tests.helpers.kept_matrices import KeptMatrices
 
 ALUMINIUM = MATERIALS["aluminium"]
 PZ26 = PIEZO_MATERIALS["pz26"]
-NU, E = ALUMINIUM.poisson, ALUMINIUM.young_pa
+NU, E = ALUMINIUM.as_isotropic.poisson, ALUMINIUM.as_isotropic.young_pa
 # A "ceramic" with aluminium's elasticity: the bonded body is then a plain solid that any mesh can carry.
 PLAIN = PiezoMaterial(
     "plain", 2700.0, 1 / E, -NU / E, -NU / E, 1 / E, 2 * (1 + NU) / E, -1e-10, 2e-10, 3e-10, 1e3, 1e3, "invented"
@@ -51,7 +52,7 @@ TWO = np.array([[-9e-3, -3e-3, -2e-3, 2e-3], [3e-3, 9e-3, -2e-3, 2e-3]])
 @cache
 def model() -> PlateModel:
     reduction = ReductionSettings(Interface(6, 3), 900e3, HexSettings(3, 2e-3, 0, 0.2), 4e-3)
-    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
+    return PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction))
 
 
 COARSE = HexSettings(2, 4e-3, 1, 0.15)  # of a patch
@@ -277,7 +278,7 @@ def test_no_patches_and_a_patch_beyond_the_plate_are_refused() -> None:
 @cache
 def plate_of(top_hz: float, longest_m: float) -> PlateModel:
     reduction = ReductionSettings(Interface(6, 3), top_hz, HexSettings(3, 2e-3, 0, 0.2), longest_m)
-    return PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
+    return PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction))
 
 
 @cache
@@ -333,7 +334,7 @@ def test_a_stiff_patch_on_a_soft_plate_has_the_frequencies_of_a_finer_mesh_of_it
     """On PMMA, thirty times softer than the ceramic: as on a mesh of one layer more."""
     soft = replace(DESIGN, material=MATERIALS["pmma"], thickness_m=1.5e-3)
     reduction = ReductionSettings(Interface(4, 2), 100e3, HexSettings(2, 4e-3, 0, 0.2), 6e-3)
-    made = PlateModel(soft, Reductions(soft.thickness_m, soft.material, None, reduction))
+    made = PlateModel(soft, Reductions(Stack.of(soft.thickness_m, soft.material), None, reduction))
     box = np.array([-4e-3, 4e-3, -3e-3, 3e-3])
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
     tones, bars = [], []
@@ -416,7 +417,10 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
     pillar = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
     design = Design(12e-3, 10e-3, 2e-3, 2, ALUMINIUM, pillar, 4e-3, 4e-3, 1, 5e-3)
     reduction = ReductionSettings(Interface(6, 3), 400e3, HexSettings(3, 2e-3, 1, 0.15, 3e-3), 4e-3)
-    model, box = PlateModel(design, Reductions(2e-3, ALUMINIUM, pillar, reduction)), np.array([-1e-3, 5e-3, 2e-3, 6e-3])
+    model, box = (
+        PlateModel(design, Reductions(Stack.of(2e-3, ALUMINIUM), pillar, reduction)),
+        np.array([-1e-3, 5e-3, 2e-3, 6e-3]),
+    )
     heights = []
     for share in (beneath_patches.FOOT, beneath_patches.FOOT / 1.4):
         monkeypatch.setattr(beneath_patches, "FOOT", share)
@@ -463,8 +467,8 @@ def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(m
     plate, patch = made.assembled("SS"), bonded_patch(PZ26, MIDDLE[0], THICK_M, True, COARSE)
     first = Beneath(made.reductions, kept).flexibility(plate, patch, True)
     others = [
-        {"thickness_m": 2.5e-3},
-        {"material": MATERIALS["steel"]},
+        {"stack": Stack.of(2.5e-3, ALUMINIUM)},
+        {"stack": Stack.of(DESIGN.thickness_m, MATERIALS["steel"])},
         {"pillar": Pillar("square", 1e-3, 1e-3, 2e-3, ALUMINIUM)},
     ]
     for other in others:

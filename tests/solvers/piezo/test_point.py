@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
@@ -26,7 +27,7 @@ TONE_HZ = 33e3
 def lopsided() -> ForcedPlate:
     """One patch off both axes: it drives all four symmetry classes at once."""
     reduction = ReductionSettings(Interface(4, 2), 600e3, HexSettings(2, 2e-3, 0, 0.2), 4e-3)
-    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction))
     patch = bonded_patch(PIEZO_MATERIALS["pz26"], np.array([2e-3, 10e-3, -1e-3, 3e-3]), 0.3e-3, True)
     plate = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, [patch], True)
     return ForcedPlate(plate, DESIGN, Drive((0,), (), (20e3, 45e3), 100.0))

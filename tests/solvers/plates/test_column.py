@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Tiling, signature, tile
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
@@ -31,7 +32,7 @@ REDUCTION = ReductionSettings(Interface(4, 3), 250e3, HexSettings(3, 4e-3, 0, 0.
 
 
 def reductions(design: Design, reduction: ReductionSettings = REDUCTION) -> Reductions:
-    return Reductions(design.thickness_m, design.material, design.pillar, reduction)
+    return Reductions(design.stack, design.pillar, reduction)
 
 
 @pytest.mark.parametrize("extension_m", [0.0, 1e-3, 6e-3])
@@ -65,9 +66,9 @@ def test_a_thin_bare_column_is_the_strip_of_plate_theory() -> None:
     kx = free_kx_per_m(bare)
     thin = strip_modes(bare, 1e3, 40e3)
     settings = HexSettings(3, 3e-3, 0, 0.25)
-    result = Column(bare, Reductions(0.5e-3, ALUMINIUM, None, replace(REDUCTION, hexahedra=settings)), kx).modes(
-        1e3, 40e3
-    )
+    result = Column(
+        bare, Reductions(Stack.of(0.5e-3, ALUMINIUM), None, replace(REDUCTION, hexahedra=settings)), kx
+    ).modes(1e3, 40e3)
     flexural = [
         float(result.frequency_hz[np.argmin(np.abs(result.frequency_hz / tone - 1.0))]) for tone in thin.frequency_hz
     ]

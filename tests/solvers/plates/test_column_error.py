@@ -9,6 +9,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.accuracy.plate import last_bubbles, last_layer
 from solvers.plates.assembled import Reductions
@@ -55,7 +56,7 @@ def test_functions_of_the_last_degree_are_those_that_a_lower_interface_lacks() -
     """On a row's lower and upper edge and on the side within, through the thickness as along the sides."""
     reduction = ReductionSettings(Interface(4, 3), 300e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
     panel = Panel((-2e-3, -2e-3), (2e-3, 2e-3), None, (0, 1))
-    row = Row(Reductions(2e-3, MATERIALS["aluminium"], None, reduction).cell(panel), 204.0)
+    row = Row(Reductions(Stack.of(2e-3, MATERIALS["aluminium"]), None, reduction).cell(panel), 204.0)
     face, moves = row.cell.interface, row.transform != 0.0
     for part, lower in ((last_layer, Interface(4, 2)), (last_bubbles, Interface(3, 3))):
         own = np.isin(np.arange(row.cell.dof), face.within(lower)) | (np.arange(row.cell.dof) >= face.count)

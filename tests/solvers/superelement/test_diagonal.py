@@ -12,6 +12,7 @@ from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.plates.assembled import Reductions
@@ -34,7 +35,7 @@ def system(panel: Panel = SQUARE, stiffer: bool = False) -> System:
         corner = np.argmax(mesh.nodes[mesh.cells].mean(axis=1) @ [1.0, -1.0, 0.0])
         regions = {name: np.setdiff1d(cells, corner) for name, cells in mesh.regions.items()}
         mesh = replace(mesh, regions=regions | {"odd": np.array([corner])})
-    return assemble(mesh, materials, Scale(2e-3, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3))
+    return assemble(mesh, materials, Scale.of(2e-3, ALUMINIUM))
 
 
 def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -58,7 +59,7 @@ def test_a_mesh_tells_its_error_to_one_that_the_diagonal_splits_otherwise(
 ) -> None:
     """Sides that differ in the tenth digit are alike to one mesh and not to the other: their functions are still the same."""
     settings = ReductionSettings(FACE, 150e3, HexSettings(3, 4e-3, 1))
-    panel = Reductions(2e-3, ALUMINIUM, PILLAR, settings)
+    panel = Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, settings)
     alike = panel.cell(SQUARE).mesh_error
     nodes = len(panel._mesh(SQUARE, settings.hexahedra).mesh.nodes)
 

@@ -14,6 +14,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.accuracy.bands import (
     _brought,
@@ -23,7 +24,7 @@ from solvers.accuracy.bands import (
     truncation,
     truncation_bars,
 )
-from solvers.analytic.plate_waves import lamb_hz, shear_speed
+from solvers.analytic.plate_waves import lamb_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.plates.assembled import Reductions
@@ -54,7 +55,7 @@ def lattice(
     settings: HexSettings = COARSE,
 ) -> ReducedLattice:  # fmt: skip
     reduction = ReductionSettings(face or Interface(4, 3), top_hz, settings)
-    return ReducedLattice(Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel(pitch, pillar)))
+    return ReducedLattice(Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, reduction).cell(panel(pitch, pillar)))
 
 
 @cache
@@ -210,7 +211,7 @@ def test_group_velocity_of_the_bare_plate_is_that_of_the_exact_waves() -> None:
             / 0.2
         )
 
-    exact = np.array([slope(False), shear_speed(ALUMINIUM), slope(True)])
+    exact = np.array([slope(False), ALUMINIUM.shear_m_s, slope(True)])
     velocity = bare.group_velocity(bare.waves(k * direction, 3))
     assert np.allclose(velocity, exact[:, None] * direction, rtol=1e-3, atol=1e-3 * exact[0])
 
@@ -284,7 +285,7 @@ def test_degrees_are_told_by_what_a_lattice_of_one_less_lacks_on_coarse_elements
     tiny = Pillar("square", 0.25e-3, 0.25e-3, 0.6e-3, ALUMINIUM)
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=0.6e-3)
     reduction = ReductionSettings(Interface(9, 3), 0.8e6, settings)
-    ample = ReducedLattice(Reductions(THICK_M, ALUMINIUM, tiny, reduction).cell(panel((8e-3, 8e-3), True)))
+    ample = ReducedLattice(Reductions(Stack.of(THICK_M, ALUMINIUM), tiny, reduction).cell(panel((8e-3, 8e-3), True)))
     ends = corners((8e-3, 8e-3))[:3]
 
     def largest(degree: int, of: ReducedLattice) -> float:
@@ -356,7 +357,7 @@ def test_slender_stiff_pillars_on_a_soft_plate_are_no_fault_of_the_cell() -> Non
     """Rounding leaves their motion right to some 1e-8, and no more of the mass is missing."""
     mesh = HexSettings(order=3, size_m=1e-3, layers=1, pillar_size_m=2.25e-3)
     pillar = Pillar("square", 1e-3, 1e-3, 9e-3, MATERIALS["steel"])
-    reductions = Reductions(1e-3, MATERIALS["pmma"], pillar, ReductionSettings(Interface(4, 3), 3e5, mesh))
+    reductions = Reductions(Stack.of(1e-3, MATERIALS["pmma"]), pillar, ReductionSettings(Interface(4, 3), 3e5, mesh))
     cell = reductions.cell(panel((3e-3, 3e-3), pillar=True))
     at_rest, *others = ReducedLattice(cell).frequencies(np.zeros(2), 4)[2:]
     assert at_rest < 1e-3 * others[0]

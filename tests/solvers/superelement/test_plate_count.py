@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from solvers.accuracy.plate import mode_errors, more_below
 from solvers.fem.eigen import modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
@@ -28,7 +29,7 @@ FINE_HZ = 3e6
 def model(top_hz: float, pillars: bool) -> PlateModel:
     design = DESIGN if pillars else BARE
     reduction = ReductionSettings(Interface(3, 3), top_hz, MESH)
-    return PlateModel(design, Reductions(design.thickness_m, STEEL, design.pillar, reduction))
+    return PlateModel(design, Reductions(Stack.of(design.thickness_m, STEEL), design.pillar, reduction))
 
 
 def count(top_hz: float, edge_hz: float, pillars: bool) -> int:

@@ -12,6 +12,7 @@ from geometry.hex.boxes import panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar, Tip, region_materials
 from geometry.materials import MATERIALS, Material
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.solid import rigid_body_modes
@@ -22,8 +23,8 @@ from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.reduction import CellBuilder
 
 ALUMINIUM = MATERIALS["aluminium"]
-RUBBER = Material("rubber", young_pa=1.175e5, density_kg_m3=1300.0, poisson=0.46875)
-LEAD = Material("lead", young_pa=40.8e9, density_kg_m3=11600.0, poisson=0.37)
+RUBBER = Material.isotropic("rubber", young_pa=1.175e5, density_kg_m3=1300.0, poisson=0.46875)
+LEAD = Material.isotropic("lead", young_pa=40.8e9, density_kg_m3=11600.0, poisson=0.37)
 WIDE_M, THICK_M, PITCH_M = 6.35e-3, 6e-3, 20e-3
 PANEL = Panel((-PITCH_M / 2.0,) * 2, (PITCH_M / 2.0,) * 2, (0.0, 0.0), (0, 1))
 
@@ -31,7 +32,9 @@ PANEL = Panel((-PITCH_M / 2.0,) * 2, (PITCH_M / 2.0,) * 2, (0.0, 0.0), (0, 1))
 def rods(height_m: float, top_hz: float, elements: int, face: Interface) -> ReducedLattice:
     settings = HexSettings(3, 2.0 * THICK_M, 0, height_m / elements)
     pillar = Pillar("square", WIDE_M, WIDE_M, height_m, ALUMINIUM)
-    return ReducedLattice(Reductions(THICK_M, ALUMINIUM, pillar, ReductionSettings(face, top_hz, settings)).cell(PANEL))
+    return ReducedLattice(
+        Reductions(Stack.of(THICK_M, ALUMINIUM), pillar, ReductionSettings(face, top_hz, settings)).cell(PANEL)
+    )
 
 
 def test_the_residual_flexibility_of_slender_rods_is_no_rounding() -> None:
@@ -58,8 +61,10 @@ def test_a_heavy_tip_on_a_soft_neck_follows_its_plate_exactly() -> None:
     pillar = Pillar("square", 6e-3, 6e-3, 5e-3, RUBBER, tip=Tip(6e-3, 5e-3, LEAD))
     panel = replace(PANEL, low=(-5e-3, -5e-3), high=(5e-3, 5e-3))
     mesh = mesh_of(panel_boxes(panel, 1e-3, pillar, HexSettings(3, 2e-3, 1, 0.15)), 3)
-    scale = Scale(1e-3, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
-    builder = CellBuilder(assemble(mesh, region_materials(ALUMINIUM, pillar), scale), Interface(2, 1), (0, 1), ())
+    scale = Scale.of(1e-3, ALUMINIUM)
+    builder = CellBuilder(
+        assemble(mesh, region_materials(Stack.of(1e-3, ALUMINIUM), pillar), scale), Interface(2, 1), (0, 1), ()
+    )
     size_m = (10e-3, 10e-3, 1e-3)
     rigid, middle = rigid_polynomials(builder.interface, size_m), np.array([0.0, 0.0, size_m[2] / 2.0])
     field = rigid_body_modes(mesh.nodes, middle, max(size_m) / 2.0).reshape(-1, 6)
@@ -75,7 +80,7 @@ def test_a_cell_gets_the_nodes_that_its_degree_needs() -> None:
     settings = HexSettings(3, 20e-3, 0, 10e-3, through=2)
 
     def reductions(along: int) -> Reductions:
-        return Reductions(10e-3, ALUMINIUM, pillar, ReductionSettings(Interface(along, 2), 1e5, settings))
+        return Reductions(Stack.of(10e-3, ALUMINIUM), pillar, ReductionSettings(Interface(along, 2), 1e5, settings))
 
     assert reductions(6).settings(panel) == settings
     one = reductions(7)

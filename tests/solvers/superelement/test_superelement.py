@@ -11,6 +11,7 @@ from scipy.linalg import eigh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel, lattice_panel, signature, tile
 from solvers.errors import SolverError
 from solvers.plates.assembled import PlateModel, Reductions
@@ -27,7 +28,7 @@ FACE = Interface(4, 3)
 
 def cell(halved: tuple[int, ...] = (0, 1), top_hz: float = 400e3, face: Interface = FACE) -> Cell:
     """One unit cell with its pillar."""
-    reductions = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(face, top_hz, SETTINGS))
+    reductions = Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, ReductionSettings(face, top_hz, SETTINGS))
     return reductions.cell(replace(lattice_panel(DESIGN), halved=halved))
 
 
@@ -93,7 +94,7 @@ def test_a_narrow_piece_is_meshed_so_that_its_sides_hold_their_functions(order: 
     size = {2: 1.8e-3, 3: 4e-3}[order]  # one element over the narrow side would make functions of degree 6 one
     reduction = ReductionSettings(Interface(6, 3), 1e5, HexSettings(order, size, 0))
     narrow = Panel((0.0, 0.0), (1.8e-3, 6e-3))
-    mass = Reductions(2e-3, ALUMINIUM, None, reduction).cell(narrow).mass
+    mass = Reductions(Stack.of(2e-3, ALUMINIUM), None, reduction).cell(narrow).mass
     values = np.linalg.eigvalsh(mass)
     assert values[0] > 1e-9 * values[-1]
 
@@ -129,7 +130,7 @@ def test_equal_pieces_are_reduced_once() -> None:
 
 def test_cells_that_do_not_fit_together_are_refused() -> None:
     cut = tile(DESIGN, 6e-3)
-    made = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(FACE, 200e3, SETTINGS, 6e-3))
+    made = Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, ReductionSettings(FACE, 200e3, SETTINGS, 6e-3))
     cells = PlateModel(DESIGN, made).cells
     key = next(iter(cells))
     other = replace(cells[key], interface=Interface(3, 3))
@@ -141,7 +142,7 @@ def test_cells_that_do_not_fit_together_are_refused() -> None:
 
 def test_a_mesh_too_coarse_for_the_boundary_functions_is_refused() -> None:
     coarse = HexSettings(order=1, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
-    made = Reductions(2e-3, ALUMINIUM, PILLAR, ReductionSettings(Interface(4, 3), 200e3, coarse))
+    made = Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, ReductionSettings(Interface(4, 3), 200e3, coarse))
     with pytest.raises(SolverError, match="through the thickness"):
         made.cell(lattice_panel(DESIGN))
 

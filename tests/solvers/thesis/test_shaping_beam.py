@@ -62,7 +62,7 @@ def exact_stepped(beam: PatchedBeam, frequency: float) -> tuple[np.ndarray, np.n
     count, size = len(beam.centres_m), 2 * len(nodes)
     per_width = -beam.piezo.d31 / beam.piezo.s11
     drive, sense = per_width * beam.actuator_width_m, per_width * beam.sensor_width_m
-    bare_ea = beam.material.young_pa * beam.width_m * beam.thickness_m
+    bare_ea = beam.material.as_isotropic.young_pa * beam.width_m * beam.thickness_m
     soft = (beam.length_m - count * beam.patch_length_m) / bare_ea + count * beam.patch_length_m / ea
     free = beam.piezo.permittivity_free_f_m[2, 2] - beam.piezo.d31**2 / beam.piezo.s11
     capacitance = free * beam.sensor_width_m * beam.patch_length_m / beam.patch_thickness_m

@@ -17,6 +17,7 @@ from geometry.fingertips import FINGERTIPS, Fingertip
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
+from geometry.stack import Stack
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
@@ -42,7 +43,7 @@ HEAVY = Fingertip("heavy", stiffness_n_m=2e6, damping_n_s_m=20.0, mass_kg=3e-5)
 @cache
 def patched() -> PatchedPlate:
     reduction = ReductionSettings(Interface(4, 1), 200e3, HexSettings(2, 5e-3, 0, 0.2), 8e-3)
-    model = PlateModel(DESIGN, Reductions(DESIGN.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, ALUMINIUM), None, reduction))
     bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(box), 0.5e-3, True) for box in PATCHES_M]
     return PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
 
@@ -209,7 +210,7 @@ WIDE = Design(40e-3, 20e-3, 1e-3, 4, ALUMINIUM, None, float("nan"), float("nan")
 def wide(band_hz: tuple[float, float], quality_factor: float) -> ForcedPlate:
     """A plate of several wavelengths."""
     reduction = ReductionSettings(Interface(6, 1), 300e3, HexSettings(3, 4e-3, 0, 0.2), 10e-3)
-    model = PlateModel(WIDE, Reductions(WIDE.thickness_m, ALUMINIUM, None, reduction))
+    model = PlateModel(WIDE, Reductions(Stack.of(WIDE.thickness_m, ALUMINIUM), None, reduction))
     bonded = [bonded_patch(PIEZO_MATERIALS["pz26"], np.array(PATCHES_M[0]), 0.3e-3, True)]
     plate = PatchedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, bonded, True)
     return ForcedPlate(plate, WIDE, Drive((0,), (), band_hz, quality_factor))

@@ -13,6 +13,7 @@ import scipy.sparse.linalg as spla
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import signature
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape
@@ -38,7 +39,9 @@ REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 0, 0.
 
 
 def model(design: Design) -> tuple[PlateModel, VariedReductions]:
-    reductions = VariedReductions(design.thickness_m, ALUMINIUM, design.pillar, REDUCTION, reach_m=DEVIATIONS.reach_m)
+    reductions = VariedReductions(
+        Stack.of(design.thickness_m, ALUMINIUM), design.pillar, REDUCTION, reach_m=DEVIATIONS.reach_m
+    )
     return PlateModel(design, reductions), reductions
 
 

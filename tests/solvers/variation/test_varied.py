@@ -16,6 +16,7 @@ from geometry.hex.scenes import HexSettings, panel_scene
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, cell_volumes
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
@@ -29,7 +30,7 @@ ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 5e-3, ALUMINIUM)
 THICK_M, TONE_HZ = 2e-3, 40e3
 REDUCTION = ReductionSettings(Interface(3, 2), 450e3, HexSettings(2, 4e-3, 1, 0.25, 4e-3))
-SETTING = Reductions(THICK_M, ALUMINIUM, PILLAR, REDUCTION)
+SETTING = Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, REDUCTION)
 MIDDLE = Panel((-2e-3, -2e-3), (2e-3, 2e-3), (0.0, 0.0), (0, 1))
 EDGE = Panel((0.0, -2e-3), (3.5e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
 FLUSH = Panel((0.0, -2e-3), (3e-3, 2e-3), (2e-3, 0.0), (1,), ("x+",))
@@ -45,7 +46,7 @@ def anew(panel: Panel, change_m: np.ndarray, setting: Reductions = SETTING) -> C
     assert panel.foot is not None
     whole = Panel(panel.low, panel.high, (panel.foot[0] + change_m[2], panel.foot[1] + change_m[3]), (), panel.free)
     mesh = panel_mesh(whole, THICK_M, pillar, REDUCTION.hexahedra).mesh
-    scale = Scale(THICK_M, ALUMINIUM.young_pa, ALUMINIUM.density_kg_m3)
+    scale = Scale.of(THICK_M, ALUMINIUM)
     system = assemble(mesh, {"plate": ALUMINIUM, "pillar": ALUMINIUM}, scale)
     return reduce_cell(system, REDUCTION.interface, REDUCTION.top_hz, (), panel.free)
 

@@ -13,6 +13,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice, Path
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
@@ -35,7 +36,7 @@ def lattice(
     degrees, top_hz = (Interface(4, 3), 1e6) if foot else (Interface(6, 3), 1.8e6)
     reduction = ReductionSettings(degrees, top_hz, HexSettings(3, 4e-3 if foot else 2e-3, 0, 0.2, 6.3e-3))
     return ReducedLattice(
-        Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved))
+        Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, reduction).cell(Panel(tuple(-half), tuple(half), foot, halved))
     )
 
 

@@ -13,6 +13,7 @@ from scipy.linalg import eigh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.errors import SolverError
@@ -36,7 +37,7 @@ def cell(
     half = PITCH_M / 2.0
     reduction = ReductionSettings(Interface(4, 3), top_hz, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
     panel = Panel((-half, -half), (half, half), foot, halved)
-    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
+    return Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, reduction).cell(panel)
 
 
 def shorter() -> Cell:
@@ -45,7 +46,7 @@ def shorter() -> Cell:
     reduction = ReductionSettings(Interface(4, 3), 600e3, HexSettings(3, 2e-3, 0, 0.2, 3e-3))
     own = Pillar("square", 2e-3, 2e-3, 5.5e-3, ALUMINIUM)
     panel = Panel((-half, -half), (half, half), (0.0, 0.0), (0, 1), (), own)
-    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
+    return Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, reduction).cell(panel)
 
 
 def closest(result: complex_bands.RowWaves, ky: float) -> int:

@@ -13,6 +13,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale
 from solvers.plates.assembled import Reductions
@@ -143,7 +144,7 @@ def lattice() -> ReducedLattice:
     half = np.array(PITCH) / 2.0
     reduction = ReductionSettings(Interface(4, 3), 1.2e6, HexSettings(3, 4e-3, 0, 0.2, 6.3e-3))
     panel = Panel(tuple(-half), tuple(half), (0.0, 0.0), (0, 1))
-    return ReducedLattice(Reductions(2e-3, ALUMINIUM, PILLAR, reduction).cell(panel))
+    return ReducedLattice(Reductions(Stack.of(2e-3, ALUMINIUM), PILLAR, reduction).cell(panel))
 
 
 def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search() -> None:

@@ -10,6 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
+from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions
@@ -30,7 +31,7 @@ def cell(foot: bool = False) -> Cell:
     half = np.array(PITCH) / 2.0
     reduction = ReductionSettings(Interface(6, 3), 2e6, HexSettings(3, 1.5e-3, 0, 0.2, 3e-3))
     panel = Panel(tuple(-half), tuple(half), (0.0, 0.0) if foot else None, (0, 1))
-    return Reductions(THICK_M, ALUMINIUM, PILLAR, reduction).cell(panel)
+    return Reductions(Stack.of(THICK_M, ALUMINIUM), PILLAR, reduction).cell(panel)
 
 
 def labels(of: Cell, k: np.ndarray, count: int, named: np.ndarray | None = None) -> list[Label]:
