@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite, isnan, nan, pi
 from pathlib import Path
@@ -84,6 +84,10 @@ class Case:
         """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
         half = self.design.half_wavelength_m
         return pi / half if half else 0.0
+
+    def but(self, changes: Mapping[str, Any]) -> Case:
+        """The case with other values of dotted keys, in the file's units. InputError for what cannot be built."""
+        return case_from_dict(self.raw, self.source, [*self.overrides, *changes.items()]) if changes else self
 
     def require(self, *keys: str, command: str = "this command") -> None:
         """InputError naming every table or dotted key that the command needs and the file lacks.
