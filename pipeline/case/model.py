@@ -181,8 +181,10 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     raw = one_table(raw, str(source) if source is not None else "case")
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
-    if not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
-        patches, touch = read_patches(values, _design(values)), read_touch(values, _design(values))
+    attached = {"patches", "touch"} & values.tables.present
+    if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
+        design = _design(values)
+        patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
     design = _design(values)
     return Case(

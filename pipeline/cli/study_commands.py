@@ -142,7 +142,7 @@ def report(arguments: Namespace) -> int:
 def show(arguments: Namespace) -> int:
     """Print what a stored study found: its answer, its facts and the table's main columns."""
     from pipeline.questions import study as asked
-    from pipeline.questions.answer import Answer, emit
+    from pipeline.questions.command import Answer, emit
     from pipeline.records.outputs import table
     from pipeline.records.study import read_study
     from pipeline.report import text

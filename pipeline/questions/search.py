@@ -9,7 +9,7 @@ from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import frequency, level, level_figure, level_with_bar, signed, with_bar
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import np, plans, reading, style
+from pipeline.questions.late import np, outputs, plans, style
 from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result, scaled
 from pipeline.records.part import Part, bar, column, live
@@ -158,7 +158,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         grams = [scaled(each.mass_kg, GRAM) for each in keeping[:SHOWN]]
         rows = [[*one.set.values(), *own, mass] for one, own, mass in zip(keeping, figures, grams, strict=False)]
         yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
-        yield reading.reading_table(*reading.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
+        yield outputs.reading_table(*outputs.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
         yield f"as given: {self.base.text(self.goal)}"
         gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
         text = ""

@@ -17,14 +17,13 @@ from pipeline.errors import InputError
 from pipeline.logs import WarningLog
 from pipeline.models import driven_zones, modes, parametric
 from pipeline.models.broadband import broadband
-from pipeline.models.cell_cache import CellCache
+from pipeline.models.cell_cache import Cache, CellCache
 from pipeline.models.live_column import LiveCell, live_modes
 from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, of_case, with_defaults
 from pipeline.records import fingerprint
-from pipeline.records.cache import Cache
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult, Window
 from pipeline.units import KHZ, MM
 from solvers.analytic.predesign import free_kx_per_m

@@ -54,9 +54,14 @@ def functions_by_file(*arguments: str) -> dict[str, list[str]]:
         raise RuntimeError(done.stderr)
     found: dict[str, list[str]] = {}
     for path, name in told["named"]:
-        if Path(path).is_relative_to(ROOT):
+        if Path(path).is_relative_to(ROOT) and not _is_of_a_body(name):
             found.setdefault(Path(path).relative_to(ROOT).as_posix(), []).append(name)
     return found
+
+
+def _is_of_a_body(name: str) -> bool:
+    """Whether a comprehension stands in the body of a module or a class, of which it is a part."""
+    return "<locals>" not in name and name.endswith(("comp>", "genexpr>"))
 
 
 def main(arguments: list[str]) -> None:
