@@ -149,9 +149,9 @@ def show(arguments: Namespace) -> int:
 
     folder = _stored(arguments)[2]
     study = read_study(folder)
-    columns = [column for column in map(text.PageColumn, asked.columns_of(study)) if column.main]
-    head = [f"{column.heading} ({column.unit})" if column.unit else column.heading for column in columns]
-    rows = [[column.text(case.record) or None for column in columns] for case in study.cases]
+    columns = [column for column in asked.columns_of(study) if column.is_main]
+    head = [f"{column.heading} ({column.shown_unit})" if column.shown_unit else column.heading for column in columns]
+    rows = [[column.shown(case.record) or None for column in columns] for case in study.cases]
     lead = [
         *filter(None, [text.headline(study)]),
         "; ".join(text.facts_of(study)),
