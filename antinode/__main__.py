@@ -4,15 +4,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 
-
-def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command line; returns its exit code."""
-    from pipeline.cli.main import main
-
-    return main(argv)
-
+from pipeline.cli.main import main
 
 if __name__ == "__main__":
     sys.exit(main())

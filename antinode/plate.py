@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case import tables
 from pipeline.case.diagnostics import nearest
+from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, case_from_dict
-from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.reading import apply_overrides, read_toml
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError

@@ -139,7 +139,7 @@ class SweepTable(Frozen, Sequence[Mapping[str, Any]]):
 
     def _repr_html_(self) -> str:
         """The swept keys and the columns that answer first, for a notebook; every column is in `columns`."""
-        from pipeline.report.text import MAIN
+        from pipeline.records.tables import MAIN
 
         shown = [name for name in self.columns if name in MAIN or name in self.swept] or self.columns
         rows = [[row[name] for name in shown] for row in self._rows]

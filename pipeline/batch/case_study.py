@@ -8,8 +8,8 @@ from typing import Any
 
 from pipeline.batch.job import Forecast, Job
 from pipeline.batch.study_file import StudyFile
+from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, case_from_dict, load_case, read_case
-from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
 from pipeline.logs import Log

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from math import isfinite, isnan, nan, pi
 from pathlib import Path
@@ -85,6 +85,10 @@ class Case:
         """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
         half = self.design.half_wavelength_m
         return pi / half if half else 0.0
+
+    def but(self, changes: Mapping[str, Any]) -> Case:
+        """The case with other values of dotted keys, in the file's units. InputError for what cannot be built."""
+        return case_from_dict(self.raw, self.source, [*self.overrides, *changes.items()]) if changes else self
 
     def require(self, *keys: str, command: str = "this command") -> None:
         """InputError naming every table or dotted key that the command needs and the file lacks.
@@ -188,8 +192,10 @@ def case_from_dict(raw: dict[str, Any], source: Path | None = None, overrides: I
     raw = one_table(raw, str(source) if source is not None else "case")
     values = read_values(apply_overrides(raw, settings), source, [key for key, _ in settings])
     patches, touch, measured = None, None, _measured(values, source)
-    if not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
-        patches, touch = read_patches(values, _design(values)), read_touch(values, _design(values))
+    attached = {"patches", "touch"} & values.tables.present
+    if attached and not values.diagnostics.touch("material", "plate", "zone", "pillar", "tip", "array"):
+        design = _design(values)
+        patches, touch = read_patches(values, design), read_touch(values, design)
     values.diagnostics.stop()
     design = _design(values)
     return Case(

@@ -8,8 +8,8 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import case_from_dict
-from pipeline.case.plausible import warn_of_doubts
 from pipeline.case.reading import read_toml
 from pipeline.logs import TerminalLog
 from pipeline.records import outputs

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from argparse import Namespace
 
+from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, load_case
-from pipeline.case.plausible import warn_of_doubts
 from pipeline.logs import TerminalLog
-from pipeline.questions.answer import Answer, emit, of_case
+from pipeline.questions.command import Answer, emit, of_case
 
 SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any number of zones
 

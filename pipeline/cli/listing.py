@@ -24,7 +24,7 @@ from pipeline.case.diagnostics import nearest
 from pipeline.case.schema import json_schema
 from pipeline.errors import InputError, reason
 from pipeline.paths import ROOT
-from pipeline.questions.answer import Answer, emit
+from pipeline.questions.command import Answer, emit
 from pipeline.records import store
 from pipeline.records.outputs import table
 from pipeline.records.study import read_study

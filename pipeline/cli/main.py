@@ -1,6 +1,6 @@
 """The command `antinode`: arguments in, one command run, errors told in one line each, an exit code out.
 
-Questions declare their commands (`pipeline.questions`), commands.toml those of all others but `new`. Nothing heavy is imported
+Questions declare their commands (`pipeline.questions`), commands.toml those of all others. Nothing heavy is imported
 here: each command imports what it needs when it runs.
 """
 
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pipeline.case import limits
-from pipeline.cli import new
 from pipeline.errors import one_line
 from pipeline.process import lend_cache_folders, terminable
 from pipeline.questions import Listed, listed, load
@@ -96,17 +95,23 @@ def _asked(words: Sequence[str]) -> str:
 def _run(arguments: argparse.Namespace) -> int:
     from geometry.files import inputs_kept, read_by_command
     from pipeline.logs import TerminalLog
-    from pipeline.questions import answer
+    from pipeline.questions import command
 
     _require_threads()
     lend_cache_folders()
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for some reads every distribution installed
     TerminalLog.verbose = arguments.verbose
-    module, _, function = arguments.handler.partition(":")
     with inputs_kept():
         read_by_command(*(place for name in READ if isinstance(place := getattr(arguments, name, None), str)))
-        answer.check(arguments)
-        return int(getattr(importlib.import_module(module), function)(arguments))
+        command.check(arguments)
+        return int(_function(arguments.handler)(arguments))
+
+
+def _function(place: str) -> Callable[..., Any]:
+    """A function by its module and name, MODULE:NAME."""
+    module, _, name = place.partition(":")
+    function: Callable[..., Any] = getattr(importlib.import_module(module), name)
+    return function
 
 
 def _require_threads() -> None:
@@ -159,7 +164,7 @@ class _Version(argparse.Action):
 
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
-    """The parser with the commands of questions, those of commands.toml and those that modules add.
+    """The parser with the commands of questions and those of commands.toml.
 
     Of the commands of questions only the one that is asked has options, so that no other is loaded; by default all have.
     """
@@ -192,7 +197,8 @@ def _parser(asked: str | None = None) -> argparse.ArgumentParser:
         positional = [flag for flag in own if not flag.startswith("-")]
         for flag in dict.fromkeys((*positional, *shared, *own)):
             _add(sub, flag, *(words for words in (shared.get(flag), own.get(flag)) if words is not None))
-    new.add(commands, _command)
+        if "add" in about and asked in (None, name):
+            _function(about["add"])(sub)
     return parser
 
 

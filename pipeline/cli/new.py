@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +30,8 @@ OPTIONS = {  # by the keys that take them as they are
 TEMPLATE = Path(__file__).with_name("new_case.toml.template")
 
 
-def add(commands: Any, command: Any) -> None:
-    """The options of the command; `command` makes a sub-parser with the options that all have."""
-    text = "a commented case file, sized by pre-design"
-    new = command(commands, "new", text, "new plate.toml --frequency 32kHz --rows 3", "pipeline.cli.new:run")
+def add_options(new: ArgumentParser) -> None:
+    """Add the place of the file and the wishes to the command."""
     new.add_argument("place", metavar="FILE", help="where to write the case")
     for name, (default, words) in WISHES.items():
         new.add_argument(

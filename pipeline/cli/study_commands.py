@@ -142,16 +142,16 @@ def report(arguments: Namespace) -> int:
 def show(arguments: Namespace) -> int:
     """Print what a stored study found: its answer, its facts and the table's main columns."""
     from pipeline.questions import study as asked
-    from pipeline.questions.answer import Answer, emit
+    from pipeline.questions.command import Answer, emit
     from pipeline.records.outputs import table
     from pipeline.records.study import read_study
     from pipeline.report import text
 
     folder = _stored(arguments)[2]
     study = read_study(folder)
-    columns = [column for column in map(text.PageColumn, asked.columns_of(study)) if column.main]
-    head = [f"{column.heading} ({column.unit})" if column.unit else column.heading for column in columns]
-    rows = [[column.text(case.record) or None for column in columns] for case in study.cases]
+    columns = [column for column in asked.columns_of(study) if column.is_main]
+    head = [f"{column.heading} ({column.shown_unit})" if column.shown_unit else column.heading for column in columns]
+    rows = [[column.shown(case.record) or None for column in columns] for case in study.cases]
     lead = [
         *filter(None, [text.headline(study)]),
         "; ".join(text.facts_of(study)),

@@ -168,8 +168,8 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
 
 def of_case(arguments: Namespace) -> Scene:
     """The plate of a case file as CAD builds it; with --solve its wanted mode and neighbours."""
+    from pipeline.case.limits import warn_of_doubts
     from pipeline.case.model import load_case
-    from pipeline.case.plausible import warn_of_doubts
     from pipeline.models import mode_fields, modes
     from pipeline.models.mode_fields import nearest_rows
 

@@ -16,7 +16,7 @@ from pipeline.models.bands import sampled_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
-from pipeline.planning import error_bar
+from pipeline.planning import refinement
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
@@ -68,7 +68,7 @@ def solve(
     row, coarser, bare = Row(cells.row, kx), Row(cells.coarser, kx), _kept(KeptRow(cells.bare, kx))
     with log.step(f"{points} frequencies"):
         samples = [_point(row, coarser, bare, rows, float(f)) for f in np.linspace(low, high, points)]
-    expected = error_bar.log_mesh_error(choice, case, log, cells.mesh_error)
+    expected = refinement.log_mesh_error(choice, case, log, cells.mesh_error)
     with log.step("error bars of the decay"):
         error = None if expected is None else expected + cells.reduction_error
         samples = _with_taken(row, bare, rows, _with_bars(row, coarser, samples, error), error)

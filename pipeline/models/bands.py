@@ -19,11 +19,17 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
-from pipeline.planning import error_bar, foresight, simplifications
-from pipeline.planning.error_bar import WidestBar
+from pipeline.planning import foresight, refinement, simplifications
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
-from pipeline.planning.refinement import MARGIN, ErrorEstimate, on_finer_meshes, refine_reduction, step_by_step
+from pipeline.planning.refinement import (
+    MARGIN,
+    ErrorEstimate,
+    WidestBar,
+    on_finer_meshes,
+    refine_reduction,
+    step_by_step,
+)
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
@@ -278,7 +284,7 @@ def solve_bands(
             f"{settings.path} does not bound this cell's irreducible Brillouin zone: a gap may close off the path; "
             "bands.grid = 20 looks there",
         )
-    error_bar.log_mesh_error(choice, case, log, largest(bands.by_mesh))
+    refinement.log_mesh_error(choice, case, log, largest(bands.by_mesh))
     log.info(bands.widest_bar.text())
     bands.widest_bar.warn(case, log)
     return replace(bands, expected_error=largest(bands.by_mesh))

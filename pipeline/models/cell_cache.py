@@ -1,7 +1,15 @@
-"""Reduced cells, families of cells and the compliance of plates under patches, kept on disk."""
+"""What can be computed again, kept on disk: reduced cells, families of cells, the compliance of plates under patches.
+
+Each file carries a digest of its name and its whole content, checked before it is read.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
+import io
+import os
+from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import lru_cache
 from math import isqrt
@@ -10,15 +18,85 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from geometry import files
 from geometry.elements import FloatArray
 from pipeline.paths import RESULTS
 from pipeline.records import fingerprint
-from pipeline.records.cache import Cache
 from solvers.superelement.cell import Cell
 from solvers.variation.cells import CellFamily, nodes_of
 
 MAX_BYTES = 1_000_000_000  # of all cells: a sweep of six pitches makes half of it, and would meet its own no more
 OWN = ("reach_m", "stiffness_changes", "mass_changes", "stiffness_missed", "mass_missed")
+MARK = b"antinode cache 1\n"
+SUFFIX = ".kept"
+DIGEST_BYTES = hashlib.sha256().digest_size
+
+
+class Cache:
+    """A folder of files by name.
+
+    A file that is torn, damaged in any bit, renamed or written by another program counts as absent. Nothing is raised where the
+    folder cannot be read or written: what is absent is computed.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the files lie; made when the first one is written.
+    max_bytes : int, optional
+        Size of all files together, B; beyond it the longest unused ones are removed. None: no limit.
+    """
+
+    def __init__(self, folder: Path, max_bytes: int | None = None) -> None:
+        self.folder, self.max_bytes = folder, max_bytes
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content kept under a name, or None."""
+        path = self._path(name)
+        try:
+            sealed = path.read_bytes()
+        except OSError:
+            return None
+        content = memoryview(sealed)[len(MARK) + DIGEST_BYTES :]
+        if sealed[: len(MARK) + DIGEST_BYTES] != _seal(name, content):
+            return None
+        with contextlib.suppress(OSError):
+            os.utime(path)  # the last to be removed
+        return bytes(content)
+
+    def write(self, name: str, content: bytes) -> None:
+        """Keep a content under a name; where the folder cannot be written it is computed again next time."""
+        path = self._path(name)
+        with contextlib.suppress(OSError):
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with files.written_whole(path) as temporary:
+                temporary.write_bytes(_seal(name, content) + content)
+            self._make_room(path)
+
+    def _make_room(self, newest: Path) -> None:
+        """Remove the files longest unused until the rest fits, never the one just kept."""
+        if self.max_bytes is None:
+            return
+        kept = sorted(((path.stat(), path) for path in self._files()), key=lambda pair: pair[0].st_mtime)
+        total = sum(stat.st_size for stat, _ in kept)
+        for stat, path in kept:
+            if total <= self.max_bytes:
+                return
+            if path != newest:
+                path.unlink(missing_ok=True)
+                total -= stat.st_size
+
+    def _files(self) -> list[Path]:
+        """Files of this cache and of what earlier versions kept here."""
+        return [path for path in self.folder.iterdir() if path.suffix in (SUFFIX, ".npz")]
+
+    def _path(self, name: str) -> Path:
+        return self.folder / f"{name}{SUFFIX}"
+
+
+def _seal(name: str, content: bytes | memoryview) -> bytes:
+    digest = hashlib.sha256(f"{name}\n".encode())
+    digest.update(content)
+    return MARK + digest.digest()
 
 
 @lru_cache(maxsize=1)
@@ -26,19 +104,25 @@ def _salt() -> str:
     return fingerprint.code_hash()[:16]
 
 
-class ArrayCache:
+class ArrayCache(Cache):
     """A folder of arrays under the hash of what they answer and of the computing sources."""
 
-    def __init__(self, folder: Path = RESULTS / ".cells", max_bytes: int = MAX_BYTES) -> None:
-        self.folder, self._files = folder, Cache(folder, max_bytes)
+    def __init__(self, folder: Path = RESULTS / ".cells", max_bytes: int | None = MAX_BYTES) -> None:
+        super().__init__(folder, max_bytes)
 
     def load(self, key: str) -> dict[str, Any] | None:
         """Return the arrays kept under this key by the same code, or None."""
-        return self._files.read_arrays(self._name(key))
+        content = self.read(self._name(key))
+        if content is None:
+            return None
+        with np.load(io.BytesIO(content), allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
 
-    def keep(self, key: str, flat: dict[str, Any]) -> None:
+    def keep(self, key: str, flat: Mapping[str, Any]) -> None:
         """Keep arrays; where the disk is full they are computed again in the next run."""
-        self._files.write_arrays(self._name(key), flat)
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **flat)
+        self.write(self._name(key), buffer.getvalue())
 
     def _name(self, key: str) -> str:
         return f"{type(self).__name__}-{key[:32]}-{_salt()}"

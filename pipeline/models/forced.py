@@ -20,8 +20,8 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
 from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
-from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
+from pipeline.planning.refinement import WidestBar
 from pipeline.planning.resources import Demand
 from pipeline.quantity import frequency
 from pipeline.records.record import MeshRecord

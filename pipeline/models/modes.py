@@ -12,15 +12,15 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design
+from pipeline.case.limits import short_wave
 from pipeline.case.model import Case
-from pipeline.case.plausible import short_wave
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.mode_parts import CountRecord, WantedRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows, verdict_text
-from pipeline.planning import error_bar, foresight, simplifications
+from pipeline.planning import foresight, refinement, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
     MEASURED,
@@ -224,7 +224,7 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
             f"any mode {percent(estimate.worst)} at most"
         )
         warn(estimate.total, case, log)
-    expected = error_bar.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
+    expected = refinement.log_mesh_error(choice, case, log, _by_the_mesh(part_modes, part_modes.all_rows(query.search)))
     return replace(
         _with_level_bars(case, _with_errors(part_modes)),
         reduction_error=estimate.worst if estimate else None,

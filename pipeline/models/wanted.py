@@ -15,8 +15,8 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.mode_parts import ModeRecord, RivalRecord, WantedMode, WantedRecord
-from pipeline.planning.error_bar import WidestBar
 from pipeline.planning.model_choice import SIGNS, Expected
+from pipeline.planning.refinement import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
 from pipeline.records.part import live
 from solvers.fem.eigen import Count, Modes

@@ -7,7 +7,6 @@ meshes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -120,11 +119,7 @@ def _foreseen(step: Step) -> list[str]:
 
 def plan_of(case: Case, step: Step, *whole: Simplification | None) -> Plan:
     """Return the plan of one step, with the rules of the scene as a whole that were taken."""
-    return _plan(case, [step], whole)
-
-
-def _plan(case: Case, steps: Iterable[Step], whole: Iterable[Simplification | None]) -> Plan:
-    return Plan(case.name, tuple(steps), tuple(each for each in whole if each))
+    return Plan(case.name, (step,), tuple(each for each in whole if each))
 
 
 def modes_step(case: Case, request: Request) -> Step:
@@ -174,7 +169,7 @@ def response_step(case: Case, band_hz: tuple[float, float] | None, points: int, 
     if not apart:
         return step
     coupled = f"the patches are no mirror image along {' and '.join(apart)}: classes are solved together"
-    return Step(**{**vars(step), "why": (*step.why, coupled)})
+    return replace(step, why=(*step.why, coupled))
 
 
 def tolerance_step(case: Case, band_hz: tuple[float, float] | None) -> Step:

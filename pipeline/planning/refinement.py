@@ -1,14 +1,14 @@
 """One mesh level finer: more fixed-interface modes or a higher degree where the reduction's own estimate exceeds the
-accuracy; shorter elements where a lone part's modes lie higher than its mesh was meant for.
+accuracy; shorter elements where a lone part's modes lie higher than its mesh was meant for; and the error bars that say so.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from geometry.errors import MeshError
 from geometry.layout import Design
@@ -19,6 +19,7 @@ from pipeline.planning.model_choice import ModelChoice, model_choice_of
 from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
+from solvers.accuracy.calibration import TET
 from solvers.accuracy.plate import MARGIN
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
@@ -272,3 +273,66 @@ def warn(error: float, case: Case, log: Log) -> None:
             f"the reduction may put the wanted mode {percent(MARGIN * error)} too high, solve.accuracy asks for "
             f"{percent(case.solve.accuracy)}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
         )
+
+
+# -- error bars --------------------------------------------------------------------------------------------------------
+# The error that the mesh of a model choice is expected to make, said in the log and kept with the result.
+
+
+@dataclass(frozen=True)
+class WidestBar:
+    """The widest error bar of the frequencies asked for.
+
+    Attributes
+    ----------
+    error : float or None
+        Relative half-width; None where the bar of one of them is unknown.
+    of : str
+        The frequency that has it, in words.
+    parts : dict of str to float
+        What the bar is made of, relative: `mesh`, `truncation`.
+    """
+
+    error: float | None
+    of: str = ""
+    parts: Mapping[str, float] | None = None
+
+    @property
+    def largest_part(self) -> str | None:
+        """Name of the part that contributes most; None without parts."""
+        return max(self.parts, key=lambda name: (self.parts or {})[name]) if self.parts else None
+
+    def text(self) -> str:
+        """Return the bar, what it is of and its largest part in words."""
+        if self.error is None:
+            return "error of a frequency: unknown for at least one of them; compare with a finer solve.accuracy"
+        parts = sorted((self.parts or {}).items(), key=lambda part: -part[1])
+        shares = ", ".join(f"{percent(error)} {name}" for name, error in parts if error > 0.0)
+        return f"error of a frequency: {percent(self.error)} at most ({self.of})" + (f": {shares}" if shares else "")
+
+    def warn(self, case: Case, log: Log) -> None:
+        """Warn where the bar exceeds the accuracy that the case asks for."""
+        if self.error is not None and self.error > case.solve.accuracy:
+            log.warning(
+                "ACCURACY",
+                f"the error bar of {self.of} is {percent(self.error)}, most of it {self.largest_part}; "
+                f"solve.accuracy asks for {percent(case.solve.accuracy)}",
+            )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As results keep it."""
+        return {"error": self.error, "of": self.of, "parts": dict(self.parts or {}), "largest_part": self.largest_part}
+
+
+def log_mesh_error(choice: ModelChoice, case: Case, log: Log, error: float | None) -> float | None:
+    """Log the largest half-width of the frequencies' bars by the mesh, and where the case asks for less; returns it.
+
+    None where nothing tells it.
+    """
+    if error is None:
+        log.info(f"nothing tells the error of {choice.name} of the {choice.part}: compare with a finer solve.accuracy")
+        return None
+    by = "its stresses" if choice.kind == TET else "coarser meshes"
+    short = f"; solve.accuracy asks for {percent(case.solve.accuracy)}" if error > case.solve.accuracy else ""
+    log.info(f"error of a frequency by the mesh {percent(error)} or less, as {by} tell{short}")
+    return error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.quantity import figure, frequency
 from pipeline.questions.active import COMPARED, Compared, Modelled, asked, compared, quality_option
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import reading
+from pipeline.questions.late import outputs
 from pipeline.questions.question import Question, Run, option
 from pipeline.records.part import column
 from pipeline.units import KHZ, MS, US
@@ -86,7 +86,7 @@ class DqResult(Modelled, table="comparison", axes=("quantity",)):
             f"margins: gain {figure(margins['gain'])}, phase of the carrier {figure(margins['phase_deg'])} degrees, "
             f"sensitivity {figure(margins['sensitivity'])}"
         )
-        yield reading.reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
+        yield outputs.reading_table(tuple(rows[0]), [[*row.values()] for row in rows])
         yield from self.compared()
 
     def draw(self, ax: Axes) -> None:

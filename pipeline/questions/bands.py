@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline import quantity
 from pipeline.errors import InputError
 from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
-from pipeline.questions.late import foresight, np, plans, reading, simplifications, style
+from pipeline.questions.late import foresight, np, outputs, plans, simplifications, style
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Figure, Result, figure, figure_at, stacked
 from pipeline.records.part import Part, bar, column
@@ -254,7 +254,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the frequencies at the path's corners, the gaps, and the widest error bar."""
-        from pipeline.planning.error_bar import WidestBar
+        from pipeline.planning.refinement import WidestBar
 
         count = len(self.points[0].frequencies_hz)
         bands = range(1, count + 1)
@@ -262,7 +262,7 @@ class BandsResult(Result, table="points", axes=("point", "band")):
         corners = [point for point in self.points if point.label]
         rows = [[p.label, p.kx_per_m, p.ky_per_m, *p.frequencies_hz, *(p.error or [None] * count)] for p in corners]
         yield f"{self.model}, {self.dof} degrees of freedom a wavevector"
-        yield reading.reading_table(head, rows)
+        yield outputs.reading_table(head, rows)
         yield from (gap.text for gap in self.gaps)
         if not self.gaps:
             yield f"No complete gap {self.where_gaps_are_known}; bands.count asks for more"

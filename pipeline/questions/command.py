@@ -1,29 +1,36 @@
-"""Commands that ask questions: their options from the declarations, the answer as text, JSON, tables and pictures."""
+"""Commands: the options of questions from their declarations, and where an answer goes.
+
+Text is for people, one JSON document for scripts; files go into a folder.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
-from dataclasses import fields, replace
+import json
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from math import nan
+from pathlib import Path
 from shlex import join
 from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
-from pipeline.questions.late import simplifications
+from pipeline.questions.late import outputs, simplifications, style
 from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
 from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
-    from pipeline.logs import TerminalLog
+    from pipeline.plots.style import ReportFigure
 
 Kind = type[Question[Any]]
 FIELDS = "write the field of every mode into --out DIR (fields.npz)"
 MAX_DIGITS = 40  # characters of a number that are read and shown
+FORMATS = (".png", ".pdf", ".svg")
 OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # ends of options' names, where these are not the unit itself
 
 
@@ -96,8 +103,7 @@ def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command of a question: read its case, then explain, or ask and write the answer."""
-    from pipeline.case.plausible import warn_of_doubts
-    from pipeline.questions.answer import Answer, emit
+    from pipeline.case.limits import warn_of_doubts
 
     kind = _asked(arguments)
     case, log = _case(arguments, kind), TerminalLog(arguments.quiet)
@@ -117,7 +123,6 @@ def run(arguments: argparse.Namespace) -> int:
 def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
     """Return the case of a command line; None for a question that does without. Raises InputError for a wrong case."""
     from pipeline.case.model import load_case
-    from pipeline.questions.answer import of_case
 
     if arguments.case is not None:
         return of_case(arguments, load_case(arguments.case, arguments.set))
@@ -214,8 +219,7 @@ def _items(texts: list[str], item: Any, about: Option, named: str) -> tuple[Any,
 
 def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
     """Ask a question and write its answer to where the command line asks for it."""
-    from pipeline.questions.answer import Answer, emit
-    from pipeline.records import outputs, store
+    from pipeline.records import store
 
     kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
     folder = outputs.folder(arguments.out) if arguments.out else None
@@ -229,3 +233,103 @@ def answer(arguments: argparse.Namespace, case: Case | None, question: Question[
     if getattr(arguments, "save_all_fields", False):
         store.save_arrays(outputs.folder(arguments.out), result.fields(), store.FIELDS)  # type: ignore[attr-defined]
     return code
+
+
+# -- where an answer goes ----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
+
+    document: dict[str, Any]
+    lines: Sequence[str]
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()
+    pictures: Callable[[], Sequence[ReportFigure]] = tuple
+    figure: Callable[[], Any] | None = None
+
+
+def of_case(arguments: argparse.Namespace, case: Case) -> Case:
+    """The case, kept as the one that is answered; places are looked at once more, now that it is known what it reads."""
+    arguments.answered = case
+    outputs.check_places(arguments)
+    return case
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Before computing: InputError for a --plot in a format that is not drawn, or a place that cannot be written."""
+    place = getattr(arguments, "plot", None)
+    if place and Path(place).suffix.lower() not in FORMATS:
+        raise InputError(f"--plot = {place}: must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    outputs.check_places(arguments)
+
+
+def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
+    """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
+
+    Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
+    """
+    case: Case | None = getattr(arguments, "answered", None)
+    from importlib.metadata import version  # slow to import, and what only explains needs none
+
+    about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
+    seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
+    document = {"schema": 1, **about, **answer.document, **seconds}
+    wants_json = arguments.json or getattr(arguments, "out", None)
+    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
+    written = _files(arguments, name, answer, encoded)
+    for place, data in written.items():
+        if not outputs.is_standard_output(place):
+            outputs.write_file(place, data)
+    if out := getattr(arguments, "out", None):
+        _draw(answer, outputs.folder(out))
+    if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
+        _save(_figure(answer), Path(arguments.plot))
+    _print(arguments, answer, written)  # last: whoever reads it may have left
+    return 0
+
+
+def _print(arguments: argparse.Namespace, answer: Answer, written: Mapping[Path, bytes]) -> None:
+    alone = [data for place, data in written.items() if outputs.is_standard_output(place)]
+    if alone:
+        sys.stdout.write(alone[0].decode())
+    elif not outputs.is_standard_output(getattr(arguments, "output", None)):
+        print("\n".join(answer.lines))
+    sys.stdout.flush()
+
+
+def _figure(answer: Answer) -> Any:
+    """The figure of an answer, else its first picture."""
+    if answer.figure:
+        return answer.figure()
+    with style.style():
+        return answer.pictures()[0].figure
+
+
+def _save(figure: Any, place: Path) -> None:
+    """A figure as a file, whole or not at all, in the format of its ending (png, pdf or svg)."""
+    from geometry.files import written_whole
+
+    with style.style(), written_whole(place) as temporary:
+        figure.savefig(temporary, format=place.suffix.lstrip(".").lower() or "png", dpi=150, bbox_inches="tight")
+
+
+def _files(arguments: argparse.Namespace, name: str, answer: Answer, encoded: bytes) -> dict[Path, bytes]:
+    """What is written, by its place; standard output is one of them."""
+    rows = outputs.csv_bytes(answer.head, answer.rows) if answer.head else b""
+    readable = outputs.reading_markdown(answer.head, answer.rows).encode() if answer.head else b""
+    known = {"json": encoded, "csv": rows, "markdown": readable}
+    chosen = {place: data for key, data in known.items() if (place := getattr(arguments, key, None)) and data}
+    written = {Path(place): data for place, data in chosen.items()}
+    if out := getattr(arguments, "out", None):
+        named = {f"{name}.json": encoded, **({f"{name}.csv": rows} if rows else {})}
+        written |= {outputs.folder(out) / file: data for file, data in named.items()}
+    return written
+
+
+def _draw(answer: Answer, place: Path) -> None:
+    """Every picture of an answer into a folder."""
+    with style.style():
+        for picture in answer.pictures():
+            style.save(picture, place)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pipeline.planning import foresight, simplifications
     from pipeline.planning import plan as plans
     from pipeline.plots import fields, style
-    from pipeline.records import reading
+    from pipeline.records import outputs
     from solvers.measures import confinement
 else:
 
@@ -24,9 +24,9 @@ else:
         def __getattr__(self, name: str) -> Any:
             return getattr(import_module(self._name), name)
 
-    np, confinement, reading = map(_Late, ("numpy", "solvers.measures.confinement", "pipeline.records.reading"))
+    np, confinement, outputs = map(_Late, ("numpy", "solvers.measures.confinement", "pipeline.records.outputs"))
     fields, style = map(_Late, ("pipeline.plots.fields", "pipeline.plots.style"))
     foresight, plans = map(_Late, ("pipeline.planning.foresight", "pipeline.planning.plan"))
     simplifications = _Late("pipeline.planning.simplifications")
 
-__all__ = ["confinement", "fields", "foresight", "np", "plans", "reading", "simplifications", "style"]
+__all__ = ["confinement", "fields", "foresight", "np", "outputs", "plans", "simplifications", "style"]

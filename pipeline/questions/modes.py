@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
 from pipeline.quantity import HZ, frequency_figure, interval
 from pipeline.questions.hints import Axes, Case, Plan, Simplification
-from pipeline.questions.late import confinement, np, plans, reading, simplifications, style
+from pipeline.questions.late import confinement, np, outputs, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column, live
@@ -162,16 +162,16 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         unread = ("mode", "parity", "computed_hz")
         rows = [{key: value for key, value in row.items() if key not in unread} for row in self.to_rows()]
         head = tuple(rows[0]) if rows else ("frequency_hz", "error", "symmetry")
-        return reading.filled(head, [[*row.values()] for row in rows])
+        return outputs.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
         """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
         from pipeline.models.modes import wanted_lines
-        from pipeline.planning.error_bar import WidestBar
+        from pipeline.planning.refinement import WidestBar
 
         plural = "s" * (self.rigid_count != 1)
         yield f"{self.model}, {self.dof} degrees of freedom, {self.rigid_count} rigid-body mode{plural}"
-        yield reading.reading_table(*self._read(), self._marked)
+        yield outputs.reading_table(*self._read(), self._marked)
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:

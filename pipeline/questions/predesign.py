@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.quantity import figure, frequency, percent, percentage
 from pipeline.questions.hints import Axes, Case, Plan
-from pipeline.questions.late import reading, style
+from pipeline.questions.late import outputs, style
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column
@@ -98,14 +98,14 @@ class PredesignResult(Result, axes=("part", "quantity")):
     def lines(self) -> Iterator[str]:
         """Yield what is proposed and given, how the given pillar stands to the zone, and what the theories may be off by."""
         rows = [[*row.values()] for row in self.to_rows() if not row["quantity"].endswith("_error")]
-        yield reading.reading_table(("part", "quantity", "value"), rows)
+        yield outputs.reading_table(("part", "quantity", "value"), rows)
         yield from self._tuning()
         for part, sizes in self._sizes.items():
             errors = sizes["expected_error"]
             known = [
-                f"{reading.named(name)[0]} {percent(error)}" for name, error in errors.items() if error is not None
+                f"{outputs.named(name)[0]} {percent(error)}" for name, error in errors.items() if error is not None
             ]
-            unknown = [reading.named(name)[0] for name, error in errors.items() if error is None]
+            unknown = [outputs.named(name)[0] for name, error in errors.items() if error is None]
             if known:
                 yield f"{part}, expected error compared with a solid with clamped faces: {', '.join(known)}"
             if unknown:
@@ -127,7 +127,7 @@ class PredesignResult(Result, axes=("part", "quantity")):
     def draw(self, ax: Axes) -> None:
         """Draw the frequencies of zone and pillar by each theory."""
         values = {
-            f"{part}: {reading.named(name)[0]}": value / 1e3
+            f"{part}: {outputs.named(name)[0]}": value / 1e3
             for part, sizes in self._sizes.items()
             for name, value in sizes.items()
             if name.endswith("_hz") and value is not None
@@ -149,7 +149,7 @@ class Predesign(Question[PredesignResult], needs=("plate", "zone"), is_quick=Tru
     """
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredesignResult:
-        from pipeline.case.plausible import short_wave
+        from pipeline.case.limits import short_wave
 
         if text := short_wave(case.design):
             run.warning("SHORT_WAVE", text)

@@ -14,7 +14,7 @@ from pipeline.quantity import figure as in_digits
 from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.questions.attenuation import over
 from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
-from pipeline.questions.late import np, plans, reading, style
+from pipeline.questions.late import np, outputs, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import Part, bar, column, live
@@ -213,7 +213,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
         whose = "wanted mode" if self.wanted_peak else "zone"
         yield f"{self.model}, {self.dof} degrees of freedom; around the peak of the {whose}, per volt of drive:"
-        yield reading.reading_table(*reading.filled(tuple(self.to_rows()[0]), near))
+        yield outputs.reading_table(*outputs.filled(tuple(self.to_rows()[0]), near))
         yield from self.peaks()
         yield from self.measured.lines(self.expected_error) if self.measured else ()
         yield from (f"wrote {path}" for path in self.written)

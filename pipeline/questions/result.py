@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
 from pipeline.questions.hints import Axes, FloatArray, ReportFigure
-from pipeline.questions.late import np, reading, style
+from pipeline.questions.late import np, outputs, style
 from pipeline.records.frames import dataset, frame
 from pipeline.records.part import Axis, Part, part_of, rows_of
 
@@ -168,7 +168,7 @@ class Result(Part):
         """Return the main table as people read it, without some columns; of more rows than `most` evenly chosen ones."""
         rows = [{name: value for name, value in row.items() if name not in without} for row in self.to_rows()]
         step = max(1, len(rows) // most) if most else 1
-        return reading.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
+        return outputs.reading_table(tuple(rows[0]), [[*row.values()] for row in rows[::step]])
 
     def with_arrays(self, arrays: Mapping[str, Any], design: DesignRecord | None = None) -> Self:
         """Return the result itself, with arrays by name and the design for its pictures."""

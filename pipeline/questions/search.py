@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
 from pipeline.quantity import frequency, level, level_figure, level_with_bar, signed, with_bar
 from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import np, plans, reading, style
+from pipeline.questions.late import np, outputs, plans, style
 from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result, scaled
 from pipeline.records.part import Part, bar, column, live
 from pipeline.search.limits import Limits
-from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, UNITS, FidelityResult, Range, error_of
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, FoundDesign, Range, unit_of
 from pipeline.units import GRAM, KHZ, MM
 
 if TYPE_CHECKING:
-    from pipeline.search.designs import Evaluation, Outcome, Settings
+    from pipeline.search.designs import Outcome, Settings
     from pipeline.search.space import Space
 
 Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
@@ -49,14 +48,6 @@ class Fidelity(Part):
     model: str = column("model in words")
     designs: int = column("designs that it evaluated")
     not_evaluated: int = column("designs that it could not evaluate")
-
-
-class FoundDesign(FidelityResult):
-    """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
-
-    set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
-    mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
-    violations: list[str] = column("limits that it breaks")
 
 
 class SearchResult(Result, table="evaluations", axes=("evaluation",)):
@@ -98,8 +89,8 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         from pipeline.search.fidelity import MODELS
 
         listed = outcome.by_fidelity.items()
-        counts = {name: (len(each), sum(e.goal_db is None for e in each)) for name, each in listed}
-        gain = dict.fromkeys(("dB", "kHz", "mm")) | {outcome.best.unit: outcome.gain_db}
+        counts = {name: (len(each), sum(e.goal_value is None for e in each)) for name, each in listed}
+        gain = dict.fromkeys(("dB", "kHz", "mm")) | {unit_of(outcome.settings.goal): outcome.gain}
         return cls.of(
             outcome,
             goal=outcome.settings.goal,
@@ -109,13 +100,10 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
                 Fidelity(name=name, model=MODELS[name], designs=all_, not_evaluated=none)
                 for name, (all_, none) in counts.items()
             ],
-            base=_design(outcome.space, outcome.base),
-            best=_design(outcome.space, outcome.best),
             gain_db=gain["dB"],
             gain_khz=gain["kHz"],
             gain_mm=gain["mm"],
-            tradeoff=[_design(outcome.space, each) for each in outcome.tradeoff],
-            evaluations=[_design(outcome.space, each) for _, found in listed for each in found],
+            evaluations=[each for _, found in listed for each in found],
             solid=solid,
             file=str(outcome.space.path),
         )
@@ -158,14 +146,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
 
     @property
     def _unit(self) -> str:
-        return UNITS.get(self.goal, "dB")
-
-    def _said(self, design: FoundDesign) -> str:
-        from pipeline.search.designs import in_words
-
-        goal = getattr(design, self._value)
-        error = getattr(design, error_of(self.goal), None)
-        return in_words(goal, self._unit, error, design, design.violations)
+        return unit_of(self.goal)
 
     def lines(self) -> Iterator[str]:
         """Yield the best designs as a table, the gain, and the words to repeat it."""
@@ -177,14 +158,14 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         grams = [scaled(each.mass_kg, GRAM) for each in keeping[:SHOWN]]
         rows = [[*one.set.values(), *own, mass] for one, own, mass in zip(keeping, figures, grams, strict=False)]
         yield f"{', '.join(f'{each.designs} by {each.name}' for each in self.fidelities)}; the best assembled plates:"
-        yield reading.reading_table(*reading.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
-        yield f"as given: {self._said(self.base)}"
+        yield outputs.reading_table(*outputs.filled((*(each.key for each in self.vary), *names, "mass_g"), rows))
+        yield f"as given: {self.base.text(self.goal)}"
         gain = {"dB": self.gain_db, "kHz": self.gain_khz, "mm": self.gain_mm}[self._unit]
         text = ""
         if gain is not None:
             own = level_with_bar(gain, self.gain_error_db) if self._unit == "dB" else with_bar(gain, None, self._unit)
             text = f", {signed(own)}"
-        yield f"best:     {self._said(self.best)}{text}"
+        yield f"best:     {self.best.text(self.goal)}{text}"
         for name, design in (self.solid or {}).items():
             told = f"{level(design.confinement_db)} at {frequency(design.frequency_hz or 0.0)}"
             yield f"solid mesh, {name}: {told}"
@@ -406,14 +387,6 @@ class Search(
         return SearchResult.of_outcome(outcome, _solid(outcome, run) if self.verify_with == "solid" else None)
 
 
-def _design(space: Space, each: Evaluation) -> FoundDesign:
-    """Return an evaluation as a result holds it; the design as given varies nothing."""
-    own = {
-        variable.name: variable.written(value) for variable, value in zip(space.variables, each.values, strict=False)
-    }
-    return FoundDesign.of(each.result, set=own, mass_kg=each.mass_kg, violations=each.violations)
-
-
 def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
     """Solve both designs by the whole plate as a solid mesh."""
     from pipeline.search.fidelity import SOLID, EvaluationCache, evaluate
@@ -421,8 +394,8 @@ def _solid(outcome: Outcome, run: Run) -> dict[str, FoundDesign]:
     solved = {}
     for name, each in (("base", outcome.base), ("best", outcome.best)):
         with run.step(f"solid model of the {name} design"):
-            result = evaluate(outcome.space.case(each.values), SOLID, each.result.frequency_hz, EvaluationCache())
+            result = evaluate(outcome.space.case(each.point), SOLID, each.frequency_hz, EvaluationCache())
         if result.why_not:
             raise InputError(f"--verify-with solid: the {name} design: {result.why_not}")
-        solved[name] = _design(outcome.space, replace(each, result=result))
+        solved[name] = FoundDesign.of(result, set=each.set, mass_kg=each.mass_kg, violations=each.violations)
     return solved

@@ -50,7 +50,7 @@ def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Coll
     """
     from html import escape
 
-    from pipeline.records.reading import cells as in_words
+    from pipeline.records.outputs import cells as in_words
 
     words, shown = in_words(names, rows)
     head = "".join(f"<th>{escape(each)}</th>" for each in words)

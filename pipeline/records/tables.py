@@ -16,6 +16,7 @@ from pipeline import quantity
 from pipeline.records.outputs import csv_bytes
 from pipeline.records.record import STATUSES, Record
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.units import KHZ
 from solvers.measures.correlation import Shapes, follow
 
 UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}
@@ -103,6 +104,9 @@ def _line(line: Line) -> dict[str, Tracked]:
 
 
 TABLE = "table.csv"
+# columns that answer first, beside what is swept
+MAIN = ("case", "status", "wanted_hz", "confinement_db", "confined", "wanted_peak_db", "db_per_row", "tracking")
+KILOHERTZ = quantity.Unit("kHz", KHZ)
 FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, unit
     ("tracked_hz", "tracked mode", "frequency_hz", "Hz"),
@@ -138,6 +142,30 @@ class Column:
             return quantity.percent(value).removesuffix(" %")
         text = quantity.level_figure(value, bar) if self.unit == "dB" else quantity.figure(value, bar)
         return quantity.signed(text) if self.is_signed else text
+
+    @property
+    def is_number(self) -> bool:
+        """Whether it holds numbers."""
+        return self.unit is not None
+
+    @property
+    def is_main(self) -> bool:
+        """Whether a page shows it before all columns are asked for."""
+        return self.name in MAIN or "." in self.name
+
+    @property
+    def shown_unit(self) -> str:
+        """Its unit in a page, where frequencies are in kHz."""
+        return KILOHERTZ.symbol if self.is_frequency else self.unit or ""
+
+    def shown(self, record: Record) -> str:
+        """A cell's text in a page."""
+        return self.text(record, KILOHERTZ)
+
+    def style(self, text: str) -> str:
+        """A cell's classes in a page."""
+        own = {"diagnosis": "long", "status": f"status-{text}", "confined": text}.get(self.name, "")
+        return " ".join(filter(None, ("number" if self.is_number else own, "" if self.is_main else "more")))
 
     @property
     def is_frequency(self) -> bool:

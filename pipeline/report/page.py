@@ -97,7 +97,7 @@ def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: d
 
     is_brief: some pictures were drawn of the best case alone.
     """
-    columns = [text.PageColumn(column) for column in asked.columns_of(study)]
+    columns = asked.columns_of(study)
     return render(
         "study.html.j2",
         **SHOWN,
@@ -106,7 +106,7 @@ def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: d
         study=study,
         comparison=text.comparison(study),
         columns=columns,
-        brief=any(not column.main for column in columns),
+        brief=any(not column.is_main for column in columns),
         example="confinement>10" if any(column.name == "confinement_db" for column in columns) else columns[1].heading,
         program=metadata.version("antinode"),
         thesis=TITLE,

@@ -24,7 +24,7 @@ from pipeline.questions.bands import BandsResult
 from pipeline.questions.predesign import PredesignResult
 from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.records.tables import Column, without_effect
+from pipeline.records.tables import without_effect
 from pipeline.units import KHZ, MM
 from solvers.measures.confinement import CONFINED_DB
 
@@ -118,8 +118,6 @@ def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]
 
 MAX_MODES = 40
 MAX_PLANS = 12
-# columns of the table that answer first, beside what is swept
-MAIN = ("case", "status", "wanted_hz", "confinement_db", "confined", "wanted_peak_db", "db_per_row", "tracking")
 WIDE = "\u202f"
 
 
@@ -361,47 +359,6 @@ def case_file(study: StoredStudy) -> str:
         return ""
     own = study.folder.parent == RESULTS and (STUDIES / base).is_file()
     return (STUDIES / base).relative_to(ROOT).as_posix() if own else base
-
-
-@dataclass(frozen=True)
-class PageColumn:
-    """A column as the page shows it: frequencies in kHz, and whether it is among the few that answer first."""
-
-    column: Column
-
-    @property
-    def name(self) -> str:
-        """Its name in table.csv."""
-        return self.column.name
-
-    @property
-    def heading(self) -> str:
-        """Its heading."""
-        return self.column.heading
-
-    @property
-    def number(self) -> bool:
-        """Whether it holds numbers."""
-        return self.column.unit is not None
-
-    @property
-    def unit(self) -> str:
-        """Unit in the page."""
-        return "kHz" if self.column.is_frequency else self.column.unit or ""
-
-    @property
-    def main(self) -> bool:
-        """Whether it is shown before all columns are asked for."""
-        return self.name in MAIN or "." in self.name
-
-    def text(self, record: Record) -> str:
-        """A cell's text."""
-        return self.column.text(record, quantity.Unit("kHz", KHZ))
-
-    def style(self, text: str) -> str:
-        """A cell's classes."""
-        own = {"diagnosis": "long", "status": f"status-{text}", "confined": text}.get(self.name, "")
-        return " ".join(filter(None, ("number" if self.number else own, "" if self.main else "more")))
 
 
 def sentences(study: StoredStudy) -> list[str]:

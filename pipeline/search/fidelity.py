@@ -17,15 +17,14 @@ from pipeline.errors import InputError
 from pipeline.logs import WarningLog
 from pipeline.models import driven_zones, modes, parametric
 from pipeline.models.broadband import broadband
-from pipeline.models.cell_cache import CellCache
+from pipeline.models.cell_cache import Cache, CellCache
 from pipeline.models.live_column import LiveCell, live_modes
 from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
-from pipeline.planning.model_choice import of_case, with_defaults
+from pipeline.planning.model_choice import check_stagger, of_case, with_defaults
 from pipeline.records import fingerprint
-from pipeline.records.cache import Cache
-from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult
+from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult, Window
 from pipeline.units import KHZ, MM
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
@@ -127,9 +126,7 @@ def evaluate(
     stored = cache.get(question) if cache else None
     if stored is not None:
         return stored
-    solved = _solved(case, fidelity, near_hz)
-    if banded and solved.frequency_hz is not None:
-        solved = replace(solved, band_khz=_stopped_khz(case, fidelity, solved.frequency_hz))
+    solved = _solved(case, fidelity, near_hz, banded)
     if cache:
         cache.put(question, solved)
     return solved
@@ -148,18 +145,23 @@ def kept_cell(case: Case) -> Any:
     return parametric.kept_cell(case) if case.design.zones == 1 else None
 
 
-def _solved(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
+def _solved(case: Case, fidelity: str, near_hz: float | None, banded: bool) -> FidelityResult:
     solve = {COLUMN: _by_column, PLATE: _by_plate, SOLID: _by_plate}[fidelity]
     if fidelity == PLATE and case.design.zones > 1:
         solve = _by_zones
     try:
-        return solve(case, fidelity, near_hz)
+        solved = solve(case, fidelity, near_hz)
+        if banded and solved.frequency_hz is not None:
+            solved = replace(solved, band_khz=_stopped_khz(case, fidelity, solved.frequency_hz))
+        return solved
     except (SolverError, MeshError, GeometryError, InputError) as error:
         return FidelityResult(fidelity=fidelity, why_not=" ".join(str(error).split()))
 
 
 def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResult:
     design = case.design
+    if design.is_staggered:
+        check_stagger(case)
     low, high = mesh_rules.wanted_window_hz(design)
     cell, kx = kept_cell(case), free_kx_per_m(design)
     if cell is not None:
@@ -239,15 +241,15 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     return FidelityResult.of(row, fidelity=fidelity, frequency_error=row.error, warnings=log.warnings)
 
 
-def window_around(case: Case, near_hz: float | None) -> tuple[str, ...]:
-    """The --set that widens a case's window until a frequency lies well inside; () when it does already."""
+def window_around(case: Case, near_hz: float | None) -> Window | None:
+    """A case's window, widened until a frequency lies well inside, kHz; None where it does already."""
     query = with_defaults(case, of_case(case))
     if near_hz is None or (query.band_hz and query.band_hz[0] <= near_hz * 0.97 and near_hz * 1.03 <= query.band_hz[1]):
-        return ()
+        return None
     low, high = _outwards(*_about(near_hz))
     if query.band_hz:
         low, high = min(low, query.band_hz[0]), max(high, query.band_hz[1])
-    return (f"solve.band_kHz=[{low / KHZ!r},{high / KHZ!r}]",)
+    return low / KHZ, high / KHZ
 
 
 def _about(near_hz: float) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from pipeline.models.driven_zones import check_zones
 from pipeline.planning import simplifications
 from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import figure, frequency
-from pipeline.search.designs import UNBUILT, Evaluation, Outcome, Settings, Values, rate, summary
+from pipeline.search.designs import Outcome, Settings, rate
 from pipeline.search.fidelity import (
     COLUMN,
     PLATE,
@@ -38,10 +38,11 @@ from pipeline.search.fidelity import (
     worst,
 )
 from pipeline.search.space import Space
+from pipeline.search.terms import UNBUILT, FoundDesign, Values, Window
 
 COLUMNS_A_PLATE = 3
 OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two of these alone
-UNLIKE = {"array.stagger", "pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells
+UNLIKE = {"pillar.shape", "pillar.fillet_mm"}  # keys that may leave no column of cells
 MAX_ENDS = 8  # variables whose ends are all looked at
 SOFTNESS = 0.5  # of a half-space's, around a pillar's foot, until a column tells
 SOFTEST = 2.0
@@ -65,14 +66,14 @@ class Budget(NamedTuple):
 def budget_of(space: Space, settings: Settings) -> Budget:
     """Decide which models lead to the assembled plates."""
     design = space.case().design
-    shifted = design.is_staggered or bool(UNLIKE & {variable.key for variable in space.variables})
-    columns = bool(design.pillar and not shifted and _have_columns(space))
+    alike = not UNLIKE & {variable.key for variable in space.variables}
+    columns = bool(design.pillar and alike and _have_columns(space))
     screened, rules = settings.goal != "widest", []
     if not screened:
         what, why = "strips over the whole box", "they say nothing of how wide a band the rows stop"
         rules.append(Simplification("no_strips", what, why))
     if not columns:
-        what, why = "columns of reduced cells", "they take rows in line of pillars that hexahedra follow"
+        what, why = "columns of reduced cells", "they take pillars that hexahedra follow"
         rules.append(Simplification("no_columns", what, why))
     strips = len(screening_points(space)) if screened else 0
     return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
@@ -97,8 +98,6 @@ def check(space: Space, settings: Settings) -> None:
         raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
     if settings.goal == "widest":
         checked(case)
-        if "array.stagger" in varied:
-            raise InputError("--goal widest: array.stagger must be left alone, a band is told of rows in line")
     if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
         raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
     if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
@@ -145,7 +144,7 @@ class _Search:
 
     def __init__(self, space: Space, settings: Settings, budget: Budget, log: Log, cache: EvaluationCache) -> None:
         self.space, self.settings, self.log, self.cache = space, settings, log, cache
-        self.known: dict[str, dict[Values, Evaluation]] = {STRIP: {}, COLUMN: {}, PLATE: {}}
+        self.known: dict[str, dict[Values, FoundDesign]] = {STRIP: {}, COLUMN: {}, PLATE: {}}
         self.budget = {STRIP: budget.strips, COLUMN: budget.columns, PLATE: budget.plates}
         self.softness = SOFTNESS
         self.columns = bool(budget.columns)
@@ -162,7 +161,9 @@ class _Search:
             even = first // 3 if screened else first
             self._at_fidelity(COLUMN, source, first - even, even_points(self.space, even))
             source = COLUMN
-        self._at_fidelity(PLATE, source, max(2, self.budget[PLATE] // 3))
+        first = max(2, self.budget[PLATE] // 3)
+        alone = not (screened or self.columns)  # no cheaper model says where to look
+        self._at_fidelity(PLATE, source, first, even_points(self.space, first * alone))
         own = (
             evaluate(self.space.case(), COLUMN, None, self.cache, **self.goal_options).frequency_hz
             if self.columns
@@ -170,7 +171,7 @@ class _Search:
         )
         base = self._confirmed((), own)
         best = self._best()
-        window = window_around(self.space.case(best.values), best.result.frequency_hz)
+        window = window_around(self.space.case(best.point), best.frequency_hz)
         results = {fidelity: tuple(known.values()) for fidelity, known in self.known.items()}
         return Outcome(self.space, self.settings, results, base, best, self.softness, window)
 
@@ -196,21 +197,21 @@ class _Search:
             for shares in screening_points(self.space):
                 self._evaluation(self.space.values(shares), STRIP)
         screened = list(self.known[STRIP].values())
-        unbuilt = [each for each in screened if each.goal_db is None]
+        unbuilt = [each for each in screened if each.goal_value is None]
         keeping = sum(each.keeps for each in screened)
         self.log.info(f"{len(screened)} designs by strips: {keeping} keep the limits, {len(unbuilt)} cannot be built")
         if len(unbuilt) == len(screened):
-            raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].result.why_not}")
+            raise CheckFailed(f"no design between the ends can be built: {unbuilt[0].why_not}")
 
     def _at_fidelity(self, fidelity: str, source: str, first: int, more: Sequence[Values] = ()) -> None:
         """Evaluate the file's design, the best of the fidelity below and some more, then search locally from the best two."""
-        picked = [each.values for each in spread(self.known[source].values(), first, self.space)]
+        picked = [each.point for each in spread(self.known[source].values(), first, self.space)]
         own = self.space.own_values()
         for values in list(dict.fromkeys([*([own] if own else []), *picked, *more]))[: self.budget[fidelity]]:
             self._tried(values, fidelity)
-        with_goal = [each for each in self.known[fidelity].values() if each.goal_db is not None]
+        with_goal = [each for each in self.known[fidelity].values() if each.goal_value is not None]
         if not with_goal:
-            reasons = [each.result.why_not for each in self.known[fidelity].values()]
+            reasons = [each.why_not for each in self.known[fidelity].values()]
             raise CheckFailed(
                 f"no design could be evaluated at the fidelity {fidelity}: {reasons[0] if reasons else 'none tried'}"
             )
@@ -226,18 +227,18 @@ class _Search:
         while True:
             best = max(self.known[fidelity].values(), key=lambda each: each.penalised_objective)
             for place, variable in enumerate(self.space.variables):
-                for value in (best.values[place] - 1, best.values[place] + 1):
+                for value in (best.point[place] - 1, best.point[place] + 1):
                     if variable.whole and variable.low <= value <= variable.high:
-                        self._tried((*best.values[:place], value, *best.values[place + 1 :]), fidelity)
+                        self._tried((*best.point[:place], value, *best.point[place + 1 :]), fidelity)
             if best == max(self.known[fidelity].values(), key=lambda each: each.penalised_objective):
                 return
 
-    def _descend(self, fidelity: str, start: Evaluation) -> bool:
+    def _descend(self, fidelity: str, start: FoundDesign) -> bool:
         """Search locally by Nelder-Mead over the keys that are no counts; False when the budget ended it."""
         from scipy.optimize import minimize
 
         loose = [i for i, variable in enumerate(self.space.variables) if not variable.whole]
-        origin = self.space.shares(start.values)
+        origin = self.space.shares(start.point)
         if not loose:
             return True
 
@@ -255,7 +256,7 @@ class _Search:
             return False
         return True
 
-    def _tried(self, values: Values, fidelity: str) -> Evaluation:
+    def _tried(self, values: Values, fidelity: str) -> FoundDesign:
         """Evaluate a design at a computed fidelity and log it. Raises _Spent when it would exceed the budget."""
         if values in self.known[fidelity]:
             return self.known[fidelity][values]
@@ -263,10 +264,11 @@ class _Search:
             raise _Spent
         evaluation = self._evaluation(values, fidelity)
         count = f"{len(self.known[fidelity])}/{self.budget[fidelity]}"
-        self.log.info(f"{fidelity} {count}: {', '.join(self.space.overrides(values))}: {summary(evaluation)}")
+        said = evaluation.text(self.settings.goal)
+        self.log.info(f"{fidelity} {count}: {', '.join(self.space.overrides(values))}: {said}")
         return evaluation
 
-    def _evaluation(self, values: Values, fidelity: str) -> Evaluation:
+    def _evaluation(self, values: Values, fidelity: str) -> FoundDesign:
         if values not in self.known[fidelity]:
             near = self._near(values) if fidelity == PLATE else None
             self.known[fidelity][values] = self._evaluated(values, fidelity, near)
@@ -278,14 +280,16 @@ class _Search:
             return None
         column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)
         self.known[COLUMN][values] = column
-        return column.result.frequency_hz
+        return column.frequency_hz
 
-    def _evaluated(self, values: Values, fidelity: str, near_hz: float | None, more: Sequence[str] = ()) -> Evaluation:
+    def _evaluated(
+        self, values: Values, fidelity: str, near_hz: float | None, window: Window | None = None
+    ) -> FoundDesign:
         try:
-            case = self.space.case(values, more)
+            case = self.space.case(values, window)
         except InputError as error:
             nothing = FidelityResult(fidelity=fidelity, why_not=error.lines[0])
-            return Evaluation(values, nothing, None, None, (), UNBUILT, UNBUILT)
+            return rate(self.space, values, nothing, self.settings)
 
         def evaluated(each: Case) -> FidelityResult:
             if fidelity == STRIP:
@@ -294,24 +298,24 @@ class _Search:
 
         spread_m = case.tolerance.height_m if case.tolerance and self.settings.goal == "worst" else 0.0
         results = worst(case, spread_m, evaluated) if spread_m else evaluated(case)
-        return rate(values, results, self.settings, case.design)
+        return rate(self.space, values, results, self.settings, case.design)
 
-    def _confirmed(self, values: Values, near_hz: float | None) -> Evaluation:
+    def _confirmed(self, values: Values, near_hz: float | None) -> FoundDesign:
         """Evaluate a design (none: the file's) by the assembled plate in the case's own window, which must contain the mode."""
         with self.log.step("solve the design as given" if not values else "solve the best design again"):
             confirmed = self._evaluated(values, PLATE, None, window_around(self.space.case(values), near_hz))
-        for id, text in confirmed.result.warnings:
+        for id, text in confirmed.warnings:
             self.log.warning(id, text)
         return confirmed
 
-    def _best(self) -> Evaluation:
+    def _best(self) -> FoundDesign:
         """The best assembled plate that keeps its result when solved in the case's own window."""
         ranked = sorted((e for e in self.known[PLATE].values() if e.keeps), key=lambda e: -e.objective)
         if not ranked:
             raise CheckFailed(_none_keeps(self.known[PLATE].values(), self.space))
-        confirmed: list[Evaluation] = []
+        confirmed: list[FoundDesign] = []
         for position, each in enumerate(ranked[:MAX_CONFIRMED]):
-            confirmed.append(self._confirmed(each.values, each.result.frequency_hz))
+            confirmed.append(self._confirmed(each.point, each.frequency_hz))
             leader = max(confirmed, key=lambda e: e.objective)
             if position + 1 == len(ranked) or leader.objective >= ranked[position + 1].objective:
                 break
@@ -343,16 +347,16 @@ def even_points(space: Space, count: int) -> list[Values]:
     return [space.values(shares) for shares in qmc.Halton(len(space.variables), scramble=False).random(count + 1)[1:]]
 
 
-def spread(evaluations: Iterable[Evaluation], count: int, space: Space) -> list[Evaluation]:
+def spread(evaluations: Iterable[FoundDesign], count: int, space: Space) -> list[FoundDesign]:
     """The best `count` designs that lie apart in the box; fewer where there are no more."""
-    picked: list[Evaluation] = []
+    picked: list[FoundDesign] = []
     steps = [variable.share(variable.low + 1.0) if variable.whole else 1.0 for variable in space.variables]
     apart = np.minimum(APART, 0.99 * np.array(steps))  # the next whole number is another design
     for each in sorted(evaluations, key=lambda each: -each.penalised_objective):
         if len(picked) == count or each.penalised_objective <= UNBUILT:
             break
-        here = space.shares(each.values)
-        if all((np.abs(here - space.shares(other.values)) >= apart).any() for other in picked):
+        here = space.shares(each.point)
+        if all((np.abs(here - space.shares(other.point)) >= apart).any() for other in picked):
             picked.append(each)
     return picked
 
@@ -363,8 +367,8 @@ def _simplex(origin: FloatArray, first: float) -> FloatArray:
     return np.vstack([origin, origin + np.diag(steps)])
 
 
-def _none_keeps(evaluations: Iterable[Evaluation], space: Space) -> str:
+def _none_keeps(evaluations: Iterable[FoundDesign], space: Space) -> str:
     closest = max(evaluations, key=lambda each: each.objective)
-    where = ", ".join(space.overrides(closest.values))
-    why = "; ".join(closest.violations) or closest.result.why_not
+    where = ", ".join(space.overrides(closest.point))
+    why = "; ".join(closest.violations) or closest.why_not
     return f"no design that was tried keeps every limit; the closest, {where}: {why}"

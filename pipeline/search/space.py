@@ -15,11 +15,11 @@ from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from pipeline.case.diagnostics import nearest
-from pipeline.case.model import Case, Override, case_from_dict, parsed
+from pipeline.case.model import Case, parsed
 from pipeline.case.reading import HEIGHTS, INSTEAD, SIDES, apply_overrides, toml_text
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
 from pipeline.errors import InputError
-from pipeline.search.terms import Range
+from pipeline.search.terms import Range, Window
 from pipeline.units import MM
 
 VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
@@ -90,11 +90,16 @@ class Space:
 
     def overrides(self, values: Sequence[float | int]) -> list[str]:
         """The --set texts that make a design."""
-        return [_text(*each) for each in _settings(self.variables, values)]
+        return [_text(*each) for each in _settings(self.variables, values).items()]
 
-    def case(self, values: Sequence[float | int] = (), more: Sequence[Override] = ()) -> Case:
-        """The scene with these values (none: as the file has it) and more overrides. InputError for what cannot be built."""
-        return _other(self.base, [*(_settings(self.variables, values) if values else ()), *more])
+    def written(self, values: Sequence[float | int]) -> dict[str, float | str]:
+        """Values by the names of their variables; {} for the design of the file, which varies nothing."""
+        return {variable.name: variable.written(value) for variable, value in zip(self.variables, values, strict=False)}
+
+    def case(self, values: Sequence[float | int] = (), window: Window | None = None) -> Case:
+        """The scene with these values (none: as the file has it), solved in a window. InputError for what cannot be built."""
+        changes = _settings(self.variables, values) if values else {}
+        return self.base.but(changes | ({"solve.band_kHz": list(window)} if window else {}))
 
     def own_values(self) -> tuple[float | int, ...] | None:
         """The values that the file itself has, snapped; None where it lacks one or has it outside the ends."""
@@ -126,25 +131,20 @@ class Space:
         return round(own.get(key, float(design.row_pitches_m[row - 1])) / MM, 9)
 
 
-def _other(case: Case, settings: Sequence[Override]) -> Case:
-    """Another case of the same file. InputError for what cannot be built."""
-    return case_from_dict(case.raw, case.source, [*case.overrides, *settings])
-
-
 def _material(design: Design, owner: str) -> str:
     """Name of the material of a table, "" for the top of the file."""
     pillar = design.pillar if owner else None
     return (pillar.tip if pillar and pillar.tip and owner == "tip" else pillar or design).material.name
 
 
-def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> list[tuple[str, Any]]:
+def _settings(variables: Sequence[Variable], values: Sequence[float | int]) -> dict[str, Any]:
     """Each key with its value, one with a value a row with their list."""
     found: dict[str, list[Any]] = {}
     for variable, value in zip(variables, values, strict=True):
         written = variable.written(value)
         found.setdefault(variable.key, []).append(WORDS.get(written, written) if isinstance(written, str) else written)
     listed = {variable.key for variable in variables if variable.row}
-    return [(key, each if key in listed else each[0]) for key, each in found.items()]
+    return {key: each if key in listed else each[0] for key, each in found.items()}
 
 
 def _text(key: str, value: Any) -> str:
@@ -252,18 +252,18 @@ def _check_ends(case: Case, variables: list[Variable], others: list[Variable], b
     lines: list[list[str]] = []
     beside = [_settings(others, ends) for ends in ([v.low for v in others], [v.high for v in others])]
     for end in (variables[0].low, variables[0].high):
-        ((key, value),) = own = _settings(variables, [end] * len(variables))
+        own = _settings(variables, [end] * len(variables))
         refused = None
-        for more in ([], *beside):
+        for more in ({}, *beside):
             try:
-                _other(case, [*more, *own])
+                case.but(more | own)
                 break
             except InputError as error:
                 refused = refused or error.lines
         else:
             assert refused is not None
             lines.append(refused)
-            if variables[0].words or not _is_allowed(key, value):
+            if variables[0].words or not all(_is_allowed(*each) for each in own.items()):
                 break
     else:
         if len(lines) < 2:

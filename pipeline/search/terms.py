@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from pipeline.errors import InputError
+from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
 from pipeline.records.part import Part, bar, column, live
 
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
@@ -20,11 +21,14 @@ UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
 LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
 End = float | str | bool  # of a range: a number in the file's unit, or one of two choices
 MISSING = "must be KEY=LOW:HIGH, such as pillar.height_mm=5:8"
+UNBUILT = -1e6  # objective of what cannot be built or evaluated
+Values = tuple[float | int, ...]
+Window = tuple[float, float]  # kHz
 
 
-def error_of(goal: str) -> str:
-    """Return the name of the error bar of a goal's level."""
-    return f"{GOALS[goal][0].removesuffix('_db')}_error_db"
+def unit_of(goal: str) -> str:
+    """Return the unit of a goal."""
+    return UNITS.get(goal, "dB")
 
 
 class Range(NamedTuple):
@@ -91,3 +95,38 @@ class FidelityResult(Part):
     gap_mm: float | None = column("distance of two zones' borders", "mm", default=None)
     why_not: str | None = column("why it could not be evaluated; None where it was", default=None)
     warnings: list[tuple[str, str]] = live(default_factory=list)  # id and text of the solve's
+
+
+class FoundDesign(FidelityResult):
+    """A design as a model evaluated it. With several zones: lowest peak, least MAC and level of all, each driven in turn."""
+
+    set: dict[str, float | str] = column("values of the varied keys in the file's units, or words; none as given")
+    mass_kg: float | None = column("mass of plate and pillars, fillets left out", "kg")
+    violations: list[str] = column("limits that it breaks")
+    point: Values = live(default=())  # values of the variables in their order
+    # None: nothing to evaluate. In dB or in the goal's unit; below 0 where less is better
+    goal_value: float | None = live()
+    objective: float = live(default=UNBUILT)
+    # ranks designs for the next model, and a local search raises it: the goal, less what a violated limit costs the more it is
+    # violated, without the slack that a cheap model has before a limit counts as violated
+    penalised_objective: float = live(default=UNBUILT)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether the design was evaluated and keeps every limit."""
+        return self.goal_value is not None and not self.violations
+
+    def text(self, goal: str) -> str:
+        """Describe the figure of a goal with its bar, the mode that it is of, and the limits that the design breaks."""
+        value, unit = getattr(self, GOALS[goal][0]), unit_of(goal)
+        if value is None or self.frequency_hz is None:
+            return f"not evaluated: {self.why_not}"
+        breaks = f"; breaks: {'; '.join(self.violations)}" if self.violations else ""
+        best = level_with_bar(value, self.goal_error(goal)) if unit == "dB" else with_bar(value, None, unit)
+        tone = frequency_with_bar(self.frequency_hz, self.frequency_error)
+        return f"{best} at {tone}, MAC {figure(self.mac)}{breaks}"
+
+    def goal_error(self, goal: str) -> float | None:
+        """Half-width of the error bar of a goal's level; None for a goal that is no level, and without an estimate."""
+        error: float | None = getattr(self, f"{GOALS[goal][0].removesuffix('_db')}_error_db", None)
+        return error

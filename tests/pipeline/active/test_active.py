@@ -123,6 +123,14 @@ def test_the_case_gives_material_pillar_mode_and_losses(capsys) -> None:
     assert higher["cell"] is None
 
 
+def test_staggered_rows_meet_a_straight_wave_as_those_in_line_do(capsys) -> None:
+    passed = []
+    for stagger in ("false", "true"):
+        assert run("pillar", CASE, "--set", "array.pitch_mm=5", "--set", f"array.stagger={stagger}", "--json", "-") == 0
+        passed.append(json.loads(capsys.readouterr().out)["transmitted"])
+    assert passed[0] == passed[1]
+
+
 def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     bare = tmp_path / "pillar.toml"
     text = Path(CASE).read_text().replace("[damping]\nquality = 300.0\n", "")

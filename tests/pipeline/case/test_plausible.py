@@ -8,8 +8,8 @@ import pytest
 
 from geometry.materials import MATERIALS
 from pipeline.batch import case_study
+from pipeline.case.limits import doubts
 from pipeline.case.model import load_case
-from pipeline.case.plausible import doubts
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from tests.helpers.recording_log import RecordingLog

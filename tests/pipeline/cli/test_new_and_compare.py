@@ -20,7 +20,7 @@ from pipeline.case.model import load_case
 from pipeline.case.schema import TABLES, known_keys
 from pipeline.cli.compare import _differs, lined_up
 from pipeline.cli.main import _parser, main
-from pipeline.questions import answer
+from pipeline.questions import command
 from solvers.analytic.plates import levy_hz
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from tests.helpers import synthetic
@@ -117,7 +117,7 @@ def test_two_results_with_bands_are_drawn_over_one_path(
 ) -> None:
     """Corners of the path fall on each other though the second lattice is twice as wide."""
     saved_figures: list[Any] = []
-    monkeypatch.setattr(answer, "_save", lambda figure, place: saved_figures.append(figure))
+    monkeypatch.setattr(command, "_save", lambda figure, place: saved_figures.append(figure))
     for name, scale in (("a", 1.0), ("b", 0.5)):
         points = [{"label": label, "kx_per_m": scale * k, "ky_per_m": 0.0, "frequencies_hz": [1e4 * scale * (k + 1.0)]}
                   for k, label in enumerate(("G", None, "X"))]  # fmt: skip
@@ -155,11 +155,11 @@ def test_editors_get_every_key_of_a_case_file(capsys: pytest.CaptureFixture[str]
 
 def test_a_missing_table_is_named_with_one_that_would_do(capsys: pytest.CaptureFixture[str]) -> None:
     """What the line proposes is a table that the case takes: nothing but the solve is left to do."""
-    for command, table in (("response", "patches"), ("touch", "touch")):
+    for name, table in (("response", "patches"), ("touch", "touch")):
         more = [] if table == "patches" else ["--set", "patches={material='pz26', size_mm=[8.0,3.0,0.3]}"]
-        assert main([command, SMALL, *more]) == 2
+        assert main([name, SMALL, *more]) == 2
         (words,) = re.findall(r'such as --set "(.*)"', capsys.readouterr().err)
-        assert main([command, SMALL, *more, "--set", words, "--explain"]) == 0, words
+        assert main([name, SMALL, *more, "--set", words, "--explain"]) == 0, words
         capsys.readouterr()
 
 

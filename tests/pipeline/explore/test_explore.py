@@ -25,6 +25,7 @@ from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_
 from pipeline.explore.server import Beside, Server
 from pipeline.logs import WarningLog
 from pipeline.models import parametric
+from pipeline.models.cell_cache import SUFFIX
 from pipeline.models.live_column import (
     FACE,
     INNER,
@@ -47,7 +48,6 @@ from pipeline.models.parametric import (
     with_sizes,
 )
 from pipeline.planning import mesh_rules
-from pipeline.records.cache import SUFFIX
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.assembly import Scale, assemble
 from solvers.measures.confinement import Confinement

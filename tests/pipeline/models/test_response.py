@@ -14,7 +14,7 @@ import pytest
 from pipeline.case.model import case_from_dict
 from pipeline.cli.main import main
 from pipeline.models.forced import _widest_bar
-from pipeline.planning.error_bar import WidestBar
+from pipeline.planning.refinement import WidestBar
 from solvers.control.identification import half_power_quality_factor
 from solvers.piezo import peak_errors
 from solvers.piezo.peak_errors import FrequencyErrors

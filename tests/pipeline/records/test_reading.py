@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pipeline.records.reading import filled, reading_markdown, reading_table
+from pipeline.records.outputs import filled, reading_markdown, reading_table
 
 
 def test_frequencies_have_the_digits_of_their_bars_and_the_answer_is_starred() -> None:

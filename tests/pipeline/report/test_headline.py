@@ -139,12 +139,12 @@ def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_pa
 
 
 def test_the_table_shows_frequencies_in_khz_and_few_columns_first(study: StoredStudy) -> None:
-    columns = {column.name: text.PageColumn(column) for column in asked.columns_of(study)}
+    columns = {column.name: column for column in asked.columns_of(study)}
     wanted, rows, zone = columns["wanted_hz"], columns["array.rows"], columns["zone_share"]
     record = study.cases[-1].record
-    assert (wanted.unit, wanted.text(record), wanted.style("")) == ("kHz", "35.0", "number")
-    assert rows.main and not zone.main and zone.style("") == "number more"
-    assert sum(column.main for column in columns.values()) <= 10 < len(columns)
+    assert (wanted.shown_unit, wanted.shown(record), wanted.style("")) == ("kHz", "35.0", "number")
+    assert rows.is_main and not zone.is_main and zone.style("") == "number more"
+    assert sum(column.is_main for column in columns.values()) <= 10 < len(columns)
 
 
 def test_a_plate_computed_beside_the_sweep_is_that_of_the_sweep(study: StoredStudy) -> None:

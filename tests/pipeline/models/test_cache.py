@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.records.cache import SUFFIX, Cache
+from pipeline.models.cell_cache import SUFFIX, ArrayCache, Cache
 
 CONTENT = b"stiffness"
 
@@ -52,22 +52,20 @@ def test_a_torn_a_longer_and_a_renamed_file_are_absent(tmp_path: Path) -> None:
 
 
 def test_arrays_come_back_to_the_last_digit(tmp_path: Path) -> None:
-    cache, arrays = (
-        Cache(tmp_path),
-        {"stiffness": np.random.default_rng(1).normal(size=(3, 4)), "labels": np.array(["G", "X"])},
-    )
-    cache.write_arrays("cell", arrays)
-    kept = cache.read_arrays("cell")
+    cache = ArrayCache(tmp_path)
+    arrays = {"stiffness": np.random.default_rng(1).normal(size=(3, 4)), "labels": np.array(["G", "X"])}
+    cache.keep("cell", arrays)
+    kept = cache.load("cell")
     assert kept is not None and kept.keys() == arrays.keys()
     assert all(np.array_equal(kept[name], arrays[name]) for name in arrays)
     path = the_file(tmp_path)
     path.write_bytes(path.read_bytes()[:-40])
-    assert cache.read_arrays("cell") is None and cache.read_arrays("none") is None
+    assert cache.load("cell") is None and cache.load("none") is None
 
 
 def test_objects_are_never_kept(tmp_path: Path) -> None:
     with pytest.raises(ValueError):
-        Cache(tmp_path).write_arrays("cell", {"code": np.array([{}], dtype=object)})
+        ArrayCache(tmp_path).keep("cell", {"code": np.array([{}], dtype=object)})
 
 
 @pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
