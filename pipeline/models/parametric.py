@@ -325,9 +325,7 @@ def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
         yield workers.map
 
 
-HALVED = re.compile(
-    r"cell\.blocks\.\d+\.(stiffness|mass|pillar_mass)"
-).fullmatch  # symmetric: single precision holds them
+HALVED = re.compile(r"cell\.blocks\.\d+\.(stiffness|mass)").fullmatch  # symmetric: single precision holds them
 
 
 class CellModelCache(ArrayCache):

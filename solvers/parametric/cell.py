@@ -49,7 +49,6 @@ class ParametricCell:
     interface: Interface
     stiffness_exponents: IntArray
     mass_exponents: IntArray
-    pillar_exponents: IntArray
     blocks: tuple[ReducedBlock, ...]
     touch_m: FloatArray
     touch_weights: FloatArray
@@ -102,10 +101,7 @@ class ParametricCell:
         more_values, turn = eigh(more.T @ stiffness[f:, f:] @ more, more.T @ mass[f:, f:] @ more)
         inside = np.hstack([modes, more @ turn])
         shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
-        pillar = np.tensordot(
-            theta(self.pillar_exponents, sizes, self.reference, self.box.foot), block.pillar_mass, axes=1
-        )
-        own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass, pillar))
+        own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass))
         own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, sizes))
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
@@ -123,7 +119,7 @@ class ParametricCell:
 
 @dataclass(frozen=True)
 class ClassAtDesign:
-    """A class of one design: K, M and the pillar's M among its boundary polynomials and inner functions.
+    """A class of one design: K and M among its boundary polynomials and inner functions.
 
     lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points; shapes:
     both in the block's basis.
@@ -173,15 +169,14 @@ def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, s
     """The symmetry classes in the sides' own degrees of freedom, in units of the design's thickness."""
     places = places_of([part.parity for part in parts], [len(part.fixed_hz) for part in parts])
     matrices = [
-        np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in range(3)
+        np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in (0, 1)
     ]
     lost = np.sum([4.0 * part.parity @ part.lost @ part.parity.T for part in parts], axis=0)
     ratio = cell.scale.length_m / sizes[THICKNESS]
-    units = (ratio, ratio**3, ratio**3)
-    stiffness, mass, pillar = (unit * (m + m.T) / 2.0 for unit, m in zip(units, matrices, strict=True))
+    stiffness, mass = (unit * (m + m.T) / 2.0 for unit, m in zip((ratio, ratio**3), matrices, strict=True))
     fixed = np.concatenate([part.fixed_hz for part in parts])
     return Cell(
-        stiffness, mass, pillar, face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
+        stiffness, mass, np.zeros_like(mass), face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
         (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
         fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
         min(part.dropped_hz for part in parts), ratio**5 * lost,
@@ -219,8 +214,8 @@ def parametric_cell(
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
     touch_m, weights, from_mesh = fitted_touch(cell.mesh, cell.box.foot, cell.reference)
-    everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
-    alone = (np.zeros((1, 4), dtype=np.int64),) * 3
+    everywhere = cell.stiffness.exponents, cell.mass.exponents
+    alone = (np.zeros((1, 4), dtype=np.int64),) * 2
     return tuple(
         ParametricCell(
             cell.box, cell.reference, cell.scale, interface, *exponents,

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
-from solvers.fem.assembly import on_components
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import Sizes
 from solvers.parametric.block import Block
@@ -23,24 +21,19 @@ ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
 
 
-Sparse: TypeAlias = sp.csr_array | sp.csc_array
-
-
 @dataclass(frozen=True)
 class ReducedBlock:
     """One class: signs under x -> -x, y -> -y, x <-> y; the first `functions` of n basis functions live on the boundary.
 
-    stiffness (q, n, n), mass (r, n, n), pillar_mass (s, n, n): the affine matrices; touch (p, n): u_z at points of the
-    touch face; shares (k,), coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch,
-    themselves
-    polynomials of that ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
+    stiffness (q, n, n), mass (r, n, n): the affine matrices; touch (p, n): u_z at points of the touch face; shares (k,),
+    coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch, themselves polynomials of that
+    ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
     """
 
     signs: IntArray
     functions: int
     stiffness: FloatArray
     mass: FloatArray
-    pillar_mass: FloatArray
     touch: FloatArray
     shares: FloatArray
     coordinates: FloatArray
@@ -60,33 +53,29 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
     The rigid-body modes of the designs `everywhere` are among the functions, too.
     """
-    matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
-    return _block(block, inner_basis(block, designs, KEPT, everywhere), matrices)
+    basis = inner_basis(block, designs, KEPT, everywhere)
+    return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"))
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
     """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
     stiffness, mass = block.stretched(sizes)
-    weights = block.cell.theta(block.cell.pillar_mass, sizes)
-    pillar = sum(weight * one for weight, one in zip(weights, block.cell.pillar_mass.matrices, strict=True))
-    return _block(block, inner_basis(block, [sizes], ALL), ((stiffness,), (mass,), (pillar,)))
+    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass])
 
 
 def _block(
-    block: Block, inner: FloatArray, matrices: tuple[Iterable[Sparse], Iterable[Sparse], Iterable[Sparse]]
+    block: Block, inner: FloatArray, stiffness: Iterable[sp.csc_array], mass: Iterable[sp.csc_array]
 ) -> ReducedBlock:
     whole = np.zeros((block.forms.dof, block.functions.shape[1] + inner.shape[1]))
     whole[block.on_boundary, : block.functions.shape[1]] = block.functions
     whole[block.inner, block.functions.shape[1] :] = inner
     nodal = np.asarray(block.forms.fold @ whole)
-    stiffness, mass, pillar = matrices
     rule = face_quadrature(block.cell.mesh, "touch")
     return ReducedBlock(
         np.array(block.signs),
         block.functions.shape[1],
         symmetric(np.array([whole.T @ (one @ whole) for one in stiffness])),
         symmetric(np.array([whole.T @ (one @ whole) for one in mass])),
-        symmetric(np.array([nodal.T @ on_components(one, nodal) for one in pillar])),
         np.asarray(rule.interpolation @ nodal[2::3]),
         block.shares,
         np.array([block.functions.T @ block.traces(block.of_share(share)) for share in block.shares]),
