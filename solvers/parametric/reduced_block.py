@@ -1,8 +1,8 @@
-"""A symmetry class reduced over the box of designs: affine matrices among boundary functions and a basis of the inside."""
+"""A symmetry class reduced over the box of designs: the designs that its basis is made from, and the affine matrices in it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,7 @@ NOVEL = 10.0  # times KEPT, beside a snapshot's unit energy: less than that a de
 RIGID = 1e-12  # of the largest energy of a rigid motion's inside: less is rounding
 ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
+ASKED = 6  # clamped modes of a design that may be chosen, beside its answers to the boundary
 
 
 @dataclass(frozen=True)
@@ -116,3 +117,45 @@ def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least:
 
 def symmetric(matrices: FloatArray) -> FloatArray:
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)
+
+
+# -- designs -----------------------------------------------------------------------------------------------------------
+# One design after another, the next the one whose motions those before tell worst (binev2011). Asked on a coarser mesh of the
+# same topology, where every design's motions cost little and lie beside each other as they do on the finer one.
+
+
+def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
+    """The first design, then as many as it takes until no motion of unit strain energy of any design has more than `missed`
+    of that energy outside the span of those chosen.
+    """
+    left = dict(zip(designs, _motions(block, designs), strict=True))
+    taken: list[Sizes] = []
+    worst = designs[0]
+    while left:
+        taken.append(worst)
+        span = _span(left.pop(worst))
+        left = {sizes: motions - span @ (span.T @ motions) for sizes, motions in left.items()}
+        energy = {sizes: float(np.einsum("ij,ij->j", motions, motions).max()) for sizes, motions in left.items()}
+        worst = max(energy, key=lambda sizes: energy[sizes], default=worst)
+        if energy.get(worst, 0.0) <= missed:
+            break
+    return taken
+
+
+def _motions(block: Block, designs: Sequence[Sizes]) -> list[FloatArray]:
+    """What the inside does at each design, in coordinates in which the strain energy of the reference design is the length;
+    rigid-body modes, which every basis has, taken out.
+    """
+    stiffness, _ = block.stretched(block.cell.reference)
+    root = np.linalg.cholesky(stiffness[block.inner][:, block.inner].toarray()).T
+    still = _span(root @ np.hstack([block.rigid(sizes) for sizes in designs]))
+    out = []
+    for sizes in designs:
+        motions = root @ np.hstack(block.inner_shapes(sizes, ASKED))
+        out.append(motions - still @ (still.T @ motions))
+    return out
+
+
+def _span(motions: FloatArray) -> FloatArray:
+    left, size, _ = np.linalg.svd(motions, full_matrices=False)
+    return np.asarray(left[:, size > 1e-9 * size[0]])

@@ -477,8 +477,8 @@ function condense(k, m, kept, top, about) {
   for (let i = 0; i < still.a.length; i++) still.a[i] = -still.a[i];
   const eye = mat(kept, kept + modes.m);
   for (let i = 0; i < kept; i++) eye.a[i * eye.m + i] = 1;
-  const shapes = below(eye, beside(still, modes)), turned = (x) => congruent(x, shapes);
-  return { still, modes, k: turned(k), m: turned(m), inside: beside(still, modes) };
+  const inside = beside(still, modes), shapes = below(eye, inside);
+  return { still, modes, k: congruent(k, shapes), m: congruent(m, shapes), inside };
 }
 function columnPanels(data, design) { // solvers/plates/column.py and geometry/tiling.py, in m
   const { pitch, thickness, rows, extension } = design, side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];

@@ -22,8 +22,8 @@ from solvers.accuracy.bands import reduction_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
+from solvers.parametric.cell import APART, fitted_touch
 from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
-from solvers.parametric.touch_face import APART, fitted_touch
 from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import Lattice
 from solvers.superelement.symmetry import diagonal_image

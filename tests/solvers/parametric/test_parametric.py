@@ -16,8 +16,7 @@ from solvers.parametric.bands import BandBases, band_bases, bands, own_error
 from solvers.parametric.block import Block
 from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
 from solvers.parametric.foot import FixedMesh, Foot
-from solvers.parametric.greedy import chosen
-from solvers.parametric.reduced_block import KEPT, NOVEL
+from solvers.parametric.reduced_block import KEPT, NOVEL, chosen
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Lattice
