@@ -35,14 +35,14 @@ from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
-from solvers.waves.branches import label_of
+from solvers.waves.branches import is_flexural
 from solvers.waves.complex_bands import Row
 from solvers.waves.gaps import complete_gaps
 
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
-NO_MODE = "no mode of the wanted shape in the window"
+WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the wanted one
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
@@ -58,6 +58,19 @@ class Limit:
     step: float
 
 
+# every sentence of an answer, with names for its numbers: an exported page fills in the same ones
+WORDS = {
+    "number": "{key} must be a number",
+    "limit": "{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}",
+    "whole": "{key} = {value:g}: must be a whole number",
+    "beyond": "the wanted wavenumber {kx} rad/m lies beyond the zone's edge {edge} rad/m",
+    "short_wave": "half a wave of the wanted mode is shorter than two thicknesses: its window is a guess",
+    "wide": "a wide passive part carries many modes near the wanted one: the column may pick another than the plate",
+    "no_mode": "no mode of the wanted shape in the window",
+    "near": "a mode of the passive plate at {hz} lies near the wanted one, whose frequency is known to {error}: "
+    "the confinement may lie between {least} and {most}",
+    "split": "the wanted shape is split among several modes: the plate may show another one of them",
+}
 LIMITS = {
     "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
     "side": Limit("pillar.side_mm", "Pillar side", "mm", 1.0, 3.0, 0.05),
@@ -150,14 +163,16 @@ def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, floa
         raise InputError(f"a design has the numbers {', '.join(limits)} and nothing else")
     said = []
     for name, own in given.items():
-        key, unit, low, high = limits[name].key, limits[name].unit, limits[name].low, limits[name].high
-        value = _float(own)
+        limit, value = limits[name], _float(own)
         if not math.isfinite(value):
-            said.append(f"{key} must be a number")
-        elif not low <= value <= high:
-            said.append(f"{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}".rstrip())
+            fault = "number"
+        elif not limit.low <= value <= limit.high:
+            fault = "limit"
         elif name == "rows" and value != int(value):
-            said.append(f"{key} = {value:g}: must be a whole number")
+            fault = "whole"
+        else:
+            continue
+        said.append(WORDS[fault].format(value=value, **vars(limit)).rstrip())
     if said:
         raise InputError(said)
     return {name: float(given[name]) for name in limits}
@@ -233,15 +248,11 @@ class Explorer:
         said, design = [], case.design
         edge = np.pi / design.pitch_x_m
         if case.kx_wanted_per_m > edge:
-            said.append(
-                f"the wanted wavenumber {figure(case.kx_wanted_per_m)} rad/m lies beyond the zone's edge {figure(edge)} rad/m"
-            )
+            said.append(WORDS["beyond"].format(kx=figure(case.kx_wanted_per_m), edge=figure(edge)))
         if design.is_short_wave:
-            said.append("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess")
-        if design.rows * design.pitch_y_m + design.extension_m > 0.06:
-            said.append(
-                "a wide passive part carries many modes near the wanted one: the column may pick another than the plate"
-            )
+            said.append(WORDS["short_wave"])
+        if design.rows * design.pitch_y_m + design.extension_m > WIDE_M:
+            said.append(WORDS["wide"])
         return said
 
     def _bands(self, sizes: Sizes) -> Document:
@@ -297,7 +308,7 @@ class Explorer:
         found = live.verdict()
         at = found.verdict.index
         if at is None:
-            return {"why_not": NO_MODE}
+            return {"why_not": WORDS["no_mode"]}
         layer = end_layer(design) / 2.0  # half of it is corrected, the other half may be left
         frequency_hz, level = float(found.frequency_hz[at]) * (1.0 - layer), found.level
         numbers = {
@@ -386,25 +397,18 @@ class Bar:
         """What to know before believing the level."""
         said, least, most = [], self.confinement.least_db, self.confinement.most_db
         if self.near_hz is not None and least is not None and most is not None:
-            said.append(
-                f"a mode of the passive plate at {frequency(self.near_hz, self.error)} lies near the wanted one, whose "
-                f"frequency is known to {percent(self.error)}: the confinement may lie between {level(least)} "
-                f"and {level(most)}"
-            )
+            near_hz, error = frequency(self.near_hz, self.error), percent(self.error)
+            said.append(WORDS["near"].format(hz=near_hz, error=error, least=level(least), most=level(most)))
         if self.status == "split":
-            said.append("the wanted shape is split among several modes: the plate may show another one of them")
+            said.append(WORDS["split"])
         return said
 
 
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:
     waves = row.waves(frequency_hz)
     kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
-    ky = waves.wavenumber_per_m[kept]
-    labels = label_of(row.periodic, waves.dofs[:, kept], np.vstack([np.full(len(ky), row.kx, dtype=complex), ky]))
-    flexural = [
-        abs(float(waves.db_per_row[i])) for i, label in zip(kept, labels, strict=True) if label.name == "flexural"
-    ]
-    return round(min(flexural), 4) if flexural else None
+    flexural = waves.db_per_row[kept[is_flexural(row.periodic, waves.dofs[:, kept])]]
+    return round(float(np.abs(flexural).min()), 4) if len(flexural) else None
 
 
 def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: float) -> Document:
@@ -431,7 +435,7 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     solved = modes.solve_modes(case, of_case(case), log)
     row = solved.wanted_row
     if row is None:
-        return {"why_not": "no mode of the wanted shape in the window"}
+        return {"why_not": WORDS["no_mode"]}
     return {
         "frequency_hz": row.frequency_hz,
         "status": solved.wanted.status if solved.wanted else "none",

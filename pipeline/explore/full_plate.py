@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.explore.answer import Document, Scene, compute
+from pipeline.logs import TerminalLog
 from pipeline.workers import LocalWorkers, WorkerLost
 from solvers.machine import workers
 
@@ -17,30 +18,28 @@ SHOWN = 12  # lines of the log, the last ones
 Solve = Callable[[Scene, dict[str, float], Any], Document]
 
 
-class FileLog:
+class FileLog(TerminalLog):
     """A log whose lines another process reads from a file."""
 
+    verbose = True
+
     def __init__(self, path: Path) -> None:
+        super().__init__()
         self.path = path
 
-    def info(self, text: str, id: str = "") -> None:
-        """A fact."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(" ".join(text.split()) + "\n")
-
     def warning(self, id: str, text: str) -> None:
-        """Something to know before believing the numbers."""
-        self.info(f"warning {id}: {text}")
-
-    def left_out(self, what: str, why: str) -> None:
-        """Something that the scene does not need."""
-        self.info(f"left out {what}: {why}")
+        """Write a line like any other."""
+        self._say(f"warning {id}: {text}")
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """A step begins."""
-        self.info(f"{name} ...")
+        """Write that a step begins."""
+        self._say(f"{name} ...")
         yield
+
+    def _say(self, text: str) -> None:
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(" ".join(text.split()) + "\n")
 
 
 class FullPlate:

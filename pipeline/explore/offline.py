@@ -10,47 +10,54 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.polynomial import legendre
+from numpy.polynomial import legendre, polynomial
 
 from geometry.elements import FloatArray
-from geometry.layout import Design
+from geometry.layout import SHORT, Design
 from geometry.materials import Isotropic
 from pipeline.errors import InputError
-from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, Explorer, Limit
+from pipeline.explore.answer import LIMITS, NEAR, POINTS, PROFILE, STEEPEST_DB, WIDE_M, WORDS, Explorer, Limit
 from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel, MeshTable
 from pipeline.planning import mesh_rules
 from pipeline.quantity import figure
-from pipeline.units import MM
+from pipeline.search.limits import mass_kg
+from pipeline.units import GRAM, MM
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem import quadrature
-from solvers.measures import wanted_mode
-from solvers.parametric import bands, bare, chain, finite
+from solvers.measures import confinement, wanted_mode
+from solvers.parametric import affine, bands, bare, block, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import lower
 from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
-from solvers.superelement.cell import rigid_polynomials
+from solvers.superelement.cell import KNOWN, rigid_polynomials
 from solvers.superelement.interface import Interface
-from solvers.waves.branches import line_gram
+from solvers.waves import branches, complex_bands, gaps
 
 Plain = dict[str, Any]
 PAGE = Path(__file__).with_name("page")
 SCRIPTS = "figures.js", "explore.js"  # of the page
 WORKER = "figures.js", "model.js", "worker.js"
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
-RULE = (
-    "similar",
-    "clear",
-    "lead",
-    "majority",
-    "rival",
-    "named",
-    "past",
-)  # constants of the wanted mode, and of its search
-SEARCH = "step", "steps", "rounds"
+# constants of the wanted mode, and of its search
+RULE = ("similar", "clear", "lead", "majority", "rival", "named", "past", "step", "steps", "rounds")
+CONSTANTS = {
+    "beside": block.BESIDE, "flat": bands.FLAT, "safety": bands.SAFETY, "smallest": gaps.SMALLEST,
+    "negligible": confinement.NEGLIGIBLE, "short": SHORT, "wide_m": WIDE_M, "steepest_db": STEEPEST_DB,
+    "propagating": complex_bands.PROPAGATING, "tiny": complex_bands.TINY, "felt": branches.FELT,
+    "known": KNOWN,
+}  # fmt: skip
+LACKING = {
+    "outside": affine.OUTSIDE,
+    "tight": affine.TIGHT,
+    "narrow": "side = {side:g} mm: the zone must be at least two pillar sides wide",
+    "middle": "the first row's cell reaches over the zone's middle: no live answer for the plate",
+    "cut": "an extension below {least} mm cuts through the last rows' cells: this page has no answer for such a plate "
+    "without its program, antinode explore",
+}
 MAX_BYTES = 12_000_000
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' blob:; worker-src blob:; style-src 'unsafe-inline'; img-src data:"
@@ -112,13 +119,14 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
     design, box = case.design, cell.box
     return scene.document() | {
         "case_template": scene.template(),
-        "cloud": explorer.cloud_designs,
+        "cloud": [given | {"mass_g": mass_kg(scene.at(given).design) / GRAM} for given in explorer.cloud_designs],
+        "constants": CONSTANTS,
+        "words": WORDS | LACKING,
         "zone_length": design.length_m,
-        "pillar_density": design.pillar.material.density_kg_m3 if design.pillar else 0.0,
         "reference": cell.reference,
         "angular": cell.scale.angular,
         "following": scene.following,
-        "foot": {name: getattr(box.foot, name) for name in ("reach", "widest", "volume", "footprint", "is_alike")},
+        "foot": {name: getattr(box.foot, name) for name in ("reach", "widest", "footprint", "is_alike")},
         "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m},
         "stiffness_exponents": cell.stiffness_exponents.tolist(),
         "mass_exponents": cell.mass_exponents.tolist(),
@@ -129,7 +137,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "bands_inner": vars(bands.INNER),
         "face_inner": vars(INNER),
         "face": _face(FACE),
-        "lines": {"n": len(line_gram(FACE)), "a": line_gram(FACE).ravel().tolist()},
+        "lines": _matrix(branches.line_gram(FACE)),
         "bare": _bare(design.stack.material.as_isotropic),
         "zone_width": design.width_m,
         "kx": case.kx_wanted_per_m,
@@ -139,8 +147,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "panel": PANEL,
         "reach": chain.REACH,
         "finite": _finite(design),
-        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE}
-        | {name: getattr(wanted_mode, name.upper()) for name in SEARCH},
+        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
@@ -148,11 +155,15 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
 
 
 def _windows(design: Design, limit: Limit) -> Plain:
-    """The wanted window's ends and where a search begins, Hz, at every step of the thickness, m."""
+    """The wanted window by its parts: ends that thin-plate theory has, and where a search begins, Hz/m, for they go with the
+    thickness; the zone between clamped sides, Hz, at every step of the thickness, m.
+    """
     thicknesses = MM * np.linspace(limit.low, limit.high, round((limit.high - limit.low) / limit.step) + 1)
-    each = [replace(design, thickness_m=float(thickness)) for thickness in thicknesses]
-    ends = [[*mesh_rules.wanted_window_hz(one), mesh_rules.search_window_hz(one)[0]] for one in each]
-    return {"thicknesses": thicknesses.tolist(), "ends": ends}
+    clamped = [mesh_rules.clamped_hz(replace(design, thickness_m=float(thickness))) for thickness in thicknesses]
+    ends = {"low": mesh_rules.wanted_window_hz(design)[0], "first": mesh_rules.search_window_hz(design)[0]}
+    ends["high"] = mesh_rules.WINDOW[1] / mesh_rules.WINDOW[0] * ends["low"]
+    slopes = {name: end / design.thickness_m for name, end in ends.items()}
+    return {"thicknesses": thicknesses.tolist(), "clamped": clamped} | slopes
 
 
 def _finite(design: Design) -> Plain:
@@ -160,12 +171,13 @@ def _finite(design: Design) -> Plain:
 
     sides goes with the square of a thickness in m, layer with the thickness.
     """
-    thickness = design.thickness_m
-    thin = thin_error(design.nodal_lines)
+    thickness, wavenumbers = design.thickness_m, finite.wavenumbers(design).tolist()
+    thin, tried = thin_error(design.nodal_lines), live_column.tried_up_to_hz(design, (0.0, 1.0))
     return {
         "lines": design.nodal_lines, "kappa": free_free_mode(design.nodal_lines).kappa, "free_kx": free_kx_per_m(design),
-        "beyond": finite.BEYOND, "more": finite.MORE, "independent": finite.INDEPENDENT, "still": finite.STILL,
-        "tried": live_column.TRIED, "tied": live_column.TIED, "changes": live_column.CHANGES, "sharing": live_column.SHARING,
+        "wavenumbers": wavenumbers, "tried": list(map(tried, wavenumbers)), "known": live_column.TRIED,
+        "independent": finite.INDEPENDENT, "still": finite.STILL, "tied": live_column.TIED,
+        "changes": live_column.CHANGES, "sharing": live_column.SHARING,
         "waves": thin, "sides": (boundary_error(design) - thin) / thickness**2,
         "layer": end_layer(design) / thickness, "near": NEAR,
     }  # fmt: skip
@@ -209,8 +221,12 @@ def _use(block: ReducedBlock, full: Interface, face: Interface) -> Plain:
     parity, kept = lower(block.parity, full, face)
     still = parity.T @ rigid_polynomials(face, (1.0, 1.0, 0.0))
     thick = parity.T @ rigid_polynomials(face, (1.0, 1.0, 1.0)) - still
-    plain = {"n": len(parity), "m": parity.shape[1], "a": parity.ravel().tolist()} if face == FACE else None
-    return {"kept": kept.tolist(), "rigid": {"still": still.tolist(), "thick": thick.tolist()}, "parity": plain}
+    rigid = {"still": still.tolist(), "thick": thick.tolist()}
+    return {"kept": kept.tolist(), "rigid": rigid, "parity": _matrix(parity) if face == FACE else None}
+
+
+def _matrix(matrix: FloatArray) -> Plain:
+    return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
 
 
 def _face(face: Interface) -> Plain:
@@ -226,16 +242,12 @@ def _face(face: Interface) -> Plain:
 
 
 def _bare(law: Isotropic) -> Plain:
-    """Lame's constants over Young's modulus, and the integrals over a line that bare panels are made of."""
-
-    def plain(matrix: FloatArray) -> Plain:
-        return {"n": len(matrix), "m": matrix.shape[1], "a": matrix.ravel().tolist()}
-
+    """Lame's constants over Young's modulus, and the polynomials that bare panels are made of, by rising powers."""
     gauss, weights = legendre.leggauss(quadrature.COUNT)
-    flat, _ = bare.line_values(gauss, False)
-    _, bottom = bare.line_values(np.array([-1.0]), False)
+    values = bare.line_values(gauss, False)
+    along, through = (polynomial.polyfit(gauss, own, own.shape[1] - 1).T.tolist() for own in values)
     return {
-        "lambda": law.lame_pa / law.young_pa, "mu": law.shear_pa / law.young_pa, "functions": bare.functions(FACE).tolist(),
-        "lines": [[plain(matrix) for matrix in line] for line in bare.line_integrals()],
-        "gauss": gauss.tolist(), "weights": weights.tolist(), "flatValues": plain(flat), "bottom": bottom[0].tolist(),
+        "lambda": law.lame_pa / law.young_pa, "mu": law.shear_pa / law.young_pa,
+        "functions": bare.functions(FACE).tolist(), "along": along, "through": through,
+        "gauss": gauss.tolist(), "weights": weights.tolist(),
     }  # fmt: skip

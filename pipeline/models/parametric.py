@@ -208,11 +208,16 @@ def require_foot(case: Case) -> Foot:
     if foot is None:
         known = "square, round, hexagonal, tapered or cross, without fillet and heavy tip and on the back alone"
         said.append(f"{case.name}: pillar.shape must be {known}, for explore: the others do not grow with their width")
-    if design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
+    if design.stagger:
+        others = (
+            "bands, attenuation, broadband, modes, response, search and tolerance without --alike take staggered rows"
+        )
+        said.append(f"{case.name}: array.stagger = true: explore follows one square cell: leave it out; {others}")
+    elif design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
         said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
     if foot is None or said:
         raise InputError(said)
-    case.require_lattice("explore is")
+    case.require_one_kind("explore is")
     return foot
 
 
@@ -326,9 +331,7 @@ def _mapped(offline: Offline) -> Iterator[Callable[..., Iterable[Any]]]:
         yield workers.map
 
 
-HALVED = re.compile(
-    r"cell\.blocks\.\d+\.(stiffness|mass|pillar_mass)"
-).fullmatch  # symmetric: single precision holds them
+HALVED = re.compile(r"cell\.blocks\.\d+\.(stiffness|mass)").fullmatch  # symmetric: single precision holds them
 
 
 class CellModelCache(ArrayCache):

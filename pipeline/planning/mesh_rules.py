@@ -333,8 +333,8 @@ def wanted_window_hz(design: Design) -> tuple[float, float]:
     """Window in which the wanted mode is searched first, Hz: about the zone's exact thin-plate frequency between pinned sides,
     and up to the zone between clamped ones, which no row of pillars can exceed.
     """
-    estimate, strip = _wanted_hz(design), _strip(design)
-    return WINDOW[0] * estimate, max(WINDOW[1] * estimate, _clamped_hz(strip, design.nodal_lines))
+    estimate = _wanted_hz(design)
+    return WINDOW[0] * estimate, max(WINDOW[1] * estimate, clamped_hz(design))
 
 
 def search_window_hz(design: Design) -> tuple[float, float]:
@@ -348,9 +348,13 @@ def search_window_hz(design: Design) -> tuple[float, float]:
     return min(low, _wanted_hz(design) - thin_plate_hz(strip, 0.0, strip.across_per_m)), high
 
 
+def clamped_hz(design: Design) -> float:
+    """The zone's frequency between clamped sides, with shear unless it is rigid along x, Hz; 0 where its shape is not known."""
+    return _clamped_hz(_strip(design), design.nodal_lines)
+
+
 @lru_cache(maxsize=64)
 def _clamped_hz(strip: Strip, lines: int) -> float:
-    """The same of the zone between clamped sides, with shear unless it is rigid along x; 0 where its shape is not known."""
     if lines < 2:  # cylindrical bending of a clamped beam across the zone
         return thin_plate_hz(strip, 0.0, roots("clamped", "clamped", 1)[0] / strip.width_m)
     return mindlin_mode(strip, lines, "clamped").frequency_hz if lines <= MAX_LINES else 0.0

@@ -25,6 +25,8 @@ THICKNESS, HEIGHT, SIDE, PITCH = range(4)
 NAMES = ("thickness", "height", "side", "pitch")
 SAME = 1e-9
 CLEARANCE_M = 0.5e-3  # between neighbouring pillars: a narrower slit is not printed, and its elements degenerate
+OUTSIDE = "{name} = {value:g} mm: must lie between {low:g} and {high:g} mm"
+TIGHT = "side = {side:g} mm does not fit pitch = {pitch:g} mm: at least {gap:g} mm must stay between two pillars"
 
 Sizes = tuple[float, float, float, float]
 
@@ -43,13 +45,11 @@ class DesignBox:
         said = []
         for name, value, low, high in zip(NAMES, sizes, self.low, self.high, strict=True):
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
-                said.append(f"{name} = {1e3 * value:g} mm: must lie between {1e3 * low:g} and {1e3 * high:g} mm")
+                said.append(OUTSIDE.format(name=name, value=1e3 * value, low=1e3 * low, high=1e3 * high))
         gap = sizes[PITCH] - self.foot.widest * sizes[SIDE]
         if not gap >= self.clearance_m * (1.0 - 1e-9):
-            said.append(
-                f"side = {1e3 * sizes[SIDE]:g} mm does not fit pitch = {1e3 * sizes[PITCH]:g} mm: at least "
-                f"{1e3 * self.clearance_m:g} mm must stay between two pillars"
-            )
+            gap_mm = 1e3 * self.clearance_m
+            said.append(TIGHT.format(side=1e3 * sizes[SIDE], pitch=1e3 * sizes[PITCH], gap=gap_mm))
         return said
 
     def require(self, sizes: FloatArray | Sizes) -> None:
@@ -135,8 +135,7 @@ class AffineCell:
         materials = {"plate": plate, "pillar": pillar}
         forms = Forms(self.mesh, self.scale.length_m)
         self.stiffness = self._stiffness(forms, materials)
-        self.mass = self._mass(forms, materials, ("plate", "pillar"))
-        self.pillar_mass = self._mass(forms, materials, ("pillar",))
+        self.mass = self._mass(forms, materials)
 
     def _stiffness(self, forms: Forms, materials: dict[str, Material]) -> AffineForm:
         groups: dict[Exponents, FloatArray] = {}
@@ -150,15 +149,14 @@ class AffineCell:
         ordered = sorted(groups)
         return AffineForm(np.array(ordered), tuple(forms.stiffness(groups[key]) for key in ordered))
 
-    def _mass(self, forms: Forms, materials: dict[str, Material], regions: tuple[str, ...]) -> AffineForm:
+    def _mass(self, forms: Forms, materials: dict[str, Material]) -> AffineForm:
         groups: dict[Exponents, FloatArray] = {}
         density = np.zeros(len(self.mesh.cells))
-        for name in regions:
-            density[self.mesh.regions[name]] = materials[name].density_kg_m3 / self.scale.density_kg_m3
+        for name, material in materials.items():
+            density[self.mesh.regions[name]] = material.density_kg_m3 / self.scale.density_kg_m3
         for part in np.unique(self.parts, axis=0):
             cells = np.flatnonzero((self.parts == part).all(axis=1))
-            if density[cells].any():
-                groups.setdefault(_exponents(part, ()), np.zeros_like(density))[cells] = density[cells]
+            groups.setdefault(_exponents(part, ()), np.zeros_like(density))[cells] = density[cells]
         ordered = sorted(groups)
         return AffineForm(np.array(ordered), tuple(forms.mass(groups[key]) for key in ordered))
 

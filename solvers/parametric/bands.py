@@ -7,9 +7,8 @@ design's own clamped modes and inertial answers. All pencils are small, real and
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
@@ -140,11 +139,10 @@ def band_bases(
     count: int,
     designs: Sequence[Sizes],
     floor: float,
-    apply: Callable[..., Iterable[list[FloatArray]]] = map,
 ) -> BandBases:
-    """Gather the boundary motions of the waves of given designs; `apply` maps over designs, several at once if it can."""
+    """Gather the boundary motions of the waves of given designs."""
     whole = sectors(cell.interface, fractions, cell.symmetry)
-    waves = list(apply(partial(_boundary_waves, cell, whole, count), designs))
+    waves = [_boundary_waves(cell, whole, count, sizes) for sizes in designs]
     middle = cell.parts(cell.reference, INNER, cell.interface)
     few = []
     for number, sector in enumerate(whole):

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import product
 
 import numpy as np
+from numpy.polynomial import legendre
 from scipy.linalg import cho_factor, cho_solve, eigh
 
 from geometry.elements import FloatArray, IntArray
+from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale
+from solvers.fem.quadrature import COUNT, gauss_points
+from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
 from solvers.parametric.block import BESIDE, Block
-from solvers.parametric.greedy import chosen
-from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, reduced_block
+from solvers.parametric.foot import Foot
+from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, chosen, reduced_block
 from solvers.parametric.sectors import Symmetry, symmetry_of
-from solvers.parametric.touch_face import fitted_touch
 from solvers.superelement.cell import Cell, Expansion, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
 
+APART = 20.0  # condition number of polynomials over a touch face: 11 where the rule is exact for their squares
 RIGID = 1e-9  # of the pitch: smaller rigid-body modes of a class are rounding
 
 
@@ -49,7 +54,6 @@ class ParametricCell:
     interface: Interface
     stiffness_exponents: IntArray
     mass_exponents: IntArray
-    pillar_exponents: IntArray
     blocks: tuple[ReducedBlock, ...]
     touch_m: FloatArray
     touch_weights: FloatArray
@@ -102,10 +106,7 @@ class ParametricCell:
         more_values, turn = eigh(more.T @ stiffness[f:, f:] @ more, more.T @ mass[f:, f:] @ more)
         inside = np.hstack([modes, more @ turn])
         shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
-        pillar = np.tensordot(
-            theta(self.pillar_exponents, sizes, self.reference, self.box.foot), block.pillar_mass, axes=1
-        )
-        own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass, pillar))
+        own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass))
         own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, sizes))
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
@@ -123,7 +124,7 @@ class ParametricCell:
 
 @dataclass(frozen=True)
 class ClassAtDesign:
-    """A class of one design: K, M and the pillar's M among its boundary polynomials and inner functions.
+    """A class of one design: K and M among its boundary polynomials and inner functions.
 
     lost (m, m): what inner functions left out would answer, as Cell.dropped; touch (p, m): u_z at the touch points; shapes:
     both in the block's basis.
@@ -173,15 +174,14 @@ def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, s
     """The symmetry classes in the sides' own degrees of freedom, in units of the design's thickness."""
     places = places_of([part.parity for part in parts], [len(part.fixed_hz) for part in parts])
     matrices = [
-        np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in range(3)
+        np.sum([4.0 * p @ part.own[i] @ p.T for p, part in zip(places, parts, strict=True)], axis=0) for i in (0, 1)
     ]
     lost = np.sum([4.0 * part.parity @ part.lost @ part.parity.T for part in parts], axis=0)
     ratio = cell.scale.length_m / sizes[THICKNESS]
-    units = (ratio, ratio**3, ratio**3)
-    stiffness, mass, pillar = (unit * (m + m.T) / 2.0 for unit, m in zip(units, matrices, strict=True))
+    stiffness, mass = (unit * (m + m.T) / 2.0 for unit, m in zip((ratio, ratio**3), matrices, strict=True))
     fixed = np.concatenate([part.fixed_hz for part in parts])
     return Cell(
-        stiffness, mass, pillar, face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
+        stiffness, mass, np.zeros_like(mass), face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
         (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
         fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
         min(part.dropped_hz for part in parts), ratio**5 * lost,
@@ -219,8 +219,8 @@ def parametric_cell(
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
     reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
     touch_m, weights, from_mesh = fitted_touch(cell.mesh, cell.box.foot, cell.reference)
-    everywhere = cell.stiffness.exponents, cell.mass.exponents, cell.pillar_mass.exponents
-    alone = (np.zeros((1, 4), dtype=np.int64),) * 3
+    everywhere = cell.stiffness.exponents, cell.mass.exponents
+    alone = (np.zeros((1, 4), dtype=np.int64),) * 2
     return tuple(
         ParametricCell(
             cell.box, cell.reference, cell.scale, interface, *exponents,
@@ -243,3 +243,46 @@ def _reduce(
         if coarse:
             taken = tuple(chosen(Block(coarse, interface, signs), designs, NOVEL * KEPT))
         return (reduced_block(block, taken, designs), *(block_alone(block, sizes) for sizes in unseen))
+
+
+# -- touch face --------------------------------------------------------------------------------------------------------
+# u_z on the touch face of a quarter cell: a polynomial on each rectangle that stretches as one.
+
+
+def fitted_touch(mesh: Mesh, foot: Foot, reference: Sizes) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss points (p, 2) in m and weights (p,) of the four rectangles, block or clearance along x and y, and u_z there from
+    that at the points of `face_quadrature`, (p, q).
+
+    The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as much as the points tell.
+    """
+    lines = [0.0, foot.reach * reference[SIDE] / 2.0, reference[PITCH] / 2.0]
+    rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
+    at = rule.points[:, :2]
+    points, weights, rows = [], [], []
+    for corner in product((0, 1), repeat=2):
+        low, high = np.array([lines[i] for i in corner]), np.array([lines[i + 1] for i in corner])
+        middle, half = (low + high) / 2.0, (high - low) / 2.0
+        inside = np.flatnonzero(((at > low) & (at < high)).all(axis=1))
+        row = np.zeros((len(gauss), len(at)))
+        row[:, inside] = _fit((at[inside] - middle) / half, rule.weights[inside], gauss)
+        rows.append(row)
+        points.append(middle + half * gauss)
+        weights.append(area * half.prod())
+    return np.concatenate(points), np.concatenate(weights), np.concatenate(rows)
+
+
+def _fit(known: FloatArray, weights: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Values at points (p, 2) of the projection on most products that a rule's points (q, 2) and weights tell apart, (p, q)."""
+    root = np.sqrt(weights / weights.sum())
+    degrees = [(i, j) for i in range(COUNT) for j in range(COUNT)]
+    for each in sorted(degrees, key=lambda each: -(each[0] + 1) * (each[1] + 1)):
+        table = root[:, None] * _products(known, each)
+        if table.shape[1] <= len(known) and np.linalg.cond(table) < APART:
+            return np.asarray(_products(wanted, each) @ np.linalg.pinv(table) * root)
+    raise ValueError("no points of a rule lie in a part of the touch face")
+
+
+def _products(points: FloatArray, degrees: tuple[int, int]) -> FloatArray:
+    """Products of Legendre polynomials at points (n, 2), (n, (i + 1) (j + 1))."""
+    x, y = (legendre.legvander(points[:, axis], degrees[axis]) for axis in (0, 1))
+    return np.asarray((x[:, :, None] * y[:, None, :]).reshape(len(points), -1), dtype=float)

@@ -82,8 +82,7 @@ def _block(
 
     return replace(
         block, functions=boundary.shape[1], stiffness=turned(block.stiffness), mass=turned(block.mass),
-        pillar_mass=turned(block.pillar_mass), touch=single(block.touch @ whole),
-        coordinates=single(boundary.T @ block.coordinates),
+        touch=single(block.touch @ whole), coordinates=single(boundary.T @ block.coordinates),
     )  # fmt: skip
 
 

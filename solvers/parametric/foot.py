@@ -77,18 +77,6 @@ class Foot:
         """Largest extent at any height over the width of the foot."""
         return max(1.0, self.taper) * self.footprint
 
-    @property
-    def area(self) -> float:
-        """Area of the foot over its width squared."""
-        if self.hexagonal:
-            return float(np.sqrt(0.75))
-        return float(np.pi / 4.0) if self.round else 1.0 - (1.0 - self.arm) ** 2
-
-    @property
-    def volume(self) -> float:
-        """Volume over width squared times height."""
-        return self.area * (1.0 + self.taper + self.taper**2) / 3.0
-
 
 SQUARE = Foot()
 

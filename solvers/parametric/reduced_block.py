@@ -1,17 +1,15 @@
-"""A symmetry class reduced over the box of designs: affine matrices among boundary functions and a basis of the inside."""
+"""A symmetry class reduced over the box of designs: the designs that its basis is made from, and the affine matrices in it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
-from solvers.fem.assembly import on_components
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import Sizes
 from solvers.parametric.block import Block
@@ -21,26 +19,22 @@ NOVEL = 10.0  # times KEPT, beside a snapshot's unit energy: less than that a de
 RIGID = 1e-12  # of the largest energy of a rigid motion's inside: less is rounding
 ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
-
-
-Sparse: TypeAlias = sp.csr_array | sp.csc_array
+ASKED = 6  # clamped modes of a design that may be chosen, beside its answers to the boundary
 
 
 @dataclass(frozen=True)
 class ReducedBlock:
     """One class: signs under x -> -x, y -> -y, x <-> y; the first `functions` of n basis functions live on the boundary.
 
-    stiffness (q, n, n), mass (r, n, n), pillar_mass (s, n, n): the affine matrices; touch (p, n): u_z at points of the
-    touch face; shares (k,), coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch,
-    themselves
-    polynomials of that ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
+    stiffness (q, n, n), mass (r, n, n): the affine matrices; touch (p, n): u_z at points of the touch face; shares (k,),
+    coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch, themselves polynomials of that
+    ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
     """
 
     signs: IntArray
     functions: int
     stiffness: FloatArray
     mass: FloatArray
-    pillar_mass: FloatArray
     touch: FloatArray
     shares: FloatArray
     coordinates: FloatArray
@@ -60,33 +54,29 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
 
     The rigid-body modes of the designs `everywhere` are among the functions, too.
     """
-    matrices = block.forms.each("stiffness"), block.forms.each("mass"), block.cell.pillar_mass.matrices
-    return _block(block, inner_basis(block, designs, KEPT, everywhere), matrices)
+    basis = inner_basis(block, designs, KEPT, everywhere)
+    return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"))
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
     """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
     stiffness, mass = block.stretched(sizes)
-    weights = block.cell.theta(block.cell.pillar_mass, sizes)
-    pillar = sum(weight * one for weight, one in zip(weights, block.cell.pillar_mass.matrices, strict=True))
-    return _block(block, inner_basis(block, [sizes], ALL), ((stiffness,), (mass,), (pillar,)))
+    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass])
 
 
 def _block(
-    block: Block, inner: FloatArray, matrices: tuple[Iterable[Sparse], Iterable[Sparse], Iterable[Sparse]]
+    block: Block, inner: FloatArray, stiffness: Iterable[sp.csc_array], mass: Iterable[sp.csc_array]
 ) -> ReducedBlock:
     whole = np.zeros((block.forms.dof, block.functions.shape[1] + inner.shape[1]))
     whole[block.on_boundary, : block.functions.shape[1]] = block.functions
     whole[block.inner, block.functions.shape[1] :] = inner
     nodal = np.asarray(block.forms.fold @ whole)
-    stiffness, mass, pillar = matrices
     rule = face_quadrature(block.cell.mesh, "touch")
     return ReducedBlock(
         np.array(block.signs),
         block.functions.shape[1],
         symmetric(np.array([whole.T @ (one @ whole) for one in stiffness])),
         symmetric(np.array([whole.T @ (one @ whole) for one in mass])),
-        symmetric(np.array([nodal.T @ on_components(one, nodal) for one in pillar])),
         np.asarray(rule.interpolation @ nodal[2::3]),
         block.shares,
         np.array([block.functions.T @ block.traces(block.of_share(share)) for share in block.shares]),
@@ -127,3 +117,45 @@ def orthonormal(functions: FloatArray, energy: sp.csr_array, kept: float, least:
 
 def symmetric(matrices: FloatArray) -> FloatArray:
     return np.asarray((matrices + matrices.transpose(0, 2, 1)) / 2.0)
+
+
+# -- designs -----------------------------------------------------------------------------------------------------------
+# One design after another, the next the one whose motions those before tell worst (binev2011). Asked on a coarser mesh of the
+# same topology, where every design's motions cost little and lie beside each other as they do on the finer one.
+
+
+def chosen(block: Block, designs: Sequence[Sizes], missed: float) -> list[Sizes]:
+    """The first design, then as many as it takes until no motion of unit strain energy of any design has more than `missed`
+    of that energy outside the span of those chosen.
+    """
+    left = dict(zip(designs, _motions(block, designs), strict=True))
+    taken: list[Sizes] = []
+    worst = designs[0]
+    while left:
+        taken.append(worst)
+        span = _span(left.pop(worst))
+        left = {sizes: motions - span @ (span.T @ motions) for sizes, motions in left.items()}
+        energy = {sizes: float(np.einsum("ij,ij->j", motions, motions).max()) for sizes, motions in left.items()}
+        worst = max(energy, key=lambda sizes: energy[sizes], default=worst)
+        if energy.get(worst, 0.0) <= missed:
+            break
+    return taken
+
+
+def _motions(block: Block, designs: Sequence[Sizes]) -> list[FloatArray]:
+    """What the inside does at each design, in coordinates in which the strain energy of the reference design is the length;
+    rigid-body modes, which every basis has, taken out.
+    """
+    stiffness, _ = block.stretched(block.cell.reference)
+    root = np.linalg.cholesky(stiffness[block.inner][:, block.inner].toarray()).T
+    still = _span(root @ np.hstack([block.rigid(sizes) for sizes in designs]))
+    out = []
+    for sizes in designs:
+        motions = root @ np.hstack(block.inner_shapes(sizes, ASKED))
+        out.append(motions - still @ (still.T @ motions))
+    return out
+
+
+def _span(motions: FloatArray) -> FloatArray:
+    left, size, _ = np.linalg.svd(motions, full_matrices=False)
+    return np.asarray(left[:, size > 1e-9 * size[0]])

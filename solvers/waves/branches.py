@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import min_weight_full_bipartite_matching
 
-from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.lattice import MIRRORS
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
@@ -211,14 +211,24 @@ def label_of(
     """
     of = cells if isinstance(cells, Periodic) else Periodic([cells])
     points, weights, motion = _line_motion(of, dofs)
-    square = np.einsum("p,pck->ck", weights, np.abs(motion) ** 2)
-    flexural = square[2] / np.maximum(square.sum(axis=0), np.finfo(float).tiny)
+    flexural = _flexural(weights, motion)
     longitudinal = _longitudinal(of, points, weights[:, None, None] * motion[:, :2], weights, np.asarray(wavevector))
     pillar = pillar_share(of, dofs)
     return [
         _label(float(out), float(along), float(moving), with_pillars)
         for out, along, moving in zip(flexural, longitudinal, pillar, strict=True)
     ]
+
+
+def is_flexural(cells: Periodic, dofs: ComplexArray) -> BoolArray:
+    """Which waves `label_of` calls flexural, (n,)."""
+    _, weights, motion = _line_motion(cells, dofs)
+    return np.asarray(_flexural(weights, motion) > FELT)
+
+
+def _flexural(weights: FloatArray, motion: ComplexArray) -> FloatArray:
+    square = np.einsum("p,pck->ck", weights, np.abs(motion) ** 2)
+    return np.asarray(square[2] / np.maximum(square.sum(axis=0), np.finfo(float).tiny))
 
 
 def pillar_share(cells: Periodic, dofs: ComplexArray) -> FloatArray:

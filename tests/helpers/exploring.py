@@ -52,13 +52,13 @@ def _made(settings: tuple[str, ...]) -> Path:
     return Path(folder)
 
 
-def small_explorer(folder: Path, *settings: str) -> Explorer:
-    """The explorer of examples/small.toml with --set words, its bases kept in a folder."""
-    raw = read_toml(SMALL)
-    case = case_from_dict(raw, SMALL, list(settings))
+def small_explorer(folder: Path, *settings: str, path: Path = SMALL, offline: Offline = OFFLINE) -> Explorer:
+    """The explorer of examples/small.toml or another case with --set words, its bases kept in a folder."""
+    raw = read_toml(path)
+    case = case_from_dict(raw, path, list(settings))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(cell_model, "CellModelCache", lambda: CellModelCache(_made(settings)))
-        model = cell_model.cell_model(case, WarningLog(), OFFLINE)
+        model = cell_model.cell_model(case, WarningLog(), offline)
     shutil.copytree(_made(settings), folder, dirs_exist_ok=True)
     return Explorer(Scene(case, raw, settings), replace(model, mesh=replace(MESH, box=model.cell.box)))
 

@@ -1,28 +1,33 @@
-// The live answer without Python: solvers/parametric and pipeline/explore/answer.py over the same stored matrices.
+// The solver of an exported page: a design's reduced cell, its bands, the waves of its column and the plate made of them.
+// Constants, rules, words, polynomials and the cloud's designs are data that pipeline/explore/offline.py writes.
 "use strict";
-const BESIDE = 0.1, FLAT = 1e-3, SAFETY = 2, STEEPEST_DB = 100, PROPAGATING = 1e-7, FELT = 0.25, TINY = 1e-150, DEGREE = 5;
 const zeros = (n) => new Float64Array(n);
 
 // dense matrices: { n rows, m columns, a row by row }
 const mat = (n, m) => ({ n, m, a: zeros(n * m) });
-function mul(x, y) {
-  const out = mat(x.n, y.m), w = y.m;
-  for (let i = 0; i < x.n; i++)
-    for (let k = 0; k < x.m; k++) {
-      const v = x.a[i * x.m + k];
-      if (v) for (let j = 0, p = i * w, q = k * w; j < w; j++) out.a[p + j] += v * y.a[q + j];
+function product(x, y, n, inner, at, first = () => 0) { // sum over k of x[at(i, k)] y[k, j], four k at a time: an answer is mostly such sums
+  const w = y.m, out = mat(n, w), o = out.a, b = y.a;
+  let k = 0;
+  for (; k + 3 < inner; k += 4)
+    for (let i = 0; i < n; i++) {
+      const v0 = x.a[at(i, k)], v1 = x.a[at(i, k + 1)], v2 = x.a[at(i, k + 2)], v3 = x.a[at(i, k + 3)];
+      if (v0 || v1 || v2 || v3)
+        for (let j = first(i), p = i * w, q = k * w, r = q + w, s = r + w, t = s + w; j < w; j++) o[p + j] += v0 * b[q + j] + v1 * b[r + j] + v2 * b[s + j] + v3 * b[t + j];
+    }
+  for (; k < inner; k++)
+    for (let i = 0; i < n; i++) {
+      const v = x.a[at(i, k)];
+      if (v) for (let j = first(i), p = i * w, q = k * w; j < w; j++) o[p + j] += v * b[q + j];
     }
   return out;
 }
-function mulT(x, y) { // x' y
-  const out = mat(x.m, y.m), w = y.m;
-  for (let k = 0; k < x.n; k++)
-    for (let i = 0; i < x.m; i++) {
-      const v = x.a[k * x.m + i];
-      if (v) for (let j = 0, p = i * w, q = k * w; j < w; j++) out.a[p + j] += v * y.a[q + j];
-    }
+function congruent(x, t) { // t' x t of a symmetric matrix: its upper half alone is summed
+  const out = product(t, mul(x, t), t.m, t.n, (i, k) => k * t.m + i, (i) => i), n = t.m;
+  for (let i = 0; i < n; i++) for (let j = 0; j < i; j++) out.a[i * n + j] = out.a[j * n + i];
   return out;
 }
+const mul = (x, y) => product(x, y, x.n, x.m, (i, k) => i * x.m + k);
+const mulT = (x, y) => product(x, y, x.m, x.n, (i, k) => k * x.m + i); // x' y
 function transposed(x) {
   const out = mat(x.m, x.n);
   for (let i = 0; i < x.n; i++) for (let j = 0; j < x.m; j++) out.a[j * x.n + i] = x.a[i * x.m + j];
@@ -184,12 +189,10 @@ function summed(triangles, weights, n) {
   for (let i = 0, at = 0; i < n; i++) for (let j = i; j < n; j++, at++) out.a[i * n + j] = out.a[j * n + i] = line[at];
   return out;
 }
-function boundaryAt(own, share) { // Lagrange's polynomials of the ratio of the block's width to the pitch
+const lagrange = (places, x) => places.map((at, s) => places.reduce((v, other, o) => o === s ? v : v * (x - other) / (at - other), 1));
+function boundaryAt(own, share) { // polynomials of the ratio of the block's width to the pitch
   const f = own.functions, m = own.parity_count, out = mat(f, m);
-  own.shares.forEach((at, s) => {
-    const w = own.shares.reduce((v, other, o) => o === s ? v : v * (share - other) / (at - other), 1);
-    for (let i = 0; i < f * m; i++) out.a[i] += w * own.coordinates[s * f * m + i];
-  });
+  lagrange(own.shares, share).forEach((w, s) => { for (let i = 0; i < f * m; i++) out.a[i] += w * own.coordinates[s * f * m + i]; });
   return out;
 }
 function lowestModes(k, factor, m, count) { // inverse iteration of a few vectors more than asked for
@@ -198,7 +201,7 @@ function lowestModes(k, factor, m, count) { // inverse iteration of a few vector
   let x = mat(n, width), values = null, before = null;
   for (let i = 0, seed = 1; i < x.a.length; i++) { seed = seed * 16807 % 2147483647; x.a[i] = seed / 2147483647 - 0.5; }
   for (let turn = 0; turn < 60; turn++) {
-    const y = solved(factor, mul(m, x)), small = symmetricPencil(mulT(y, mul(k, y)), mulT(y, mul(m, y)), true);
+    const y = solved(factor, mul(m, x)), small = symmetricPencil(congruent(k, y), congruent(m, y), true);
     x = mul(y, small.vectors); values = small.values;
     if (before && range(0, count).every((i) => Math.abs(values[i] - before[i]) <= 1e-11 * values[i])) break;
     before = values;
@@ -211,7 +214,7 @@ function prepared(data, sizes, modes = data.bands_inner.modes) { // what both us
     const n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
     const inner = { k: block(k, f, n, f, n), m: block(m, f, n, f, n) }, factor = cholesky(inner.k);
     const lowest = lowestModes(inner.k, factor, inner.m, modes);
-    return { own, f, n, k, m, inner, factor, lowest, boundary: boundaryAt(own, data.foot.reach * sizes[2] / sizes[3]) };
+    return { own, f, n, k, m, inner, factor, lowest, beside: data.constants.beside, boundary: boundaryAt(own, data.foot.reach * sizes[2] / sizes[3]) };
   });
 }
 function rigidSpan(rigid, ratio) { // orthonormal columns, by Gram and Schmidt
@@ -239,16 +242,16 @@ function classAt(one, sizes, use, counts, withTouch) {
   const pushed = plus(mul(mib, p), mul(inner.m, si)), answer = solved(factor, pushed);
   const values = one.lowest.values.slice(0, counts.modes), modes = firstColumns(one.lowest.modes, counts.modes);
   const left = plus(answer, mul(scaledColumns(modes, values.map((v) => 1 / v)), mulT(modes, pushed)), -1);
-  const kbb = plus(mulT(p, mul(block(k, 0, f, 0, f), p)), mulT(mul(kib, p), si));
-  const mbb = plus(plus(mulT(p, mul(block(m, 0, f, 0, f), p)), mulT(mul(mib, p), si)), mulT(si, pushed));
-  const lost = mulT(pushed, left), energy = plus(kbb, mbb, BESIDE);
+  const kbb = plus(congruent(block(k, 0, f, 0, f), p), mulT(mul(kib, p), si));
+  const mbb = plus(plus(congruent(block(m, 0, f, 0, f), p), mulT(mul(mib, p), si)), mulT(si, pushed));
+  const lost = mulT(pushed, left), energy = plus(kbb, mbb, one.beside);
   const along = symmetricPencil(halfSum(lost), halfSum(energy), true).vectors;
   const more = mul(left, block(along, 0, width, width - counts.residual, width));
-  const turn = symmetricPencil(halfSum(mulT(more, mul(inner.k, more))), halfSum(mulT(more, mul(inner.m, more))), true);
+  const turn = symmetricPencil(congruent(inner.k, more), congruent(inner.m, more), true);
   const inside = beside(modes, mul(more, turn.vectors)), every = [...values, ...turn.values];
   const coupling = mulT(pushed, inside);
   const rest = plus(mulT(pushed, answer), mul(scaledColumns(coupling, every.map((v) => 1 / v)), transposed(coupling)), -1);
-  const out = { k: flexible(halfSum(kbb), rigidSpan(use.rigid, sizes[0] / sizes[3])), m: halfSum(mbb), coupling, values: every, lost: rest, width };
+  const out = { k: flexible(halfSum(kbb), rigidSpan(use.rigid, sizes[0] / sizes[3])), m: halfSum(mbb), coupling, values: every, lost: rest, last: values[values.length - 1], width };
   if (withTouch) {
     const touch = { n: own.touch.length / n, m: n, a: own.touch }, flat = block(touch, 0, touch.n, 0, f), deep = block(touch, 0, touch.n, f, n);
     out.touch = beside(plus(mul(flat, p), mul(deep, si)), mul(deep, inside));
@@ -262,7 +265,7 @@ function pencil(parts, basis) {
   const free = basis.m, inner = parts.reduce((n, part) => n + part.values.length, 0), n = free + inner, k = mat(n, n), m = mat(n, n);
   let row = 0, start = free;
   for (const part of parts) {
-    const own = block(basis, row, row + part.width, 0, free), kf = mulT(own, mul(part.k, own)), mf = mulT(own, mul(part.m, own)), c = mulT(own, part.coupling);
+    const own = block(basis, row, row + part.width, 0, free), kf = congruent(part.k, own), mf = congruent(part.m, own), c = mulT(own, part.coupling);
     for (let i = 0; i < free; i++) {
       for (let j = 0; j < free; j++) { k.a[i * n + j] += kf.a[i * free + j]; m.a[i * n + j] += mf.a[i * free + j]; }
       for (let j = 0; j < c.m; j++) m.a[i * n + start + j] = m.a[(start + j) * n + i] = c.a[i * c.m + j];
@@ -291,7 +294,7 @@ function corrected(parts, basis, count) { // less what the inner functions left 
 }
 function bandsOf(data, ready, sizes) {
   const parts = ready.map((one, number) => classAt(one, sizes, data.blocks[number].whole, data.bands_inner, false)), points = data.fractions.length;
-  const found = [], better = [];
+  const { flat, safety, smallest } = data.constants, found = [], better = [];
   for (const sector of data.sectors) {
     const own = sector.classes.map((c) => parts[c]);
     sector.points.forEach((point, at) => { const { k, m } = pencil(own, basisOf(sector, at)); found.push([point, symmetricPencil(k, m, false).values]); });
@@ -303,13 +306,13 @@ function bandsOf(data, ready, sizes) {
   const ours = merged(points, data.count, found), theirs = merged(points, data.count, better), excess = zeros(data.count);
   theirs.forEach((row, i) => {
     if (row.length < data.count) return;
-    row.forEach((v, band) => { if (v > FLAT ** 2 * row[row.length - 1]) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band] / v - 1)); });
+    row.forEach((v, band) => { if (v > flat ** 2 * row[row.length - 1]) excess[band] = Math.max(excess[band], 0.5 * Math.abs(ours[i][band] / v - 1)); });
   });
-  const error = Array.from(excess, (v, i) => SAFETY * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
+  const error = Array.from(excess, (v, i) => safety * Math.max(v, excess[i + 1] || 0, excess[i - 1] || 0) + data.floor);
   const high = data.mesh ? betweenCorners(data, data.mesh.high, sizes) : zeros(data.count);
   const frequency = ours.map((row) => row.map((v, band) => Math.sqrt(Math.max(v, 0)) * data.angular / (2 * Math.PI) / (1 + high[band])).sort((a, b) => a - b));
   const mesh = data.mesh ? betweenCorners(data, data.mesh.corners, sizes).map((v) => data.mesh.margin * v) : null;
-  return { frequency_hz: frequency, error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh) };
+  return { frequency_hz: frequency, error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh, smallest) };
 }
 function unitOf(data, sizes) { // solvers/parametric/affine.py
   const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2], least = Math.max(box.low[3] - side, box.clearance);
@@ -328,11 +331,11 @@ function meshAt(found, hz) { // of the bands that reach down to a frequency; a c
   if (!found.as_meshed) return 0;
   return Math.max(0, ...found.as_meshed.filter((_, band) => Math.min(...found.frequency_hz.map((row) => row[band])) <= hz));
 }
-function gapsOf(table, error, mesh) {
+function gapsOf(table, error, mesh, smallest) {
   const out = [];
   for (let band = 0; band + 1 < table[0].length; band++) {
     const top = Math.max(...table.map((row) => row[band])), bottom = Math.min(...table.map((row) => row[band + 1]));
-    if (bottom - top > 1e-3 * bottom)
+    if (bottom - top > smallest * bottom)
       out.push({ lower_hz: top, upper_hz: bottom, lower_band: band + 1, upper_band: band + 2, error: mesh === null ? null : Math.max(error[band] + mesh[band], error[band + 1] + mesh[band + 1]) });
   }
   return out;
@@ -346,11 +349,12 @@ function joinedCell(data, ready, sizes) {
   const last = parts[parts.length - 1];
   if (data.foot.is_alike) parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
     touch: picked(last.touch, data.turned, range(0, last.touch.m)) });
-  const each = counts.modes + counts.residual, n = b + parts.length * each, k = mat(n, n), m = mat(n, n), ratio = data.reference[0] / sizes[0];
+  const each = counts.modes + counts.residual, n = b + parts.length * each, k = mat(n, n), m = mat(n, n), dropped = mat(b, b), ratio = data.reference[0] / sizes[0];
   const touch = mat(4 * data.touch_m.length, n), images = [[1, 1], [1, -1], [-1, 1], [-1, -1]];
   parts.forEach((part, number) => {
     const start = b + number * each, kb = mul(part.parity, mul(part.k, transposed(part.parity))), mb = mul(part.parity, mul(part.m, transposed(part.parity)));
-    const c = mul(part.parity, part.coupling);
+    const c = mul(part.parity, part.coupling), lost = mul(part.parity, mul(part.lost, transposed(part.parity)));
+    for (let i = 0; i < b * b; i++) dropped.a[i] += 4 * ratio ** 5 * lost.a[i];
     for (let i = 0; i < b; i++) {
       for (let j = 0; j < b; j++) { k.a[i * n + j] += 4 * ratio * kb.a[i * b + j]; m.a[i * n + j] += 4 * ratio ** 3 * mb.a[i * b + j]; }
       for (let j = 0; j < each; j++) m.a[i * n + start + j] = m.a[(start + j) * n + i] = 4 * ratio ** 3 * c.a[i * each + j];
@@ -367,7 +371,7 @@ function joinedCell(data, ready, sizes) {
     });
   });
   const odd = parts.flatMap((part) => Array(each).fill(part.signs[0] < 0));
-  return { k, m, odd, width: sizes[3], ...touchPlaces(data, sizes, images), touch };
+  return { k, m, dropped, edge: Math.min(...parts.map((part) => part.last)) / ratio ** 2, odd, width: sizes[3], ...touchPlaces(data, sizes, images), touch };
 }
 function touchPlaces(data, sizes, images) {
   const { reach } = data.foot, a0 = reach * data.reference[2] / 2, p0 = data.reference[3] / 2, a = reach * sizes[2] / 2, p = sizes[3] / 2;
@@ -376,25 +380,26 @@ function touchPlaces(data, sizes, images) {
   const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0]) * stretch(at[1]));
   return { points, weights: images.flatMap(() => own) };
 }
-function alongSide(s) { // two hats and integrated Legendre polynomials, and their slopes
-  const p = [1, s], values = [(1 - s) / 2, (1 + s) / 2], slopes = [-0.5, 0.5];
-  for (let d = 2; d <= DEGREE; d++) {
-    p.push(((2 * d - 1) * s * p[d - 1] - (d - 1) * p[d - 2]) / d);
-    values.push((p[d] - p[d - 2]) / Math.sqrt(2 * (2 * d - 1))); slopes.push(p[d - 1] * Math.sqrt((2 * d - 1) / 2));
+function polynomials(rows, s) { // values and slopes at a place, by Horner; a row: coefficients of rising powers
+  const values = [], slopes = [];
+  for (const row of rows) {
+    let v = 0, d = 0;
+    for (let i = row.length - 1; i >= 0; i--) { d = d * s + v; v = v * s + row[i]; }
+    values.push(v); slopes.push(d);
   }
   return { values, slopes };
 }
-function spanLines(data, [low, high]) { // int f g, f' g and f' g' over a part of [-1, 1], by Gauss
-  const n = DEGREE + 1, out = [mat(n, n), mat(n, n), mat(n, n)];
-  data.bare.gauss.forEach((s, q) => {
-    const { values: f, slopes: d } = alongSide(low + (high - low) * (s + 1) / 2), w = data.bare.weights[q] * (high - low) / 2;
+function lineIntegrals(rows, { gauss, weights }, [low, high] = [-1, 1]) { // int f g, f' g and f' g' over a part of [-1, 1]
+  const n = rows.length, out = [mat(n, n), mat(n, n), mat(n, n)];
+  gauss.forEach((s, q) => {
+    const { values: f, slopes: d } = polynomials(rows, low + (high - low) * (s + 1) / 2), w = weights[q] * (high - low) / 2;
     for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { out[0].a[i * n + j] += w * f[i] * f[j]; out[1].a[i * n + j] += w * d[i] * f[j]; out[2].a[i * n + j] += w * d[i] * d[j]; }
   });
   return out;
 }
 function bareCell(data, width, depth, thickness, span = null) { // solvers/parametric/bare.py; of what lies within a span along x alone
-  const { functions, lambda, mu } = data.bare, n = functions.length, along = span ? spanLines(data, span) : data.bare.lines[0];
-  const lines = [along, data.bare.lines[0], data.bare.lines[1]];
+  const { functions, lambda, mu, along, through } = data.bare, n = functions.length, whole = lineIntegrals(along, data.bare);
+  const lines = [span ? lineIntegrals(along, data.bare, span) : whole, whole, lineIntegrals(through, data.bare)];
   const stretch = [width / thickness / 2, depth / thickness / 2, 0.5], volume = stretch[0] * stretch[1] * stretch[2];
   const k = mat(3 * n, 3 * n), m = mat(3 * n, 3 * n), g = zeros(9);
   const line = (axis, kind, a, b) => { const x = lines[axis][kind]; return x.a[a * x.m + b]; }; // kinds: ff, df, dd
@@ -416,12 +421,12 @@ function bareCell(data, width, depth, thickness, span = null) { // solvers/param
     }
   const odd = [];
   for (let f = data.face.count / 3; f < n; f++) for (let i = 0; i < 3; i++) odd.push((functions[f][0] % 2 === 1) !== (i === 0));
-  const { gauss, weights, flatValues, bottom } = data.bare, s = gauss.length, touch = mat(s * s, 3 * n), points = [], areas = [];
+  const { gauss, weights } = data.bare, bottom = polynomials(through, -1).values, across = gauss.map((s) => polynomials(along, s).values), s = gauss.length, touch = mat(s * s, 3 * n), points = [], areas = [];
   for (let x = 0; x < s; x++)
     for (let y = 0; y < s; y++) {
-      const [low, high] = span || [-1, 1], at = low + (high - low) * (gauss[x] + 1) / 2, flat = alongSide(at).values;
+      const [low, high] = span || [-1, 1], at = low + (high - low) * (gauss[x] + 1) / 2, flat = polynomials(along, at).values;
       points.push([at * width / 2, gauss[y] * depth / 2]); areas.push(weights[x] * (high - low) / 2 * weights[y] * width * depth / 4);
-      functions.forEach(([i, j, r], f) => { touch.a[(x * s + y) * 3 * n + 3 * f + 2] = flat[i] * flatValues.a[y * flatValues.m + j] * bottom[r]; });
+      functions.forEach(([i, j, r], f) => { touch.a[(x * s + y) * 3 * n + 3 * f + 2] = flat[i] * across[y][j] * bottom[r]; });
     }
   return { k, m, odd, width, depth, points, weights: areas, touch };
 }
@@ -437,7 +442,7 @@ function stiffInside(data, whole, top, about) { // modes of its inside beyond `t
   }));
   return { ...among(whole, shapes), odd: parts.flatMap(({ odd, modes }) => Array(modes.m).fill(odd)), shapes };
 }
-function among(cell, shapes) { return { ...cell, k: halfSum(mulT(shapes, mul(cell.k, shapes))), m: halfSum(mulT(shapes, mul(cell.m, shapes))), touch: mul(cell.touch, shapes) }; }
+function among(cell, shapes) { return { ...cell, k: congruent(cell.k, shapes), m: congruent(cell.m, shapes), touch: mul(cell.touch, shapes) }; }
 function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
   const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cell.width / 2;
   const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
@@ -448,14 +453,17 @@ function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] 
   }
   side[0].forEach((at, i) => put([at, turn(near, besideOdd[i])], [side[1][i], turn(far, besideOdd[i])]));
   cell.odd.forEach((odd, i) => put([count + i, turn([1, 0], odd)]));
-  const n = rows.length, w = cell.k.m, k = mat(n, n), m = mat(n, n);
-  for (let r = 0; r < n; r++)
-    for (let c = 0; c <= r; c++) {
-      let x = 0, y = 0;
-      for (const [i, a, b] of rows[r]) for (const [j, p, q] of rows[c]) { const f = a * p + b * q; x += f * cell.k.a[i * w + j]; y += f * cell.m.a[i * w + j]; }
-      k.a[r * n + c] = k.a[c * n + r] = x; m.a[r * n + c] = m.a[c * n + r] = y;
-    }
-  return { k, m, rows, cell };
+  const n = rows.length, among = (x) => {
+    const out = mat(n, n);
+    for (let r = 0; r < n; r++)
+      for (let c = 0; c <= r; c++) {
+        let v = 0;
+        for (const [i, a, b] of rows[r]) for (const [j, p, q] of rows[c]) if (i < x.n && j < x.n) v += (a * p + b * q) * x.a[i * x.n + j];
+        out.a[r * n + c] = out.a[c * n + r] = v;
+      }
+    return out;
+  };
+  return { k: among(cell.k), m: among(cell.m), among, rows, cell };
 }
 function condense(k, m, kept, top, about) {
   const n = k.n, ki = block(k, kept, n, kept, n), mi = block(m, kept, n, kept, n), pull = plus(block(k, kept, n, 0, kept), block(m, kept, n, 0, kept), -about);
@@ -469,8 +477,8 @@ function condense(k, m, kept, top, about) {
   for (let i = 0; i < still.a.length; i++) still.a[i] = -still.a[i];
   const eye = mat(kept, kept + modes.m);
   for (let i = 0; i < kept; i++) eye.a[i * eye.m + i] = 1;
-  const shapes = below(eye, beside(still, modes)), turned = (x) => halfSum(mulT(shapes, mul(x, shapes)));
-  return { still, modes, k: turned(k), m: turned(m), inside: beside(still, modes) };
+  const inside = beside(still, modes), shapes = below(eye, inside);
+  return { still, modes, k: congruent(k, shapes), m: congruent(m, shapes), inside };
 }
 function columnPanels(data, design) { // solvers/plates/column.py and geometry/tiling.py, in m
   const { pitch, thickness, rows, extension } = design, side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
@@ -482,8 +490,8 @@ function columnPanels(data, design) { // solvers/plates/column.py and geometry/t
   };
   if (!rows) { bare(half, true); if (extension > 1e-9) bare(half + extension, false); return { lines, feet, end: half + extension }; }
   const first = half + side / 2, end = first + (rows - 1) * pitch + side / 2 + extension;
-  if (first - pitch / 2 <= half / 4) throw new Error("the first row's cell reaches over the zone's middle: no live answer for the plate");
-  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(`an extension below ${(500 * (pitch - side)).toFixed(2)} mm cuts through the last rows' cells: this page has no answer for such a plate without its program, antinode explore`);
+  if (first - pitch / 2 <= half / 4) throw new Error(said(data, "middle"));
+  if (extension < (pitch - side) / 2 - 1e-9) throw new Error(said(data, "cut", { least: (500 * (pitch - side)).toFixed(2) }));
   bare(first - pitch / 2, true);
   for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(true); }
   if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
@@ -543,7 +551,7 @@ function parted(data, cell, lines) { // its touch face's rule, parted at lines y
     const inside = lines.map((line) => (line - middle) / half).filter((at) => Math.abs(at) < 1 - 1e-9).sort((a, b) => a - b), ends = [-1, ...inside, 1];
     const t = inside.length ? ends.slice(1).flatMap((end, i) => gauss.map((s) => ends[i] + (end - ends[i]) * (s + 1) / 2)) : gauss;
     const share = inside.length ? ends.slice(1).flatMap((end, i) => weights.map((w) => (end - ends[i]) / 2 * w)) : weights;
-    const values = t.map((at, r) => gauss.map((s, j) => inside.length ? gauss.reduce((v, other, k) => k === j ? v : v * (at - other) / (s - other), 1) : +(r === j)));
+    const values = t.map((at, r) => inside.length ? lagrange(gauss, at) : gauss.map((_, j) => +(r === j)));
     for (let i = 0; i < n; i++) {
       const start = first + i * n, across = cell.weights.slice(start, start + n).reduce((a, b) => a + b, 0) / 2;
       t.forEach((at, r) => {
@@ -563,42 +571,33 @@ function profileOf(data, design, { motions, half_span }) { // u_z on the touch f
     return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
   });
 }
-function measured(data, found, design) { // solvers/measures: confinement.py, wanted_mode.py
-  const half = data.zone_width / 2, beyond = found.half_span - design.extension, unit = data.plate_density * design.thickness ** 3;
-  const places = profileOf(data, design, found), modes = found.frequency.map((hz, c) => {
-    let inside = 0, all = 0, active = 0, passive = 0, passiveArea = 0, far = 0, farArea = 0, own = 0, re = 0, im = 0;
+function measured(data, found, design) { // the wanted one of a column's modes, and its level: solvers/measures
+  const half = data.zone_width / 2, everything = [-Infinity, Infinity], { free_kx } = data.finite, places = profileOf(data, design, found);
+  const modes = found.frequency.map((hz, c) => {
+    let active = 0, area = 0, passive = 0, passiveArea = 0, own = 0, re = 0, im = 0;
     for (const p of places) {
-      const square = p.re[c] ** 2 + p.im[c] ** 2, y = Math.abs(p.y);
-      all += p.weight * square;
-      if (y < half) {
-        const shape = Math.cos(Math.PI * p.y / data.zone_width), cos = Math.cos(data.kx * p.x) * shape, sin = Math.sin(data.kx * p.x) * shape;
-        inside += p.weight * square; active += p.weight; own += p.weight * shape * shape;
-        re += p.weight * (cos * p.re[c] + sin * p.im[c]); im += p.weight * (cos * p.im[c] - sin * p.re[c]);
-      } else { passive += p.weight * square; passiveArea += p.weight; }
-      if (y > beyond) { far += p.weight * square; farArea += p.weight; }
+      const square = p.re[c] ** 2 + p.im[c] ** 2;
+      if (Math.abs(p.y) >= half) { passive += p.weight * square; passiveArea += p.weight; continue; }
+      const shape = Math.cos(Math.PI * p.y / data.zone_width), cos = Math.cos(free_kx * p.x) * shape, sin = Math.sin(free_kx * p.x) * shape;
+      active += p.weight * square; area += p.weight; own += p.weight * shape * shape;
+      re += p.weight * (cos * p.re[c] + sin * p.im[c]); im += p.weight * (cos * p.im[c] - sin * p.re[c]);
     }
-    const level = (sum, area) => Math.min(active, area) <= 1e-9 * Math.max(active, area) ? null : 10 * Math.log10(inside / active / (sum / area));
-    const projection = (re * re + im * im) / own, confinement = level(passive, passiveArea), share = confinement === null ? null : inside / all;
-    return { hz, c, mac: projection / inside, confinement_db: confinement, extension_db: level(far, farArea), zone_share: share,
-      score: data.plate_density * design.thickness * projection / unit * (share === null ? 1 : share) };
+    const strength = (re * re + im * im) / own, confinement_db = decibels(data, active, area, passive, passiveArea);
+    return { hz, mac: strength / active, strength, confinement_db, zone_share: confinement_db === null ? null : active / (active + passive) };
   });
-  const candidates = modes.filter((mode) => mode.mac >= 0.5);
-  if (!candidates.length) return null;
-  const best = candidates.reduce((a, b) => b.score > a.score ? b : a);
-  const rivals = modes.filter((mode) => mode !== best && mode.score * mode.mac >= 0.25 * best.score * best.mac).length;
-  return { ...best, rivals: Math.min(rivals, 3) };
+  const best = verdictOf(data.rule, modes, -Infinity, everything, everything);
+  return best && modes[best.index];
+}
+function decibels(data, one, area, other, otherArea) { // mean squares of two parts compared; null where one has no area
+  return Math.min(area, otherArea) <= data.constants.negligible * Math.max(area, otherArea) ? null : 10 * Math.log10(one * otherArea / (area * other));
 }
 function windowsOf(data, thickness, search = false) { // pipeline/planning/mesh_rules.py at some thicknesses; where a search begins
-  const { thicknesses, ends } = data.windows, last = thicknesses.length - 1, place = Math.min(Math.max((thickness - thicknesses[0]) / (thicknesses[last] - thicknesses[0]), 0), 1) * last;
-  const at = Math.min(Math.floor(place), last - 1), [low, high, first] = ends[at].map((v, i) => v + (place - at) * (ends[at + 1][i] - v));
-  return [search ? first : low, high];
+  const { thicknesses, clamped, low, first, high } = data.windows, last = thicknesses.length - 1, place = (thickness - thicknesses[0]) / (thicknesses[last] - thicknesses[0]) * last;
+  const start = Math.min(Math.max(Math.floor(place) - 2, 0), last - 5), weights = lagrange(range(start, start + 6), place);
+  return [(search ? first : low) * thickness, Math.max(high * thickness, weights.reduce((sum, w, i) => sum + w * clamped[start + i], 0))];
 }
 
 // ---- the finite plate: solvers/parametric/finite.py, pipeline/models/live_column.py ----
-function wavenumbersOf(data) {
-  const { beyond, more, lines } = data.finite, last = Math.ceil(beyond * (Math.max(lines, 2) - 0.5 + more));
-  return range(lines % 2, last + 1).map((j) => Math.PI / (beyond * data.zone_length) * j);
-}
 function wantedAlong(data, x) { // the free-free beam's shape, even or odd about the middle
   const { lines, kappa } = data.finite, s = x / data.zone_length;
   if (lines < 2) return lines ? s : 1;
@@ -609,15 +608,15 @@ function middlesOf(data, design, pitch) {
   return range(0, count).map((i) => (i - (count - 1) / 2) * pitch);
 }
 function finitePlate(data, pillarCell, design, window) {
-  const { lines, tried, independent, still } = data.finite, cells = new Map(), every = wavenumbersOf(data), across = Math.PI / data.zone_width;
-  const columns = every.map((kx) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried * window[1] * Math.max(1, (kx ** 2 + across ** 2) / (data.finite.free_kx ** 2 + across ** 2))]));
+  const { lines, known, wavenumbers: every, tried, independent, still } = data.finite, cells = new Map();
+  const columns = every.map((kx, i) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried[i] * window[1]]));
   const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value(Math.sqrt(window[0] * window[1])), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
   const pieces = columns[0].motions.map((place, number) => ({ ...place, cell: parted(data, place.cell, linesOf(data, design, columns[0].half_span, place.middle)), even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
     part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
   const over = (data.zone_length - xs.length * pitch) / 2, wide = 2 * Math.abs(over) / pitch, last = xs[xs.length - 1];
-  const strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about, linesOf(data, design, columns[0].half_span, piece.middle)));
+  const stripCells = new Map(), strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about, linesOf(data, design, columns[0].half_span, piece.middle), stripCells));
   const weight = over > 0 ? 2 : -2, kernels = kernelsOf(kx, xs, odd);
   const whole = (parts) => { // a form of the plate from even and odd ones of the column and that of the strips
     const out = mat(n, n);
@@ -633,15 +632,15 @@ function finitePlate(data, pillarCell, design, window) {
     });
     return whole(parts);
   };
-  const stiff = [0, 1, 2].map((part) => form((piece) => piece.part === part, (cell, u) => mulT(u, mul(cell.k, u))));
-  const k = plus(plus(stiff[0], stiff[1]), stiff[2]), m = form(() => true, (cell, u) => mulT(u, mul(cell.m, u)));
+  const stiff = [0, 1, 2].map((part) => form((piece) => piece.part === part, (cell, u) => congruent(cell.k, u)));
+  const k = plus(plus(stiff[0], stiff[1]), stiff[2]), m = form(() => true, (cell, u) => congruent(cell.m, u));
   const largest = Math.max(...range(0, n).map((i) => m.a[i * (n + 1)])), size = range(0, n).map((i) => m.a[i * (n + 1)] > still * largest ? 1 / Math.sqrt(m.a[i * (n + 1)]) : 0);
   const both = (x) => transposed(scaledColumns(transposed(scaledColumns(x, size)), size)), mass = symmetricEigen(both(m), true);
   const kept = range(0, n).filter((i) => mass.values[i] > independent * mass.values[n - 1]);
   const basis = scaledColumns(picked(mass.vectors, range(0, n), kept), kept.map((i) => 1 / Math.sqrt(mass.values[i])));
   for (let i = 0; i < n; i++) for (let j = 0; j < basis.m; j++) basis.a[i * basis.m + j] *= size[i];
-  const own = symmetricEigen(halfSum(mulT(basis, mul(k, basis))), true), inside = range(0, own.values.length).filter((i) => own.values[i] <= value(tried * window[1]));
-  const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => mulT(vectors, mul(x, vectors));
+  const own = symmetricEigen(congruent(k, basis), true), inside = range(0, own.values.length).filter((i) => own.values[i] <= value(known * window[1]));
+  const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => congruent(x, vectors);
   const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last: over > 0 ? last + pitch : last, beyond: end - design.extension });
   return { values: inside.map((i) => own.values[i]), zone: among(stiff[1]), rows: among(stiff[2]), vectors, pieces, xs, kx, along, end, angular,
     faces: { ...faces, forms: faces.forms.map(among), overlap: mulT({ n, m: 1, a: faces.overlap }, vectors).a } };
@@ -652,43 +651,59 @@ function kernelsOf(kx, xs, odd) {
   for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) { apart[i * n + j] = sum(kx[i] - kx[j]); together[i * n + j] = (odd ? -1 : 1) * sum(kx[i] + kx[j]); }
   return { apart, together };
 }
-function stripOf(data, design, piece, pitch, kx, along, span, x, about, lines) { // of the plate beyond its whole cells, or lacking in the last ones
-  const n = kx.length, { shapes } = piece.foot ? stiffInside(data, bareCell(data, pitch, piece.depth, design.thickness), 0, about) : piece.cell, moved = mat(shapes.m, n), at = kx.map((k) => along(k, x));
+function stripOf(data, design, piece, pitch, kx, along, span, x, about, lines, known) { // of the plate beyond its whole cells, or lacking in the last ones
+  const key = `${piece.foot} ${piece.depth.toFixed(10)}`;
+  if (!known.has(key)) {
+    const { shapes } = piece.foot ? stiffInside(data, bareCell(data, pitch, piece.depth, design.thickness), 0, about) : piece.cell;
+    known.set(key, among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes));
+  }
+  const n = kx.length, cell = known.get(key), moved = mat(cell.k.n, n), at = kx.map((k) => along(k, x));
   for (let i = 0; i < moved.n; i++) for (let j = 0; j < n; j++) moved.a[i * n + j] = at[j][0] * piece.even.a[i * n + j] + at[j][1] * piece.odd.a[i * n + j];
-  return { cell: parted(data, among(bareCell(data, pitch, piece.depth, design.thickness, span), shapes), lines), motion: moved };
+  return { cell: parted(data, cell, lines), motion: moved };
 }
 function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last, beyond }) {
   const n = kx.length, half = data.zone_width / 2, parts = [(y) => y < half, (y) => y >= half, (y) => y > beyond], areas = [0, 0, 0], overlap = zeros(n);
+  const square = (cell, at) => { // of u_z over some points, as a form of the cell's degrees of freedom
+    const rows = picked(cell.touch, at, range(0, cell.touch.m)), weighted = transposed(scaledColumns(transposed(rows), at.map((i) => cell.weights[i])));
+    return mulT(rows, weighted);
+  };
   const forms = parts.map((own) => form(() => true, (cell, u, middle) => {
-    const at = range(0, cell.points.length).filter((i) => own(Math.abs(cell.points[i][1] + middle))), moved = mul(picked(cell.touch, at, range(0, cell.touch.m)), u);
-    at.forEach((i, r) => { const root = Math.sqrt(cell.weights[i]); for (let c = 0; c < n; c++) moved.a[r * n + c] *= root; });
-    return mulT(moved, moved);
+    const at = range(0, cell.points.length).filter((i) => own(Math.abs(cell.points[i][1] + middle)));
+    return at.length ? congruent(square(cell, at), u) : mat(n, n);
   }));
   let norm = 0;
-  const gather = (cell, middle, motions, places, factor) => cell.points.forEach((point, i) => {
-    const y = point[1] + middle;
-    parts.forEach((own, part) => { if (own(Math.abs(y))) areas[part] += factor * places.length * cell.weights[i]; });
-    if (!parts[0](Math.abs(y))) return;
-    const across = Math.sin(Math.PI * (y + half) / data.zone_width), row = mul(block(cell.touch, i, i + 1, 0, cell.touch.m), motions[0]).a, other = motions[1] && mul(block(cell.touch, i, i + 1, 0, cell.touch.m), motions[1]).a;
-    for (const x of places) {
-      const shape = across * wantedAlong(data, x + point[0]), w = factor * cell.weights[i] * shape;
-      norm += w * shape;
-      for (let c = 0; c < n; c++) { if (!other) { overlap[c] += w * row[c]; continue; } const [even, odd] = along(kx[c], x); overlap[c] += w * (even * row[c] + odd * other[c]); }
+  const gather = (cell, middle, motions, places, factor) => {
+    const inside = [], across = [];
+    cell.points.forEach((point, i) => {
+      const y = point[1] + middle;
+      parts.forEach((own, part) => { if (own(Math.abs(y))) areas[part] += factor * places.length * cell.weights[i]; });
+      if (parts[0](Math.abs(y))) { inside.push(i); across.push(Math.sin(Math.PI * (y + half) / data.zone_width)); }
+    });
+    if (!inside.length) return;
+    for (const x of places) { // the wanted shape's work on every degree of freedom, then on the trial functions
+      const work = mat(1, cell.touch.m);
+      inside.forEach((i, r) => {
+        const shape = across[r] * wantedAlong(data, x + cell.points[i][0]), w = factor * cell.weights[i] * shape;
+        norm += w * shape;
+        for (let c = 0; c < work.m; c++) work.a[c] += w * cell.touch.a[i * work.m + c];
+      });
+      const moved = motions.map((motion) => mul(work, motion).a);
+      for (let c = 0; c < n; c++) { const turn = moved[1] ? along(kx[c], x) : [1]; turn.forEach((v, part) => { overlap[c] += v * moved[part][c]; }); }
     }
-  });
+  };
   pieces.forEach((piece, number) => {
     gather(piece.cell, piece.middle, [piece.even, piece.odd], xs, 1);
     if (strips) gather(strips[number].cell, piece.middle, [strips[number].motion], [last], weight);
   });
   return { forms, areas, overlap, norm, factor: 1 / design.thickness ** 2 };
 }
-function detuned(plate, zone, rows) { // frequencies and measures where zone and rows alone ring higher by relative changes
+function detuned(data, plate, zone, rows) { // frequencies and measures where zone and rows alone ring higher by relative changes
   const n = plate.values.length, k = mat(n, n);
   for (let i = 0; i < n * n; i++) k.a[i] = 2 * (zone * plate.zone.a[i] + rows * plate.rows.a[i]);
   plate.values.forEach((v, i) => { k.a[i * (n + 1)] += v; });
   const { values, vectors } = symmetricEigen(k, true), { forms, areas, overlap, norm, factor } = plate.faces;
   const squares = forms.map((form) => { const moved = mul(form, vectors); return range(0, n).map((c) => { let s = 0; for (let i = 0; i < n; i++) s += vectors.a[i * n + c] * moved.a[i * n + c]; return s; }); });
-  const level = (c, part) => Math.min(areas[0], areas[part]) <= 1e-9 * Math.max(areas[0], areas[part]) ? null : 10 * Math.log10(squares[0][c] * areas[part] / (areas[0] * squares[part][c]));
+  const level = (c, part) => decibels(data, squares[0][c], areas[0], squares[part][c], areas[part]);
   const modes = range(0, n).map((c) => {
     const confinement = level(c, 1), along = mulT({ n, m: 1, a: overlap }, block(vectors, 0, n, c, c + 1)).a[0] ** 2 / norm;
     return { hz: Math.sqrt(Math.max(values[c], 0)) * plate.angular / (2 * Math.PI), confinement_db: confinement, extension_db: level(c, 2), mac: along / squares[0][c], strength: factor * along,
@@ -724,20 +739,20 @@ function searched(rule, modes, window) { // solvers/measures/wanted_mode.py wher
   return found;
 }
 function changed(data, plate, window, zone = 0, rows = 0) {
-  const { modes, vectors } = detuned(plate, zone, rows), found = searched(data.rule, modes, window), least = 1 / data.rule.lead;
+  const { modes, vectors } = detuned(data, plate, zone, rows), found = searched(data.rule, modes, window), least = 1 / data.rule.lead;
   return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
 function plateOf(data, pillarCell, design, meshError) {
   const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, search), { found, modes, vectors, tied } = changed(data, plate, search);
-  if (!found) return { why_not: "no mode of the wanted shape in the window" };
+  if (!found) return { why_not: said(data, "no_mode") };
   const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
   const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
   const others = each.filter((one) => one.found), wanted = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
   const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
   const half_db = (range, own) => range && tied_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
-  if (rival !== null && range_db) warnings.push(`a mode of the passive plate at ${frequency(rival, error)} lies near the wanted one, whose frequency is known to ${percent(error)}: the confinement may lie between ${level(range_db[0], null)} and ${level(range_db[1], null)}`);
-  if (!single) warnings.push("the wanted shape is split among several modes: the plate may show another one of them");
+  if (rival !== null && range_db) warnings.push(said(data, "near", { hz: frequency(rival, error), error: percent(error), least: level(range_db[0], null), most: level(range_db[1], null) }));
+  if (!single) warnings.push(said(data, "split"));
   const { mac, zone_share, confinement_db, extension_db } = best;
   return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: half_db(range_db, confinement_db), extension_error_db: half_db(between("extension_db"), extension_db),
     status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
@@ -757,14 +772,19 @@ function shapeOf(data, plate, mode) { // the root mean square of u_z along x ove
 }
 
 // ---- decay per row: solvers/waves/complex_bands.py, branches.py ----
-function decayOf(data, row, design, window) {
+function decayOf(data, pillarCell, design, window) {
   if (data.kx > Math.PI / design.pitch) return { frequency_hz: [], db_per_row: [], kx_per_m: data.kx };
+  const whole = realRow(data, pillarCell(), data.kx), row = { ...whole, dropped: whole.among(whole.cell.dropped) };
   const hz = range(0, data.decay_points).map((i) => window[0] + (window[1] - window[0]) * i / (data.decay_points - 1));
   const angular = data.angular * data.reference[0] / design.thickness;
   return { frequency_hz: hz, db_per_row: hz.map((f) => flexuralDb(data, row, (2 * Math.PI * f / angular) ** 2)), kx_per_m: data.kx };
 }
+function softening(data, edge, eigenvalue) { // of what the inner functions left out answer: solvers/superelement/cell.py
+  const known = Math.min(eigenvalue, data.constants.known * edge);
+  return known ** 2 * (1 + edge / (edge - known)) / 2;
+}
 function flexuralDb(data, row, eigenvalue) {
-  const e = data.face.edge, n = row.k.n, d = plus(row.k, row.m, -eigenvalue), side = 2 * e;
+  const { steepest_db, propagating, felt, tiny } = data.constants, e = data.face.edge, n = row.k.n, d = plus(plus(row.k, row.m, -eigenvalue), row.dropped, -softening(data, row.cell.edge, eigenvalue)), side = 2 * e;
   const follow = linear(block(d, side, n, side, n), block(d, side, n, 0, side)); // the inside is minus this times the edges
   const edges = halfSum(plus(block(d, 0, side, 0, side), mul(block(d, 0, side, side, n), follow), -1));
   const sign = range(0, e).map((i) => i % 3 === 1 ? -1 : 1), even = range(0, e).filter((i) => sign[i] > 0), odd = range(0, e).filter((i) => sign[i] < 0);
@@ -777,9 +797,9 @@ function flexuralDb(data, row, eigenvalue) {
   let least = null;
   for (let c = 0; c < e; c++) {
     const re = eigen.realEigenvalues[c], im = eigen.imaginaryEigenvalues[c], size = Math.hypot(re, im), tau = [Math.sqrt(Math.max((size + re) / 2, 0)), Math.sign(im || 1) * Math.sqrt(Math.max((size - re) / 2, 0))];
-    const factor = over([1 - tau[0], -tau[1]], [1 + tau[0], tau[1]]), amount = Math.max(Math.hypot(...factor), TINY), log = Math.abs(Math.log(amount));
-    const db = log > PROPAGATING ? 20 * log / Math.LN10 : 0;
-    if (db > STEEPEST_DB || (least !== null && db >= least)) continue;
+    const factor = over([1 - tau[0], -tau[1]], [1 + tau[0], tau[1]]), amount = Math.max(Math.hypot(...factor), tiny), log = Math.abs(Math.log(amount));
+    const db = log > propagating ? 20 * log / Math.LN10 : 0;
+    if (db > steepest_db || (least !== null && db >= least)) continue;
     const vector = eigenvector(eigen, c, im), q = range(0, e).map(() => [0, 0]);
     even.forEach((at, i) => { q[at] = size < 1e-18 ? vector[i] : times(vector[i], tau); });
     odd.forEach((at, i) => { q[at] = vector[a + i]; });
@@ -789,7 +809,7 @@ function flexuralDb(data, row, eigenvalue) {
       for (let j = 0; j < side; j++) { const f = follow.a[i * side + j]; x -= f * motion[j][0]; y -= f * motion[j][1]; }
       motion.push([x, y]);
     }
-    if (flexuralShare(data, row, motion) > FELT) least = db;
+    if (flexuralShare(data, row, motion) > felt) least = db;
   }
   return least;
 }
@@ -835,44 +855,43 @@ function flexuralShare(data, row, motion) { // of <|u_z|^2> in <|u|^2>, means th
 }
 
 // ---- a design: pipeline/explore/answer.py ----
+function said(data, name, values = {}) { // Python's own words; its :g writes six digits
+  return data.words[name].replace(/\{(\w+)(:g)?\}/g, (_, key, short) => short ? String(+values[key].toPrecision(6)) : values[key]).trim();
+}
 function faultsOf(data, given) {
   const out = [];
-  for (const [name, { key, low, high, unit }] of Object.entries(data.limits)) {
-    const value = given[name];
-    if (!Number.isFinite(value)) out.push(`${key} must be a number`);
-    else if (value < low || value > high) out.push(`${key} = ${value}: the model answers from ${low} to ${high} ${unit}`.trim());
-    else if (name === "rows" && !Number.isInteger(value)) out.push(`${key} = ${value}: must be a whole number`);
+  for (const [name, limit] of Object.entries(data.limits)) {
+    const value = given[name], told = { ...limit, value };
+    if (!Number.isFinite(value)) out.push(said(data, "number", told));
+    else if (value < limit.low || value > limit.high) out.push(said(data, "limit", told));
+    else if (name === "rows" && !Number.isInteger(value)) out.push(said(data, "whole", told));
   }
+  if (out.length) return out;
   data.box.names.forEach((name, i) => {
     const value = given[name], [low, high] = [1e3 * data.box.low[i], 1e3 * data.box.high[i]];
-    if (!out.length && !(value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9))) out.push(`${name} = ${value} mm: must lie between ${+low.toFixed(6)} and ${+high.toFixed(6)} mm`);
+    if (!(value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9))) out.push(said(data, "outside", { name, value, low, high }));
   });
-  const gap = 1e3 * data.box.clearance;
-  if (!out.length && !(given.pitch - data.foot.widest * given.side >= gap * (1 - 1e-9))) out.push(`side = ${given.side} mm does not fit pitch = ${given.pitch} mm: at least ${gap} mm must stay between two pillars`);
-  if (!out.length && given.rows && data.zone_width < 2e-3 * given.side) out.push(`side = ${given.side} mm: the zone must be at least two pillar sides wide`);
+  const gap = 1e3 * data.box.clearance, { side, pitch } = given;
+  if (!(pitch - data.foot.widest * side >= gap * (1 - 1e-9))) out.push(said(data, "tight", { side, pitch, gap }));
+  if (!out.length && given.rows && data.zone_width < 2e-3 * side) out.push(said(data, "narrow", { side }));
   return out;
 }
 function warningsOf(data, design) {
   const out = [], edge = Math.PI / design.pitch;
-  if (data.kx > edge) out.push(`the wanted wavenumber ${figure(data.kx)} rad/m lies beyond the zone's edge ${figure(edge)} rad/m`);
-  if (data.half_wave < 2 * design.thickness) out.push("half a wave of the wanted mode is shorter than two thicknesses: its window is a guess");
-  if (design.rows * design.pitch + design.extension > 0.06) out.push("a wide passive part carries many modes near the wanted one: the column may pick another than the plate");
+  if (data.kx > edge) out.push(said(data, "beyond", { kx: figure(data.kx), edge: figure(edge) }));
+  if (data.half_wave < data.constants.short * design.thickness) out.push(said(data, "short_wave"));
+  if (design.rows * design.pitch + design.extension > data.constants.wide_m) out.push(said(data, "wide"));
   return out;
 }
 const inMetres = (given) => Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
-function massOf(data, design) { // pipeline/search/limits.py, kg
-  const { pitch, side, thickness, height, rows, extension } = design, foot = data.foot.footprint * side;
-  const span = data.zone_width / 2 + extension + (rows ? (rows - 1) * pitch + foot : 0), columns = Math.floor((data.zone_length - foot) / pitch * (1 + 1e-9) + 1e-9) + 1;
-  return data.zone_length * 2 * span * thickness * data.plate_density + (rows ? 2 * columns * rows * data.foot.volume * side * side * height * data.pillar_density : 0);
-}
 function cloudOf(data, first) {
   let last = null; // plates with the same cell come one after another
   const cellOf = (sizes) => () => {
     if (!last || last.key !== sizes.join()) last = { key: sizes.join(), cell: joinedCell(data, prepared(data, sizes, data.face_inner.modes), sizes) };
     return last.cell;
   };
-  return data.cloud.slice(first, first + data.batch).map((given) => {
-    const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g: 1e3 * massOf(data, design), frequency_hz: null, confinement_db: null };
+  return data.cloud.slice(first, first + data.batch).map(({ mass_g, ...given }) => {
+    const design = inMetres(given), sizes = [design.thickness, design.height, design.side, design.pitch], out = { design: given, mass_g, frequency_hz: null, confinement_db: null };
     const window = windowsOf(data, design.thickness);
     try {
       const best = measured(data, columnOf(data, cellOf(sizes), design, window, data.finite.free_kx), design);
@@ -889,7 +908,7 @@ function answerOf(data, given) {
   const window = windowsOf(data, design.thickness);
   let kept = null;
   const pillarCell = () => kept = kept || joinedCell(data, ready, sizes);
-  const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, realRow(data, pillarCell(), data.kx), design, window) };
+  const out = { design: given, warnings: warningsOf(data, design), bands: bandsOf(data, ready, sizes), rows: decayOf(data, pillarCell, design, window) };
   try { out.plate = plateOf(data, pillarCell, design, (hz) => meshAt(out.bands, hz)); } catch (fault) { out.plate = { why_not: fault.message }; }
   out.warnings.push(...(out.plate.warnings || []));
   delete out.plate.warnings;

@@ -361,6 +361,14 @@ def test_other_pillars_are_refused() -> None:
     assert len(refused.value.lines) == 2
 
 
+def test_staggered_rows_are_refused_with_the_commands_that_take_them() -> None:
+    case = load_case(SMALL)
+    with pytest.raises(InputError) as refused:
+        require_foot(replace(case, design=replace(case.design, stagger=True, pitch_x_m=8e-3)))
+    (line,) = refused.value.lines
+    assert "array.stagger = true" in line and "bands, attenuation" in line and "pitch" not in line
+
+
 def request(
     server: Server, method: str, path: str, body: bytes | None = None, **headers: str
 ) -> tuple[int, str, dict[str, str]]:
