@@ -10,7 +10,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
 from pipeline.logs import WarningLog
-from pipeline.models.bands import StaggeredCell
+from pipeline.models.bands import row_cell
 from pipeline.models.broadband import broadband
 from pipeline.paths import STUDIES
 from pipeline.planning.mesh_rules import wanted_window_hz
@@ -51,7 +51,7 @@ def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest
     assert found.band_khz == pytest.approx((high - low) / 1e3)
     reduction = cell_model_choice(case).reduction
     assert reduction
-    row = StaggeredCell.of(case.design, reduction).row
+    row = row_cell(case.design, reduction)
     across = np.linspace(0.0, np.pi / case.design.pitch_y_m, 5)
     bands = np.array([row.frequencies(np.array([case.kx_wanted_per_m, ky]), 3) for ky in across])
     assert low == pytest.approx(bands[:, 0].max(), rel=0.02)
