@@ -118,8 +118,8 @@ class Material:
 
     @property
     def shear_m_s(self) -> float:
-        """Speed of shear waves, sqrt(G/rho), m/s; of its average where directions differ."""
-        return sqrt(self.average.shear_pa / self.density_kg_m3)
+        """Speed of shear waves, sqrt(G/rho), m/s; the slowest along an axis where directions differ."""
+        return sqrt(min(self.stiffness_pa[place][place] for place in (3, 4, 5)) / self.density_kg_m3)
 
     @property
     def pressure_m_s(self) -> float:

@@ -34,12 +34,12 @@ def free_block_hz(
 ) -> dict[str, FloatArray]:
     """Natural frequencies of a free block up to `high_hz`, by symmetry class.
 
-    K a = (2 pi f)^2 M a with K from lambda (div u)^2 + 2 mu e:e, of polynomials up to `degrees` along x, y and z.
+    K a = (2 pi f)^2 M a with K from the strain energy of polynomials up to `degrees` along x, y and z.
 
     Parameters
     ----------
     material : Material
-        Isotropic solid.
+        Of axes along the edges.
     size_m : tuple of float
         Edges along x, y and z in m.
     high_hz : float
@@ -89,13 +89,11 @@ def _class_hz(material: Material, axes: list[_Axis], parity: Parity) -> FloatArr
 
 
 def _block(material: Material, axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int) -> FloatArray:
-    """Stiffness between the displacements i and j: lambda d_i u_i d_j u_j + mu (d_j u_i d_i u_j + delta_ij grad u . grad u)."""
-    own = material.as_isotropic
-    lame, shear = own.lame_pa, own.shear_pa
-    total = lame * _product(axes, kept, i, j, i, j) + shear * _product(axes, kept, i, j, j, i)
-    if i == j:
-        total = total + shear * sum(_product(axes, kept, i, j, k, k) for k in range(3))
-    return np.asarray(total)
+    """Stiffness between the displacements i and j: C_ikjl d_k u_i d_l u_j."""
+    law = material.tensor_pa[i, :, j]
+    return np.asarray(
+        sum(law[left, right] * _product(axes, kept, i, j, left, right) for left, right in np.argwhere(law))
+    )
 
 
 def _product(axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int, left: int, right: int) -> FloatArray:

@@ -48,6 +48,7 @@ def test_an_orthotropic_law_gives_back_its_nine_constants() -> None:
     for axis, young in enumerate(SPRUCE["young"]):
         assert WOOD.rod(axis).young_pa == pytest.approx(young, rel=1e-12)
     assert WOOD.rod(0).poisson == pytest.approx((0.37 + 0.42) / 2.0)
+    assert WOOD.shear_m_s == pytest.approx(sqrt(0.06e9 / 450.0))
     assert WOOD.rod(2).shear_pa == pytest.approx(2.0 / (1.0 / 0.06e9 + 1.0 / 0.7e9))
     assert [WOOD.tensor_pa[i, j, i, j] for i, j in ((1, 2), (0, 2), (0, 1))] == pytest.approx(SPRUCE["shear"])
     assert WOOD.tensor_pa[0, 0, 2, 2] == WOOD.stiffness_pa[0][2]

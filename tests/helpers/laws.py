@@ -9,6 +9,9 @@ from geometry.materials import Material
 SPRUCE = {"young": (11e9, 0.9e9, 0.5e9), "poisson": (0.37, 0.42, 0.47), "shear": (0.06e9, 0.7e9, 0.75e9)}
 """E along x, y, z; nu_xy, nu_xz, nu_yz; G_yz, G_xz, G_xy: Pa."""
 
+FIBRES = {"young": (40e9, 8e9, 8e9), "poisson": (0.27, 0.27, 0.4), "shear": (2.5e9, 4e9, 4e9)}
+"""Glass fibres along x in epoxy."""
+
 
 def orthotropic(
     young: tuple[float, ...], poisson: tuple[float, ...], shear: tuple[float, ...], density_kg_m3: float = 450.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
 from studies.ritz_blocks import free_block_hz
+from tests.helpers.laws import FIBRES, orthotropic
 from tests.helpers.recording_log import RecordingLog
 
 SLAB_MM = (40.0, 20.0)
@@ -142,3 +145,11 @@ def test_thin_plates_keep_degree_three_and_nothing_further() -> None:
         assert thin.top_hz == mesh_rules.cutoff_to_hz(case.design, 0.003, high)
         thick = mesh_rules.plate_reduction(case.design, 0.003, 10.0 * high)
         assert thick.interface.through > 3 and thick.further == 2
+
+
+@pytest.mark.parametrize("model", ["superelement", "solid"])
+def test_a_slab_of_fibres_along_x_has_the_modes_of_its_orthotropic_law(model: str) -> None:
+    case = case_of((*SLAB_MM, 4.0), "pmma", 0.01, model)
+    case = replace(case, design=replace(case.design, material=orthotropic(**FIBRES, density_kg_m3=1900.0)))
+    high_hz, exact = highest_hz(case, 12, degrees_of(4.0))
+    check(solved(case, high_hz), exact)
