@@ -26,6 +26,7 @@ from solvers.piezo.peak_errors import frequency_errors, load_errors
 Change = Callable[[Any], ComplexArray]  # of Forms, or of Motions at as many tones
 SIGNS = np.array([-1.0, 1.0])
 AT_ONCE = 16  # tones
+ROUNDING = 1e-9  # of the largest sum that amplitudes could give: less is no motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,13 +132,17 @@ def _coupling(known: Doubts, mode: IntArray) -> FloatArray:
 
 def _turned(forms: Forms | Motions, volts: ComplexArray) -> ComplexArray:
     """Phases (t, n, d) with which errors of the drivers' loads on a mode add up, and to what moves it."""
-    moving = (forms.modal @ volts[..., None]) / forms.flexible[..., None]
-    return np.asarray(_phase(moving) * _phase(volts).conj()[:, None])
+    flexible = forms.flexible[..., None]
+    moving, most = (forms.modal @ volts[..., None]) / flexible, np.abs(forms.modal) @ np.abs(volts)[..., None]
+    fed = np.abs(volts).max(axis=-1, keepdims=True)
+    return np.asarray(_phase(moving, most / np.abs(flexible)) * _phase(volts, fed).conj()[:, None])
 
 
-def _phase(values: ComplexArray) -> ComplexArray:
+def _phase(values: ComplexArray, most: FloatArray) -> ComplexArray:
+    """values / |values|; 1 where only rounding is left of values that might be as large as `most`."""
     size = np.abs(values)
-    return np.asarray(np.where(size > 0.0, values, 1.0 + 0.0j) / np.where(size > 0.0, size, 1.0), dtype=complex)
+    has_one = size > ROUNDING * most
+    return np.asarray(np.where(has_one, values, 1.0 + 0.0j) / np.where(has_one, size, 1.0), dtype=complex)
 
 
 def _louder(known: Doubts) -> FloatArray:

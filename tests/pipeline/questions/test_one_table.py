@@ -110,7 +110,7 @@ def test_command_frame_and_record_hold_one_table(
 
 
 def _alike(name: str, cell: str, value: Any) -> bool:
-    """Whether a cell of a second run holds a value: a figure to 1e-9, an error bar to its two digits."""
+    """Whether a cell of a second run holds a value: figures to 1e-9, error bars, differences of such, to 1e-6."""
     if isinstance(value, float):
-        return float(cell) == pytest.approx(value, rel=1e-2 if "error" in name else 1e-9, abs=1e-12)
+        return float(cell) == pytest.approx(value, rel=1e-6 if "error" in name else 1e-9, abs=1e-12)
     return cell.removeprefix("'") == ("" if value is None else str(value))  # the guard of a cell that is no formula

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from geometry.decimation import coarse, with_sides
+from geometry.lattice import Lattice
 from pipeline.records import store
 from pipeline.records.study import read_study
 from pipeline.report import shapes
@@ -146,7 +147,7 @@ def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
 
 
 def test_tiles_carry_the_bloch_phase() -> None:
-    tiles = shapes._tiles(np.array([np.pi / 0.004, 0.0]), np.array([0.004, 0.005]))
+    tiles = shapes._tiles(np.array([np.pi / 0.004, 0.0]), Lattice.of_rows(0.004, 0.005))
     phase = {tuple(np.sign(tile["offset"][:2])): tile["phase"] for tile in tiles}
     assert phase[1.0, 1.0] - phase[-1.0, 1.0] == pytest.approx(np.pi)  # neighbours along x move against each other
     assert phase[1.0, 1.0] == pytest.approx(phase[1.0, -1.0])
