@@ -318,11 +318,14 @@ def _room_between(file: Tables, form: PillarShape, wide: float, grown: float, po
     """
     ratios = [extent / form.width_m for extent in form.reach_m()]
     pitches = [getattr(file.array, name) for name in PITCHES[1:]]
+    places = ["two of them"] * 2
     if file.array.stagger and pitches[0]:
         pitches[0] /= 2.0
-    room = min((pitch - wide * ratio for pitch, ratio in zip(pitches, ratios, strict=True) if pitch), default=None)
-    if room is not None and grown * max(ratios) + 6.0 * position >= room > 0.0:
-        text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between two of them"
+        places[0] = "one and the next row's, half a pitch on"
+    given = zip(pitches, ratios, places, strict=True)
+    room, place = min(((pitch - wide * ratio, place) for pitch, ratio, place in given if pitch), default=(0.0, ""))
+    if grown * max(ratios) + 6.0 * position >= room > 0.0:
+        text = f"pillars may touch: 3 side_mm + 6 position_mm must be below the room {room:g} mm between {place}"
         yield "tolerance.position_mm", position, text
 
 

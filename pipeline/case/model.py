@@ -122,14 +122,6 @@ class Case:
             what = f"rows differ, {command} of one kind of row alone: ask for each in turn, such as {example}"
             raise InputError(f"{where}: {lists}: {what}")
 
-    def require_lattice(self, command: str) -> None:
-        """InputError for rows that differ or are staggered: one cell beside the other is no part of such an array."""
-        self.require_one_kind(command)
-        if self.design.stagger:
-            where = self.source if self.source is not None else self.name
-            what = f"{command} of rows in line alone; attenuation, bands, modes, response and search take staggered ones, too"
-            raise InputError(f"{where}: array.stagger = true: {what}")
-
     def path(self, points: int) -> lattice.Path:
         """The path of its bands, `points` intervals per segment. InputError for points that its lattice does not have."""
         own, labels = self.design.lattice, self.bands.path
