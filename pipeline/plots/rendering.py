@@ -329,8 +329,10 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
     height, width = picture["x above"].shape[:2]
     figure, panels = style.panels(2 * style.WIDTH_IN * height / width + 1.2, 2, 1)
     for axes, name in zip(panels, "xy", strict=True):
-        _show(axes, picture[f"{name} above"])
-        axes.set_title(f"Displacement along {name}, from above")
+        image = picture[f"{name} above"]
+        axes.imshow(image, extent=_extent_mm(image, design), interpolation="antialiased")
+        axes.set(title=f"Displacement along {name}, from above", ylabel="y (mm)")
+    panels[-1].set_xlabel("x (mm)")
     limit = in_plane_limit(arrays, design)
     label = "displacement of the pillars / largest u$_z$ in the zone (no unit)"
     _bar(figure, panels, label, (-limit, limit), style.SIGNED)
@@ -339,6 +341,16 @@ def _in_plane(case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any],
         f"largest is {figure_text(limit)} times the zone's largest normal displacement.{_note(fault)}"
     )
     return ReportFigure("pillars_in_plane", f"In-plane motion of the pillars{mode_at(case, arrays)}", alt, figure)
+
+
+def _extent_mm(image: Any, design: DesignRecord) -> tuple[float, float, float, float]:
+    """Left, right, lower and upper edge, mm, of a cropped picture of the plate from above."""
+    height, width = image.shape[:2]
+    half_x, half_y = design.length_m / 2.0 / MM, design.half_span_m / MM
+    beyond_x, beyond_y = (
+        2.0 * MARGIN * half / (size - 2 * MARGIN) for half, size in ((half_x, width), (half_y, height))
+    )
+    return -half_x - beyond_x, half_x + beyond_x, -half_y - beyond_y, half_y + beyond_y
 
 
 def _dimensions(design: DesignRecord, geometry: Any) -> str:
