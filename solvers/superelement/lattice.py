@@ -128,7 +128,7 @@ class ReducedLattice:
         """U^H D U of free degrees of freedom (dof, n), D the residual flexibility of the modes left out."""
         count = self.cell.interface.count
         u = self._phases(wavevector)[:count, None] * free[self.column[:count]]
-        return np.asarray(u.conj().T @ _times(self.cell.dropped, u))
+        return np.asarray(u.conj().T @ times(self.cell.dropped, u))
 
     def slopes(self, waves: Waves) -> ComplexArray:
         """d lambda / d k between the waves: u_i^H (dK/dk - lambda dM/dk - h dD/dk) u_j over the slope by lambda, Hermitian,
@@ -139,7 +139,7 @@ class ReducedLattice:
         """
         u, cell = waves.dofs, self.cell
         count = cell.interface.count
-        stiff, heavy, lost = _times(cell.stiffness, u), _times(cell.mass, u), _times(cell.dropped, u[:count])
+        stiff, heavy, lost = times(cell.stiffness, u), times(cell.mass, u), times(cell.dropped, u[:count])
         middle = (waves.eigenvalue[:, None] + waves.eigenvalue) / 2.0  # equal within a degenerate group
         own = np.einsum("in,in->n", u[:count].conj(), lost).real
         weight = 1.0 / np.sqrt(1.0 + cell.residual.slope(waves.eigenvalue) * own)
@@ -196,6 +196,6 @@ def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
     return [slice(int(low), int(high)) for low, high in pairwise(bounds)]
 
 
-def _times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
+def times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
     """A real matrix times complex vectors, without a complex copy of the matrix."""
-    return np.asarray(matrix @ vectors.real + 1j * (matrix @ vectors.imag))
+    return np.asarray((matrix @ np.ascontiguousarray(vectors).view(float)).view(complex))

@@ -15,7 +15,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.lattice import MIRRORS
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import ReducedLattice, Waves, degenerate
+from solvers.superelement.lattice import ReducedLattice, Waves, degenerate, times
 from solvers.superelement.periodic import Periodic
 
 # -- branches ----------------------------------------------------------------------------------------------------------
@@ -91,8 +91,7 @@ def follow(solved: Solved, wavevectors: FloatArray) -> Branches:
 
 def modal_overlap(lattice: ReducedLattice, one: Waves, two: Waves) -> FloatArray:
     """|u_i^H M v_j|^2 on the cell, (n, m)."""
-    heavy = lattice.cell.mass @ two.dofs.real + 1j * (lattice.cell.mass @ two.dofs.imag)
-    return np.asarray(np.abs(one.dofs.conj().T @ heavy) ** 2)
+    return np.asarray(np.abs(one.dofs.conj().T @ times(lattice.cell.mass, two.dofs)) ** 2)
 
 
 def one_sided(lattice: ReducedLattice, waves: Waves, direction: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -274,7 +275,7 @@ class _Step:
     at_end: int
     holds: tuple[bool, bool]
 
-    @property
+    @cached_property
     def ends(self) -> tuple[float, float]:
         return float(self.start.eigenvalue[self.at_start]), float(self.end.eigenvalue[self.at_end])
 
@@ -302,16 +303,14 @@ def _steps(branches: Branches, labels: list[list[Label]], name: str) -> list[_St
 
 
 def _openings(solved: Solved, steps: list[_Step], name: str) -> list[PolarisationGap]:
-    openings = []
-    reached = steps[:1]
-    for step in steps[1:]:
-        top = max(below.high for below in reached)
+    openings, top = [], np.inf
+    for count, step in enumerate(steps):
         if step.low > top:
-            lower = _outermost(solved, [below for below in reached if below.high >= _near(top, step.low)], name, 1)
+            lower = _outermost(solved, [each for each in steps[:count] if each.high >= _near(top, step.low)], name, 1)
             above = [other for other in steps if _near(step.low, top) >= other.low > top]
             upper = _outermost(solved, above, name, -1)
             openings.append(PolarisationGap(name, _hz(solved.lattice, lower), _hz(solved.lattice, upper)))
-        reached.append(step)
+        top = max(top, step.high) if count else step.high
     return openings
 
 
