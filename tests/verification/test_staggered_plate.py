@@ -192,7 +192,7 @@ def test_the_gap_over_the_irreducible_part_is_that_of_meshed_cells_over_all_of_t
     grid = design.lattice.grid(4, design.cell_mirrors)
     ours = np.array([coarse.frequencies(k, 7) for k in grid])
     (gap,) = zone_gaps(complete_gaps(ours), partial(sampled_extreme, grid, ours))
-    system = assemble(hex_mesh(cell_boxes(design, settings), 3), region_materials(design.material, design.pillar))
+    system = assemble(hex_mesh(cell_boxes(design, settings), 3), region_materials(design.stack, design.pillar))
     cell = BlochCell(system, design.lattice)
     shares = np.stack(np.meshgrid(np.arange(8), np.arange(8)), axis=-1).reshape(-1, 2) / 8.0
     every = np.array([cell.frequencies(k, 7) for k in shares @ design.lattice.reciprocal_per_m])
