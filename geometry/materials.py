@@ -22,6 +22,11 @@ EXCHANGED = [1, 0, 2, 4, 3, 5]  # strains with x and y exchanged
 SAME = 1e-9  # relative to the largest stiffness
 
 
+def rows_of(matrix: FloatArray) -> Stiffness:
+    """A matrix (6, 6) as a value that can be compared and hashed."""
+    return tuple(map(tuple, matrix.tolist()))
+
+
 @dataclass(frozen=True)
 class Isotropic:
     """The two constants of an isotropic law."""
@@ -82,11 +87,11 @@ class Material:
         own = Isotropic(young_pa, poisson)
         stiffness = own.shear_pa * np.diag([2.0, 2.0, 2.0, 1.0, 1.0, 1.0])
         stiffness[:3, :3] += own.lame_pa
-        return cls(name, density_kg_m3, tuple(map(tuple, stiffness.tolist())), own, source)
+        return cls(name, density_kg_m3, rows_of(stiffness), own, source)
 
     def scaled(self, factor: float) -> Material:
         """The same law `factor` times as stiff."""
-        stiffness = tuple(map(tuple, (factor * np.array(self.stiffness_pa)).tolist()))
+        stiffness = rows_of(factor * np.array(self.stiffness_pa))
         own = self.constants and replace(self.constants, young_pa=factor * self.constants.young_pa)
         return replace(self, stiffness_pa=stiffness, constants=own)
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.errors import GeometryError
-from geometry.materials import Material
+from geometry.materials import Material, rows_of
 
 
 class Layer(NamedTuple):
@@ -70,7 +70,7 @@ class Stack:
         if len(self.layers) == 1:
             return self.back
         parts = [part / self.thickness_m * np.array(material.stiffness_pa) for material, part in self.layers]
-        law = Material("mean", self.mass_kg_m2 / self.thickness_m, tuple(map(tuple, np.sum(parts, axis=0).tolist())))
+        law = Material("mean", self.mass_kg_m2 / self.thickness_m, rows_of(np.sum(parts, axis=0)))
         return replace(law, constants=law.average) if all(material.constants for material, _ in self.layers) else law
 
     @property

@@ -134,9 +134,10 @@ def save(report_figure: ReportFigure, folder: Path) -> StoredFigure:
     words = {"Title": report_figure.title, "Description": report_figure.alt}
     files: dict[str, str] = {}
     with style():
-        for _ in range(2):  # axes of equal scales have their place only after the first
-            if engine := report_figure.figure.get_layout_engine():
-                engine.execute(report_figure.figure)
+        if engine := report_figure.figure.get_layout_engine():  # once for both files
+            engine.execute(report_figure.figure)
+            if any(axes.get_aspect() != "auto" for axes in report_figure.figure.axes):
+                engine.execute(report_figure.figure)  # which have their place, and their labels, only now
         report_figure.figure.set_layout_engine("none")
         # the layout's last bits depend on where memory lies, and name clip paths
         for axes in report_figure.figure.axes:

@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.piezo.forced import ForcedPlate, GroupModes
+from solvers.superelement.lattice import times
 
 # -- contrast ----------------------------------------------------------------------------------------------------------
 # Active confinement by the patches themselves: the voltages of the largest contrast between zone and passive face.
@@ -281,5 +282,4 @@ def _times(real: FloatArray, values: ComplexArray) -> ComplexArray:
     """Products (k, t, rows, n) of real matrices (k, rows, rows) and complex ones (t, rows, n)."""
     t, rows, n = values.shape
     flat = np.ascontiguousarray(values.transpose(1, 0, 2)).reshape(rows, t * n)
-    out = real @ flat.real + 1j * (real @ flat.imag)
-    return np.asarray(out.reshape(len(real), rows, t, n).transpose(0, 2, 1, 3))
+    return np.asarray(times(real, flat).reshape(len(real), rows, t, n).transpose(0, 2, 1, 3))

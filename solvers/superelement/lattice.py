@@ -197,5 +197,5 @@ def degenerate(eigenvalue: FloatArray, rounding: float) -> list[slice]:
 
 
 def times(matrix: FloatArray, vectors: ComplexArray) -> ComplexArray:
-    """A real matrix times complex vectors, without a complex copy of the matrix."""
+    """Real matrices (..., m, n) times complex vectors (n, k), without a complex copy of the matrices."""
     return np.asarray((matrix @ np.ascontiguousarray(vectors).view(float)).view(complex))
