@@ -84,7 +84,7 @@ class Lattice:
 
     @classmethod
     def of_rows(cls, pitch_x_m: float, pitch_y_m: float, staggered: bool = False) -> Lattice:
-        """Return the lattice of rows in line, or of rows that stand half a pitch beside their neighbours."""
+        """Return the lattice of rows in line, or of rows shifted by half a pitch against their neighbours."""
         return cls((pitch_x_m, 0.0), (pitch_x_m / 2.0 if staggered else 0.0, pitch_y_m))
 
     @property

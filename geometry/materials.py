@@ -1,4 +1,4 @@
-"""Materials in SI with a source beside every value: elastic laws and piezoceramics poled along z."""
+"""Materials in SI with the source of every value: elastic laws and piezoceramics poled along z."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geometry.elements import FloatArray
 from geometry.errors import GeometryError
 
 # -- elastic -----------------------------------------------------------------------------------------------------------
-# Elastic laws in SI, a source beside every value.
+# Elastic laws in SI, with the source of every value.
 
 Stiffness = tuple[tuple[float, ...], ...]  # rows of a 6 x 6 matrix
 VOIGT = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])  # place of the strain ij in the order xx, yy, zz, yz, xz, xy
