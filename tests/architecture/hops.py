@@ -54,9 +54,14 @@ def functions_by_file(*arguments: str) -> dict[str, list[str]]:
         raise RuntimeError(done.stderr)
     found: dict[str, list[str]] = {}
     for path, name in told["named"]:
-        if Path(path).is_relative_to(ROOT) and not _is_of_a_body(name):
+        if _is_of_the_project(Path(path)) and not _is_of_a_body(name):
             found.setdefault(Path(path).relative_to(ROOT).as_posix(), []).append(name)
     return found
+
+
+def _is_of_the_project(path: Path) -> bool:
+    """Whether a file stands in the checkout, but not among the packages of an environment that lies there, too."""
+    return path.is_relative_to(ROOT) and "site-packages" not in path.parts
 
 
 def _is_of_a_body(name: str) -> bool:
