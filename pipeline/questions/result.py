@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overloa
 from pipeline.questions.hints import Axes, FloatArray, ReportFigure
 from pipeline.questions.late import np, outputs, style
 from pipeline.records.frames import dataset, frame
-from pipeline.records.part import Axis, Part, part_of, rows_of
+from pipeline.records.part import DOCUMENT_SCHEMA, Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
     from pipeline.records.record import DesignRecord
 
-SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
 # of a figure's error bar: the property, the place of the field, or a function of the result; relative for a frequency, else in
 # the figure's unit
@@ -105,7 +104,7 @@ def scaled(value: Any, scale: float) -> Any:
 
 
 def reach(part: Any, place: str) -> Any:
-    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is missing."""
+    """Return what stands at a place such as "target.frequency_hz"; None where a part on the way there is missing."""
     for name in place.split("."):
         part = part.get(name) if isinstance(part, Mapping) else None if part is None else getattr(part, name)
     return part
@@ -214,10 +213,10 @@ class Result(Part):
         """Return the JSON document that --json writes: the declared fields, and the case and the version that they answer."""
         about = self.origin
         if about is None:
-            return {"schema": SCHEMA, "kind": self.question, **self.values()}
+            return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **self.values()}
         head = {"case": about.case, "with_defaults": deepcopy(about.with_defaults), "version": about.version}
         more = {"options": dict(about.options), "warnings": list(about.warnings), "seconds": about.seconds}
-        return {"schema": SCHEMA, "kind": self.question, **head, **self.values(), **more}
+        return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **head, **self.values(), **more}
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:

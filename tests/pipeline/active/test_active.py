@@ -49,7 +49,7 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
-    assert document["schema"] == 1 and site_fields.differing(f"active_{model}", document) == []
+    assert document["schema"] == 2 and site_fields.differing(f"active_{model}", document) == []
     for entry in document["comparison"]:
         assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
         assert entry["ours"] in text and entry["agreement"] in text
@@ -64,7 +64,7 @@ def test_json_on_standard_output_is_alone_beside_a_table_and_a_picture(tmp_path:
     places = ["--csv", str(tmp_path / "dq.csv"), "--plot", str(tmp_path / "dq.png")]
     assert run("dq", "--json", "-", *places) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == 1 and (tmp_path / "dq.png").read_bytes().startswith(b"\x89PNG")
+    assert document["schema"] == 2 and (tmp_path / "dq.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "dq.csv").open() as file:
         assert [row["ours"] for row in csv.DictReader(file)] == [each["ours"] for each in document["comparison"]]
 
@@ -344,12 +344,12 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     out = tmp_path / "out"
     assert run("dq", "--table", str(old), "--sweep", str(sweep), "--out", str(out), "--quiet") == 0
     new = table_file.from_bytes((out / "mode_table.bin").read_bytes())
-    mode = new.modes[new.wanted]
+    mode = new.modes[new.target]
     assert mode.frequency_identified and mode.tau_identified
     assert mode.frequency_hz == pytest.approx(31_437.3, abs=0.1) and mode.tau_s == pytest.approx(truth.tau_s, rel=2e-3)
     assert mode.gain == pytest.approx(-0.6j if displacement else 0.6, rel=2e-3)
     assert mode.delay_s == pytest.approx(8e-6, abs=2e-8)
-    assert [one.gain for i, one in enumerate(new.modes) if i != new.wanted] == [None, None]
+    assert [one.gain for i, one in enumerate(new.modes) if i != new.target] == [None, None]
     header = (out / "mode_table.h").read_text()
     assert table_file.header_text(table_file.to_bytes(new)) == header
     document = json.loads((out / "active_dq.json").read_text())

@@ -310,7 +310,7 @@ def test_a_stored_study_is_shown_with_its_answer_and_its_table(
     assert main(["show", "rows", *place]) == 0
     said = capsys.readouterr().out
     assert (
-        "Best of this study: 2 rows of pillars" in said and "pitch_mm=4,rows=1" in said and "wanted mode (kHz)" in said
+        "Best of this study: 2 rows of pillars" in said and "pitch_mm=4,rows=1" in said and "target mode (kHz)" in said
     )
     assert main(["show", "rows", *place, "--json", "-"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -348,7 +348,7 @@ def test_a_record_that_was_edited_is_not_compared(tmp_path: Path, capsys: pytest
         assert "not what was written" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, r'{"schema": 1, "modes": [], "\ud800": 1}'])
+@pytest.mark.parametrize("text", ["[" * 100_000, r'{"schema": 2, "modes": [], "\ud800": 1}'])
 def test_hostile_results_are_refused_in_one_line(text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "x.json").write_text(text)
     assert main(["compare", str(tmp_path / "x.json"), str(tmp_path / "x.json")]) == 2
