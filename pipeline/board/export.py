@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModalGains:
-    """m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); target, the index of the target one.
+    """m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); target, the index of the target mode.
 
     parts (m, drivers, sensors): G of each driver alone, driven by +1 V, at the mode's resonance, V/V, exp(i w t);
     signs (drivers,): with these all drivers push the target mode the same way.
@@ -194,7 +194,7 @@ def write_gains(
     """Write STEM.bin and STEM.h of the patched plate with computed gains, and log the gains and the wiring.
 
     `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
-    plate has no target one.
+    plate has no target mode.
     """
     from pipeline.models.forced import forced_plate
 

@@ -34,7 +34,7 @@ WORDS = {".s1p": ".s1p (Touchstone)"}
 def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
-    `force`: a mode table even where no mode is the target one.
+    `force`: a mode table even where no mode is the target mode.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
@@ -121,7 +121,7 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
 
 def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
-    """Mode table of the target mode and its neighbours; `force` takes the most similar mode where none is the target one."""
+    """Mode table of the target mode and its neighbours; `force` takes the most similar mode where none is the target mode."""
     from pipeline.board.export import write_table
     from pipeline.models.modes import solve_modes
     from pipeline.models.target import warn_of_target

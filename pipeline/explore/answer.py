@@ -42,7 +42,7 @@ from solvers.waves.gaps import complete_gaps
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
-WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target one
+WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
@@ -65,9 +65,9 @@ WORDS = {
     "whole": "{key} = {value:g}: must be a whole number",
     "beyond": "the target wavenumber {kx} rad/m lies beyond the zone's edge {edge} rad/m",
     "short_wave": "half a wave of the target mode is shorter than two thicknesses: its window is a guess",
-    "wide": "a wide passive part carries many modes near the target one: the column may pick another than the plate",
+    "wide": "a wide passive part carries many modes near the target mode: the column may pick another than the plate",
     "no_mode": "no mode of the target shape in the window",
-    "near": "a mode of the passive plate at {hz} lies near the target one, whose frequency is known to {error}: "
+    "near": "a mode of the passive plate at {hz} lies near the target mode, whose frequency is known to {error}: "
     "the confinement may lie between {least} and {most}",
     "split": "the target shape is split among several modes: the plate may show another one of them",
 }

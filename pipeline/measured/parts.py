@@ -122,7 +122,7 @@ class MeasuredMapRecord(Part):
         return (
             f"{self.file}{marked(self)}: {self.points} points, {summary}{beside}, "
             f"MAC {quantity.figure(self.mac_operating)} to the operating deflection shape at {tone}, "
-            f"{quantity.figure(self.mac)} to the target one"
+            f"{quantity.figure(self.mac)} to the target mode"
         )
 
 

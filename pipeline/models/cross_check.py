@@ -32,7 +32,7 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
     case
         The case.
     own, structured
-        The plate's modes by the structured mesh, and the target one among them.
+        The plate's modes by the structured mesh, and the target mode among them.
     bar
         Half-width of its error bar, relative.
     log
@@ -81,7 +81,7 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
 
 
 def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> modes.PartModes:
-    """The modes of the plate meshed whole about the target one's frequency, as far as it takes to find it."""
+    """The modes of the plate meshed whole about the target mode's frequency, as far as it takes to find it."""
     tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=case.solve.but(mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(

@@ -184,7 +184,7 @@ def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[flo
 
 
 class LiveMode(NamedTuple):
-    """A mode of a live plate as the search for the target one sees it."""
+    """A mode of a live plate as the search for the target mode sees it."""
 
     frequency_hz: float
     strength: float
@@ -193,7 +193,7 @@ class LiveMode(NamedTuple):
 
 
 class LivePlate:
-    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the target one among them.
+    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the target mode among them.
 
     SolverError for a design outside the box, by name.
     """
@@ -218,7 +218,7 @@ class LivePlate:
         return Detuned(_shifted(found.verdict, first), self._tied(found, first), frequency_hz, turn, level)
 
     def _tied(self, found: Found[LiveMode], first: int) -> tuple[int, ...]:
-        """Modes that may be the target one, itself first: candidates that the best leads by too little for another mesh to
+        """Modes that may be the target mode, itself first: candidates that the best leads by too little for another mesh to
         agree.
         """
         best = found.verdict.index
@@ -239,7 +239,7 @@ class LivePlate:
 @dataclass(frozen=True)
 class Detuned:
     """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures;
-    tied: the modes that may be the target one, the verdict's first.
+    tied: the modes that may be the target mode, the verdict's first.
     """
 
     verdict: Verdict

@@ -1,4 +1,4 @@
-"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the target one among them."""
+"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class PartModes:
 
     @property
     def whole_window(self) -> PartModes:
-        """Return the same with all modes that the search for the target one went through, where all are of one
+        """Return the same with all modes that the search for the target mode went through, where all are of one
         class.
         """
         part_modes = self.target
@@ -280,7 +280,7 @@ def _with_errors(part_modes: PartModes) -> PartModes:
 
 
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
-    """The modes with the half-width of each level's bar; the target one's is that of its search."""
+    """The modes with the half-width of each level's bar; the target mode's is that of its search."""
     share = calibration.mixing()
     beyond = part_modes.target.beyond if part_modes.target else ()
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
@@ -356,7 +356,7 @@ def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> 
 
 
 def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None) -> PartModes:
-    """Solve the modes by one model choice, with the target one among them and the errors class by class.
+    """Solve the modes by one model choice, with the target mode among them and the errors class by class.
 
     What a coarse mesh told of them saves modes that another class's nearer ones put out.
     """

@@ -110,7 +110,7 @@ class Target:
 
     @property
     def is_open(self) -> bool:
-        """Whether a mode outside the searched range may rival the target one."""
+        """Whether a mode outside the searched range may rival the target mode."""
         return self.row is not None and leaves_room(self.missing, float(weights([self.row])[0]))
 
     @property
@@ -217,7 +217,7 @@ def _joined(low: Count, high: Count) -> Count:
 
 
 def verdict_text(target: Target, design: Design) -> list[str]:
-    """Say which mode is the target one, or why none is."""
+    """Say which mode is the target mode, or why none is."""
     name, row = f"(0, {design.nodal_lines})", target.row
     window = interval(target.low_hz, target.high_hz, to=" and ")
     if row is None and target.count is None:
@@ -263,7 +263,7 @@ def _alone(row: ModeRow) -> str:
 
 
 def warn_of_target(target: Target, case: Case, log: Log) -> None:
-    """Log which mode is the target one; a warning where none is, or where several share its shape."""
+    """Log which mode is the target mode; a warning where none is, or where several share its shape."""
     (said,) = verdict_text(target, case.design)
     if target.status == "single":
         log.info(said)

@@ -35,7 +35,7 @@ class SpreadRecord(Part):
 
 
 class SampleRecord(Part):
-    """A plate at the mode that the target one has become; samples have no error bar of their resonances."""
+    """A plate at the mode that the target mode has become; samples have no error bar of their resonances."""
 
     peak_hz: float | None = column("frequency of the target mode's peak; None where the mode is lost", "Hz")
     zone_rms: float | None = column("rms of u_z on the active touch face, in rms_unit")

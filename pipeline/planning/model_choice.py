@@ -216,7 +216,7 @@ def _mm(length_m: float) -> str:
 
 DEFAULT_COUNT = 20
 SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
-MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target one
+MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target mode
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the target one that
+    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the target mode that
     by modes, by degrees along the sides and by those through the thickness left out.
     """
 

@@ -145,7 +145,7 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
 
 
 def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The kept modes side by side, the target one first."""
+    """The kept modes side by side, the target mode first."""
     design = moving_design(case, arrays)
     if design is None or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None

@@ -1,4 +1,4 @@
-"""Modes of the plate, of the bare zone, of the lone pillar, or of a mesh of one's own, and the target one among them."""
+"""Modes of the plate, of the bare zone, of the lone pillar, or of a mesh of one's own, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
-SHAPES = 4  # of the modes nearest the target one, in a record: what a page draws and moves
+SHAPES = 4  # of the modes nearest the target mode, in a record: what a page draws and moves
 COUNT = "how many, nearest to that frequency or the lowest"
 
 
@@ -141,12 +141,12 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
         """Return the closed surface of a mode, by its index from 0 or itself; None: of the target mode.
 
-        Raises ValueError where no mode is the target one, and for modes that were read from a file.
+        Raises ValueError where no mode is the target mode, and for modes that were read from a file.
         """
         if mode is None:
             at = self.target.index if self.target else None
             if at is None:
-                raise ValueError("none of these modes is the target one: name a mode by its number")
+                raise ValueError("none of these modes is the target mode: name a mode by its number")
             mode = at
         return (self.modes[mode] if isinstance(mode, int) else mode).to_pyvista()
 
@@ -165,7 +165,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return outputs.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, the modes with the target one marked, the widest error bar, the target mode and the count."""
+        """Yield the model, the modes with the target mode marked, the widest error bar, the target mode and the count."""
         from pipeline.models.modes import target_lines
         from pipeline.planning.refinement import WidestBar
 
@@ -293,7 +293,7 @@ class _InStudies(Modes):
 
 
 class ShapesResult(Result, axes=("shape",)):
-    """Shapes of the modes that carry most of the target one: coefficients of u_z on the active face."""
+    """Shapes of the modes that carry most of the target mode: coefficients of u_z on the active face."""
 
     target: int = column("row of the target mode", table=False)
     frequency_hz: list[float] = column("frequency", "Hz", along="shape")
@@ -302,7 +302,7 @@ class ShapesResult(Result, axes=("shape",)):
 
 
 class Shapes(Question[ShapesResult], follows="modes"):
-    """Keep the shapes of the modes nearest the target one, its mode table and, on demand, every mode's field."""
+    """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, every mode's field."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
         """Describe the shapes; write mode_table.bin, mode_table.h and fields.npz into the case's folder."""

@@ -66,7 +66,7 @@ class Tracked:
     """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
 
     tracking: "start" (where the target mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
-    target one here), "lost".
+    target mode here), "lost".
     """
 
     frequency_hz: float | None
@@ -192,7 +192,7 @@ def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
 
 
 def _tracked(study: StoredStudy) -> tuple[Column, ...]:
-    """Columns of the mode that is tracked along the sweep from where the target one is plainest."""
+    """Columns of the mode that is tracked along the sweep from where the target mode is plainest."""
     peak = along_sweep(study)
 
     def figure(key: str) -> Callable[[Record], Any]:

@@ -80,7 +80,7 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> dict[str, Any]:
-    """Shapes of the best confined case, and the target ones of the others; `stills` holds a picture's id for each case."""
+    """Shapes of the best confined case, and the target modes of the others; `stills` holds a picture's id for each case."""
     gallery = Gallery()
     ordered = sorted(cases, key=lambda case: best is None or case.case_id != best.case_id)
     for place, case in enumerate(ordered):

@@ -419,7 +419,7 @@ def band_difference(record: Record) -> float | None:
 
 
 def modes(record: Record) -> list[dict[str, Any]]:
-    """The modes nearest the target one, at most forty, each told whether it is the target one."""
+    """The modes nearest the target mode, at most forty, each told whether it is the target mode."""
     lines = record.modes.modes if record.modes else []
     index = record.target.index if record.target else None
     rows = [{"mode": mode, "number": number + 1, "target": number == index} for number, mode in enumerate(lines)]

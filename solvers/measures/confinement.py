@@ -159,7 +159,7 @@ def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """The same of a motion known over y and the target one there, which may be zero: nothing is alike then."""
+    """The same of a motion known over y and the target mode there, which may be zero: nothing is alike then."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray
 
 # -- rule --------------------------------------------------------------------------------------------------------------
-# Which of a plate's modes is the target one, by one rule for every model: single, split among several, or none.
+# Which of a plate's modes is the target mode, by one rule for every model: single, split among several, or none.
 # A mode's weight is its strength times its zone share times its MAC (`solvers.measures.confinement`): how much of the
 # zone's motion in the target shape it carries, how much of its own motion stays there, and how much of that has the
 # shape. It must look like the target shape to stand for it at all. Which modes are computed,
@@ -61,7 +61,7 @@ def verdict(
     strength: FloatArray, zone_share: FloatArray, mac: FloatArray, candidate: BoolArray | None = None,
     near: BoolArray | None = None, missing: float = 0.0,
 ) -> Verdict:  # fmt: skip
-    """Judge which mode of a symmetry class is the target one.
+    """Judge which mode of a symmetry class is the target mode.
 
     The candidate of the largest weight, similar to the target shape. It is single where it is clear, leads by LEAD every other
     mode, computed or not, and carries more than all others near it together.
@@ -71,7 +71,7 @@ def verdict(
     strength, zone_share, mac : ndarray, shape (k,)
         Measures of every mode known.
     candidate, near : ndarray of bool, shape (k,), optional
-        Modes that may be the target one; modes that its share is counted among. All by default.
+        Modes that may be the target mode; modes that its share is counted among. All by default.
     missing : float
         Upper bound of the weight of any mode that is not known.
 
@@ -146,7 +146,7 @@ class Found(Generic[T]):
     modes : tuple
         Every mode of the class within `reach_hz`, ascending.
     window_hz : (float, float)
-        Interval, Hz, whose modes the target one's share is counted among.
+        Interval, Hz, whose modes the target mode's share is counted among.
     reach_hz : (float, float)
         Interval, Hz, in which every mode of the class is known.
     missing : float
@@ -161,7 +161,7 @@ class Found(Generic[T]):
 
     @property
     def is_open(self) -> bool:
-        """Whether a mode that was not computed could rival the target one."""
+        """Whether a mode that was not computed could rival the target mode."""
         best = self.verdict.index
         return best is not None and leaves_room(self.missing, float(weights(self.modes)[best]))
 

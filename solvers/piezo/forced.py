@@ -198,7 +198,7 @@ class ForcedPlate:
 
     @property
     def verdict(self) -> Verdict:
-        """Which of `target.modes` is the target one."""
+        """Which of `target.modes` is the target mode."""
         return self.target.verdict
 
     @property

@@ -296,7 +296,7 @@ NO_MODE = TargetRecord(status="none", frequency_hz=None, mac=None, strength=None
 
 
 def modes(one: TargetRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesResult:
-    """The modes of a plate with its target one."""
+    """The modes of a plate with its target mode."""
     about = {"model": "solid", "part": "plate", "dof": dof, "rigid_count": 6, "count_check": count(4, 4)}
     return ModesResult(**{**about, **more}, modes=list(result), target=one)
 

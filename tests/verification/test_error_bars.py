@@ -93,7 +93,7 @@ def test_bars_of_lone_parts(name: str) -> None:
 
 @pytest.mark.slow
 def test_bars_of_the_bare_zones_mode_in_a_band() -> None:
-    """The mode most like the target one from 25 to 45 kHz: in a thin zone one that lies well above it."""
+    """The mode most like the target mode from 25 to 45 kHz: in a thin zone one that lies well above it."""
     for overrides in scenes(8):
         fine, fine_bar, _, _ = target("zone", overrides, FINE)
         for accuracy in COARSE:

@@ -11,7 +11,7 @@
 
 #define AN_RESPONSE_S 0.53e-3f   /* the loop's time constant: 95 % in 1.6 ms, plus the age of a measurement */
 #define AN_LEAVING_S 0.2e-3f    /* the same from the drive's limit */
-#define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the target one may have, whatever its phase */
+#define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the target mode may have, whatever its phase */
 #define AN_NO_BOUND 1e9f
 #define AN_USEFUL 0.2f             /* of G Vmax: the largest level that still rises at full speed */
 #define AN_REFERENCE_MAX 0.9f      /* of the amplitude limit */

@@ -571,7 +571,7 @@ function profileOf(data, design, { motions, half_span }) { // u_z on the touch f
     return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
   });
 }
-function measured(data, found, design) { // the target one of a column's modes, and its level: solvers/measures
+function measured(data, found, design) { // the target mode of a column's modes, and its level: solvers/measures
   const half = data.zone_width / 2, everything = [-Infinity, Infinity], { free_kx } = data.finite, places = profileOf(data, design, found);
   const modes = found.frequency.map((hz, c) => {
     let active = 0, area = 0, passive = 0, passiveArea = 0, own = 0, re = 0, im = 0;

@@ -38,7 +38,7 @@ def forced(case: Case, coarsest_cells: None) -> ForcedPlate:
 
 @pytest.fixture(scope="module")
 def likest_hz(forced: ForcedPlate) -> float:
-    """The mode of the band most like the target one, which lies far above it."""
+    """The mode of the band most like the target mode, which lies far above it."""
     low, high = forced.band_hz
     assert forced.target_place() is None and (forced.target_hz() or 0.0) > high
     assert forced.target_window_hz is not None

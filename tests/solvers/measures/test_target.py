@@ -1,4 +1,4 @@
-"""Which mode is the target one: by how much of the shape it carries, never by how it looks alone."""
+"""Which mode is the target mode: by how much of the shape it carries, never by how it looks alone."""
 
 from __future__ import annotations
 

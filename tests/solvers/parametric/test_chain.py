@@ -71,7 +71,7 @@ def test_a_rows_matrices_are_real_in_their_coordinates() -> None:
 
 
 def test_the_condensed_column_has_the_columns_modes() -> None:
-    """Against one dense solve of the whole column: same frequencies, same shapes, the target one best."""
+    """Against one dense solve of the whole column: same frequencies, same shapes, the target mode best."""
     column = Column(DESIGN, reductions(), 7.5 * np.pi / DESIGN.length_m)
     target_hz, target = column.solve(*WINDOW)
     condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
