@@ -70,13 +70,13 @@ SIX_WORDS = [
     "probe",
 ]
 HEAD = (
-    "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us "
-    "| most drive, of `drive_limit` (sound run) | most motion, of the sound run's |"
+    "| fault | rested / held | longest / allowed, us "
+    "| largest drive / without fault (of `drive_limit`) | largest motion / without fault |"
 )
 
 
 class Row(NamedTuple):
-    """Of the table: moments, how many ended at rest and latched, and held as before; longest time to rest and allowed, s.
+    """Of the table: moments, how many ended rested and latched, and held; longest time to rest and allowed, s.
 
     On the rig also the largest drive from then on and that of the run without the fault, over drive_limit; and the largest
     motion over that run's.
@@ -99,9 +99,9 @@ class Row(NamedTuple):
     def text(self) -> str:
         """As a row of Markdown."""
         late = "" if self.is_sound else f" (NOT SAFE: {self.moments - self.latched - self.held})"
-        times = f"{1e6 * self.longest_s:.0f} | {1e6 * self.allowed_s:.0f}"
-        extent = "{:.2f} ({:.2f}) | {:.2f}".format(*self.extent) if self.extent else "|"
-        return f"| {self.what} | {self.moments} | {self.latched} | {self.held}{late} | {times} | {extent} |"
+        times = f"{1e6 * self.longest_s:.0f}/{1e6 * self.allowed_s:.0f}"
+        extent = "{:.2f}/{:.2f} | {:.2f}".format(*self.extent) if self.extent else "|"
+        return f"| {self.what} | {self.latched}/{self.held}{late} | {times} | {extent} |"
 
 
 def held(level: float = LEVEL, swings: bool = False) -> SingleRig:
@@ -231,9 +231,9 @@ def sensor_kinds(broken: Callable[..., None]) -> dict[str, Break]:
 
 
 BOARD_KINDS: dict[str, Break] = {
-    "samples cease": _stop_samples,
+    "samples stop": _stop_samples,
     "an interrupt lost, from the next one": _lose_interrupt,
-    "slow step lost, from being due": _lose_slow_step,
+    "slow step lost, when due": _lose_slow_step,
     "supply falls": _lower_supply,
     "clock dies": lambda board: board.interrupt_unexpectedly(),
     "tick damaged": _damage,
@@ -246,7 +246,7 @@ def _unsafe(board: Any, ticks: int) -> list[int]:
 
 
 class Ending(NamedTuple):
-    """Of one moment: whether it ended at rest and latched, or held as before; ticks until the outputs rested."""
+    """Of one moment: whether it ended rested and latched, or held; ticks until the outputs rested."""
 
     latched: bool
     held: bool
@@ -361,7 +361,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
-    lines = [HEAD, "|---" * 8 + "|"]
+    lines = [HEAD, "|---" * 5 + "|"]
     print("\n".join(lines))
     try:
         for result in (rig_rows(chosen.seconds, chosen.stride), board_rows(chosen.image_seconds, *chosen.image_stride)):

@@ -69,9 +69,7 @@ def _peak(rig: SingleRig, plate: Plate, lift_s: float) -> float:
 
 def markdown() -> str:
     """The table: the worst of all levels and phases."""
-    lines = [
-        "| the finger leaves within, ms | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"
-    ]
+    lines = ["| finger lifts within, ms | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"]
     lines.append("|---" * (len(QUALITIES) + 1) + "|")
     for lift_s in LIFTS_S:
         cells = []

@@ -25,14 +25,14 @@ from studies import ladder
 
 TITLE = "Error against run time"
 LEAD = (
-    "The parts of the reference design by every model, element and order: relative error against a finer computation, "
-    "beside the wall time (median of repeats, one process, two threads, meshing included) and the memory it took."
+    "Parts of the reference design, computed with every model, element and order: the relative error against a finer "
+    "computation, with the wall time (median of repeats, one process, two threads, including meshing) and the peak memory."
 )
 REPEAT_BELOW_S = 3.0
 ENVELOPE = (
-    "Each mesh that `solve.accuracy` may choose: its time over that of the quickest model whose error is no larger. 1 is the "
-    "lower envelope of the pictures; errors within the reference's own uncertainty say little. The zone's modes beyond "
-    "(0, N) are not what its meshes are made for: they tell how the error grows with the frequency."
+    "Time of each mesh that `solve.accuracy` may choose, divided by that of the fastest model that is at least as accurate. "
+    "A ratio of 1 lies on the lower envelope of the pictures. Errors below the reference's uncertainty mean little. The "
+    "meshes of the zone are chosen for the mode (0, N); its higher modes show how the error grows with frequency."
 )
 CONFINEMENT = "confinement (dB)"
 LINES = {"superelement": "--", ladder.EXTRAPOLATED: ":"}
@@ -48,9 +48,9 @@ NAMES = {
     "zone": "Zone between clamped sides, mode (0, N)",
     "zone two lines up": "Zone between clamped sides, mode (0, N + 2)",
     "zone four lines up": "Zone between clamped sides, mode (0, N + 4)",
-    "pillar": "Lone pillar, first bending",
-    "second bending": "Lone pillar, second bending",
-    "third bending": "Lone pillar, third bending",
+    "pillar": "Isolated pillar, first bending",
+    "second bending": "Isolated pillar, second bending",
+    "third bending": "Isolated pillar, third bending",
     "plate": "Plate of one row and 5 mm, target mode",
     "bending at M": "Cell, pillars' bending at M",
     "bending at G": "Cell, bands 4 and 5 at Γ",
@@ -182,14 +182,14 @@ def conclude(records: list[dict[str, Any]]) -> Page:
     rows = [[NAMES.get(q, q), value, spread, spread / abs(value)] for q, (value, spread) in known.items()]
     headings = ("quantity", "reference (Hz or dB)", "uncertainty", "relative")
     words = (
-        "Order 4, carried to the limit of three meshes; the uncertainty is that last step. The zone's elements shrink by a "
-        "third at a time, with three layers graded towards the singular edges; the pillar's by half, with two, three and four "
-        "layers. The cell has one, two and three layers, the plate (through the superelement) none, one and two: there the "
-        "uncertainty is that of the singular edges alone.",
+        "Elements of order 4, extrapolated from three meshes; the uncertainty is the extrapolated step. From mesh to mesh the "
+        "elements of the zone shrink by a third, with three layers graded towards the singular edges, and those of the pillar "
+        "by half, with two, three and four layers. The cell has one, two and three layers. The plate, computed with the "
+        "superelement, has zero, one and two; its uncertainty covers the singular edges only.",
     )
     sections = [
-        Section("The cheapest way to an accuracy", (), [_cheapest(records, known)]),
-        Section("The planner's meshes beside the lower envelope", (ENVELOPE,), [_envelope(records, known)]),
+        Section("Fastest model for each accuracy", (), [_cheapest(records, known)]),
+        Section("The planner's meshes and the lower envelope", (ENVELOPE,), [_envelope(records, known)]),
         Section("References", words, [Table("references", headings, rows)]),
     ]
     sections += [_section(part, quantity, records, known[quantity]) for part, quantity in _followed(known)]
@@ -206,7 +206,7 @@ def _confinement_section(records: list[dict[str, Any]], reference: tuple[float, 
             mesh_level = record["parameters"]["mesh_level"]
             value = record["values"][CONFINEMENT]
             rows.append([name(mesh_level), value, value - reference[0], record["values"]["plate"]])
-    words = f"Reference {reference[0]:.3f} dB, uncertain by {reference[1]:.3f} dB."
+    words = f"Reference {reference[0]:.3f} dB, uncertainty {reference[1]:.3f} dB."
     headings = ("model", "confinement (dB)", "error (dB)", "target mode (Hz)")
     return Section("Plate of one row and 5 mm, confinement", (words,), [Table("confinement", headings, rows)])
 

@@ -31,8 +31,8 @@ from solvers.fem.solid import Pencil, constrain, free_mask
 
 TITLE = "Stiff and extreme cases"
 LEAD = (
-    "Every case states its reference and the error that its mesh promises. A verdict is 'right' when the error is within "
-    "that promise plus the rounding error that the solve itself reports, 'refused' when no number was returned."
+    "Every case has a reference and a specified error for its mesh. The verdict is 'right' if the error is within this limit "
+    "plus the rounding error that the solver reports, and 'refused' if the solver returned an error instead of a number."
 )
 ALUMINIUM = MATERIALS["aluminium"]
 PLATE_M = 0.1
@@ -314,7 +314,7 @@ SCENES: dict[str, tuple[Callable[..., Result], str, str, tuple[float, ...]]] = {
     "sliver": (sliver, "Flat tetrahedra of order 2 (exact in three dimensions)", "dihedral_deg", (10.0, 1.0, 0.1)),
     "size": (
         size,
-        "Sizes from a micrometre to 100 m (f times length is one number)",
+        "Sizes from a micrometre to 100 m (frequency times length is constant)",
         "edge_m",
         (1e-6, 1e-3, 1.0, 100.0),
     ),
@@ -322,7 +322,7 @@ SCENES: dict[str, tuple[Callable[..., Result], str, str, tuple[float, ...]]] = {
     "free": (free, "Free body: K is singular", "order", (2,)),
     "on_eigenvalue": (on_eigenvalue, "Frequency exactly on an eigenvalue", "order", (3,)),
     "one_element": (one_element, "One element (against dense algebra)", "order", (1, 4)),
-    "mixed_units": (mixed_units, "A thickness typed in another unit", "thickness_mm", (0.002, 2000.0)),
+    "mixed_units": (mixed_units, "A thickness in the wrong unit", "thickness_mm", (0.002, 2000.0)),
 }
 HEADINGS = (
     *("case", "dofs", "value (Hz)", "reference (Hz)", "error", "rounding", "residual", "condition"),
@@ -337,8 +337,10 @@ def conclude(records: list[Result]) -> Page:
         by_scene.setdefault(record["parameters"]["scene"], []).append(record)
     wrong = [r["case_id"] for r in records if _outcome(r)["verdict"] not in ("right", "refused", "locks")]
     total = len(records)
-    text = f"{total - len(wrong)} of {total} cases are right within their promise, lock as stated, or are refused."
-    sections = [Section("Summary", [text, *(f"Not so: {case}" for case in wrong)])]
+    text = (
+        f"{total - len(wrong)} of {total} cases are right within the specified error, lock as expected, or are refused."
+    )
+    sections = [Section("Summary", [text, *(f"Exception: {case}" for case in wrong)])]
     titles = {scene: title for scene, (_, title, *_) in SCENES.items()}
     for scene, title in (titles | {"million": "A million degrees of freedom"}).items():
         rows = [_row(record) for record in by_scene.get(scene, [])]
@@ -363,8 +365,8 @@ def _row(record: Result) -> list[Any]:
 def _locking(records: list[Result]) -> Section:
     words = (
         "Relative error of the first flexural frequency of a 1:10 plate on hard supports. Displacement elements lock as "
-        "nu nears 1/2, the low orders first; nu = 1/2 is refused. Order 1 is too stiff in bending at every nu and is kept "
-        "for comparison only."
+        "nu approaches 1/2, low orders first; nu = 1/2 is refused. Order 1 is too stiff in bending at every nu and serves "
+        "only for comparison."
     )
     outcome = {(r["parameters"]["element"], r["parameters"]["poisson"]): _outcome(r) for r in records}
     rows = []

@@ -1,7 +1,7 @@
 """docs/verification.md from the stored studies: `python -m studies.verification` after `make bench`.
 
-Nothing here computes: the tables are those of results/extremes and results/accuracy, word for word, and that of tasks before
-and after the work on speed, which `python -m studies.benchmarks.before_after --write` puts there.
+Nothing is computed here. The tables come from results/extremes and results/accuracy, without those of single models and
+without some columns. `python -m studies.benchmarks.before_after --write` adds the times of whole commands.
 """
 
 from __future__ import annotations
@@ -17,32 +17,32 @@ from pipeline.records.store import write_atomic
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
 INTRODUCTION = """# Verification
 
-Written by `python -m studies.verification` from what `make bench` stored; times and memory are those of the machine
-that ran it (two cores). What is compared with exact solutions and published benchmarks is in `tests/verification/`,
-one file a proof: Navier's plate in three dimensions and its families, the rods, the cantilever against Timoshenko,
-Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, assembled against whole plates, and faults
-planted on purpose, each of which a proof must see.
+Written by `python -m studies.verification` from the results of `make bench` (most of an hour). Times and memory are those of
+one machine with two cores. `tests/verification/` compares Antinode with exact solutions and published benchmarks, one file
+per test: Navier's plate in three dimensions and its families, rods, the cantilever against Timoshenko's theory, Rayleigh-Lamb
+waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, and assembled against whole plates. It also plants faults on
+purpose and checks that the tests find them.
 
 ![Cell, the pillars' bending at M: relative error against wall time and memory by every model](pictures/error-against-time.svg)
 
-Circles are the meshes that `solve.accuracy` may choose, grey is the reference's own uncertainty; the other quantities have
-pictures in the report of `antinode run accuracy`.
+Circles are the meshes that `solve.accuracy` may choose; grey is the uncertainty of the reference. The report of
+`antinode run accuracy` has the pictures of the other quantities, and for each quantity a table of all models with their
+degrees of freedom, values, times and memory. `results/extremes` has every column of the extreme cases.
 
-![Stated bar over true error of every frequency](pictures/error-bars.svg)
+![Error bar over true error of every frequency](pictures/error-bars.svg)
 
-What every result says of its own error beside what it is truly off by, on scenes drawn at random:
-[docs/error-bars.md](error-bars.md) has the parts and the scenes.
+[Error bars against true errors](error-bars.md) tests the error bars on random scenes.
 """
 FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
-
-
-SPEED = "## Whole commands beside an earlier commit"
+CASE_COLUMNS, KEPT_COLUMNS = 12, (0, 4, 5, 10, 11)  # case, error, rounding, verdict, reason
+SPEED = "## Whole commands compared with an earlier commit"
 
 
 def with_speed(page: str, rows: dict[str, str], lead: str) -> str:
-    """The page with the table of tasks, rows by task as Markdown after words and heading in `lead`; those given replace those
-    that stand there. Rows beside other words, such as another commit, are dropped.
+    """Update the page's table of tasks: `rows` maps a task to its Markdown row, `lead` holds the words and the heading.
+
+    Other rows of the page are kept if they follow the same `lead`; those of another commit are dropped.
     """
     rest, _, section = page.partition(SPEED)
     section = section if lead in section else ""
@@ -53,13 +53,22 @@ def with_speed(page: str, rows: dict[str, str], lead: str) -> str:
 
 def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
     """The page but for its pictures. Raises FileNotFoundError for a study that was not run."""
-    return INTRODUCTION + "".join("\n" + _lowered((RESULTS / name / "report.md").read_text()) for name in names)
+    return INTRODUCTION + "".join("\n" + shortened((RESULTS / name / "report.md").read_text(), "#") for name in names)
 
 
-def _lowered(page: str) -> str:
-    """Headings one level down, pictures left out: they are beside the stored report."""
-    lines = [line for line in page.splitlines() if not line.startswith("![")]
-    return re.sub(r"^(#+) ", r"#\1 ", "\n".join(lines), flags=re.MULTILINE).rstrip() + "\n"
+def shortened(page: str, deeper: str = "") -> str:
+    """A report without pictures, sections of single models and most columns of its cases; headings move `deeper`."""
+    lines = [_narrowed(line) for line in page.splitlines() if not line.startswith("![")]
+    sections = re.split(r"^(?=#+ )", "\n".join(lines), flags=re.MULTILINE)
+    return (
+        "".join(re.sub("^#", f"{deeper}#", each) for each in sections if "| model | dofs |" not in each).rstrip() + "\n"
+    )
+
+
+def _narrowed(line: str) -> str:
+    """A line without the columns left out, if it is one of a table of cases."""
+    cells = line.split(" | ")
+    return " | ".join(cells[i] for i in KEPT_COLUMNS) if len(cells) == CASE_COLUMNS else line
 
 
 def main() -> int:

@@ -43,9 +43,9 @@ TASKS: dict[str, tuple[str, ...]] = {
 LONG = ("main job", "grid")
 LATER = ("response, nine patches",)  # the default commit has no such case
 LEAD = """\
-Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands without kept cells, beside
-those of commit {commit}, each task in one run, and the memory of the largest process; shares are of the time after, in one
-thread under the profiler."""
+Written by `python -m studies.benchmarks.before_after --write`: processor seconds of whole commands with an empty cache, at
+commit {commit} and now, one run each, and the memory of the largest process. Shares are those of the time now, profiled in
+one thread."""
 # by the name of a function, or of its file
 SHARES = {
     "factorisation": ("method 'factor' of 'rslab", "analyze_ldlt", "lower_triangle", "splu", "gstrf"),
