@@ -158,7 +158,7 @@ def locked() -> dict[str, str]:
 
 
 def package(name: str, versions: dict[str, str]) -> Package:
-    """What an installed package says of itself. Raises OtherVersion, NotInstalled."""
+    """Read an installed package's metadata and files. Raises OtherVersion, NotInstalled."""
     distribution = _distribution(name)
     about = distribution.metadata
     if about["Version"] != versions.get(name):
@@ -212,7 +212,7 @@ def _place(file: str) -> str:
 
 
 def lists() -> str:
-    """All that stands below the mark. Raises OtherVersion, NotInstalled."""
+    """Return everything below the mark. Raises OtherVersion, NotInstalled."""
     versions, requirements = locked(), extras()
     always = closure(requirements.pop(""))
     names = {extra: closure(needs) - always for extra, needs in requirements.items()}
@@ -223,19 +223,25 @@ def lists() -> str:
             (family, one.name, one.version, one.declared, ", ".join(f"`{extra}`" for extra in homes[name]) or "always")
             for family, _ in FAMILIES for name, one in packages.items() if one.family == family
         )),
-        _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "seen as"), (
+        _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "found as"), (
             (one.name, *inside) for one in packages.values() for inside in one.inside
         )),
     ]  # fmt: skip
-    named = {"Always installed": always} | {f"Extra `{extra}`, beside these": own for extra, own in names.items()}
-    for title, own in named.items():
-        rows = ((packages[name].name, packages[name].version, packages[name].declared) for name in sorted(own))
-        sections.append(_table(title, ("package", "version", "declares"), rows))
+    named = {"Always installed": always} | {f"Additional with the extra `{extra}`": own for extra, own in names.items()}
+    sections += [f"## {title}\n\n{_by_licence([packages[name] for name in own])}" for title, own in named.items()]
     return "\n".join(sections)
 
 
 def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return f"## {title}\n\n{markdown(head, rows)}"
+
+
+def _by_licence(packages: list[Package]) -> str:
+    """One line for each declared licence: its packages with their versions."""
+    of: dict[str, list[str]] = {}
+    for one in sorted(packages, key=lambda one: one.name):
+        of.setdefault(one.declared, []).append(f"{one.name} {one.version}")
+    return "".join(f"* {licence}: {', '.join(names)}\n" for licence, names in sorted(of.items()))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -256,7 +262,7 @@ def main(arguments: list[str] | None = None) -> int:
     if not stands:
         write_atomic(PAGE, (prose + (mark or MARK) + made).encode())
     print(made if not about.check else "", end="")
-    print(f"docs/licences.md {'stands' if stands else 'is written anew'}", file=sys.stderr)
+    print(f"docs/licences.md {'is up to date' if stands else 'was rewritten'}", file=sys.stderr)
     return 0
 
 

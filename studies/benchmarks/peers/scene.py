@@ -34,7 +34,7 @@ class Part:
 
 PARTS = {
     "zone": Part("Zone between clamped sides, first 14 modes", ("SS", "SA", "AS", "AA"), 8, 0.0, ("y+",)),
-    "pillar": Part("Lone pillar, first three bending modes", ("AS",), 3, 0.0, ("touch",)),
+    "pillar": Part("Isolated pillar, first three bending modes", ("AS",), 3, 0.0, ("touch",)),
     "cell": Part("Unit cell, ten bands at G, X and M", ("",), 10, 0.0),
     "plate": Part("Plate of one row and 5 mm, target mode", ("SS",), 12, 34.6e3),
 }
