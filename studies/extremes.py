@@ -340,11 +340,14 @@ def conclude(records: list[Result]) -> Page:
     text = (
         f"{total - len(wrong)} of {total} cases are right within the specified error, lock as expected, or are refused."
     )
-    sections = [Section("Summary", [text, *(f"Exception: {case}" for case in wrong)])]
-    titles = {scene: title for scene, (_, title, *_) in SCENES.items()}
-    for scene, title in (titles | {"million": "A million degrees of freedom"}).items():
-        rows = [_row(record) for record in by_scene.get(scene, [])]
-        sections.append(Section(title, tables=[Table(scene, HEADINGS, rows)]))
+    titles = {scene: title for scene, (_, title, *_) in SCENES.items()} | {"million": "A million degrees of freedom"}
+    rows = [[title, *_summary(by_scene.get(scene, []))] for scene, title in titles.items()]
+    summary = Table("summary", ("cases", "number", "largest error", "largest rounding error", "refused"), rows)
+    sections = [Section("Summary", [text, *(f"Exception: {case}" for case in wrong)], [summary])]
+    for scene, title in titles.items():
+        sections.append(
+            Section(title, tables=[Table(scene, HEADINGS, [_row(each) for each in by_scene.get(scene, [])])])
+        )
     sections.append(_locking(by_scene.get("poisson", [])))
     return Page(sections)
 
@@ -353,13 +356,28 @@ def _outcome(record: Result) -> Result:
     return dict(record.get("found") or {"verdict": record["status"], "reason": record["diagnosis"]})
 
 
+def _summary(records: list[Result]) -> list[Any]:
+    """Number of cases, largest error and rounding error, and the cases refused with their reasons."""
+    outcomes = [_outcome(record) for record in records]
+    largest = (max((abs(one[key]) for one in outcomes if key in one), default=None) for key in ("error", "rounding"))
+    refused = (
+        f"{_case(record)}: {one['reason']}"
+        for record, one in zip(records, outcomes, strict=True)
+        if one["verdict"] == "refused"
+    )
+    return [len(records), *largest, "; ".join(refused) or None]
+
+
+def _case(record: Result) -> str:
+    return record["case_id"].partition(",")[2] or record["case_id"]
+
+
 def _row(record: Result) -> list[Any]:
     outcome = _outcome(record)
     keys = ("dof", "value_hz", "reference_hz", "error", "rounding", "residual", "condition")
     count = f"{outcome['count_found']} of {outcome['count_expected']}" if "count_found" in outcome else None
-    case = record["case_id"].partition(",")[2] or record["case_id"]
     tail = [count, outcome.get("seconds"), outcome["verdict"], outcome.get("reason")]
-    return [case, *(outcome.get(key) for key in keys), *tail]
+    return [_case(record), *(outcome.get(key) for key in keys), *tail]
 
 
 def _locking(records: list[Result]) -> Section:

@@ -237,10 +237,10 @@ def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -
 
 
 def _by_licence(packages: list[Package]) -> str:
-    """One line for each declared licence: its packages with their versions."""
+    """One line for each declared licence: its packages."""
     of: dict[str, list[str]] = {}
     for one in sorted(packages, key=lambda one: one.name):
-        of.setdefault(one.declared, []).append(f"{one.name} {one.version}")
+        of.setdefault(one.declared, []).append(one.name)
     return "".join(f"* {licence}: {', '.join(names)}\n" for licence, names in sorted(of.items()))
 
 

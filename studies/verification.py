@@ -1,7 +1,7 @@
 """docs/verification.md from the stored studies: `python -m studies.verification` after `make bench`.
 
 Nothing is computed here. The tables come from results/extremes and results/accuracy, without those of single models and
-without some columns. `python -m studies.benchmarks.before_after --write` adds the times of whole commands.
+cases. `python -m studies.benchmarks.before_after --write` adds the times of whole commands.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from pipeline.records.store import write_atomic
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "verification.md"
 INTRODUCTION = """# Verification
 
-Written by `python -m studies.verification` from the results of `make bench` (most of an hour). Times and memory are those of
-one machine with two cores. `tests/verification/` compares Antinode with exact solutions and published benchmarks, one file
-per test: Navier's plate in three dimensions and its families, rods, the cantilever against Timoshenko's theory, Rayleigh-Lamb
-waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, and assembled against whole plates. It also plants faults on
-purpose and checks that the tests find them.
+Written by `python -m studies.verification` from the results of `make bench` (most of an hour), with the times and
+memory of a machine with two cores. `tests/verification/` compares Antinode with exact solutions and published
+benchmarks, one file per test: Navier's plate in three dimensions and its families, rods, the cantilever against
+Timoshenko's theory, Rayleigh-Lamb waves, NAFEMS FV32 and FV52, hexahedra against tetrahedra, and assembled against
+whole plates. Faults planted on purpose must make them fail.
 
 ![Cell, the pillars' bending at M: relative error against wall time and memory by every model](pictures/error-against-time.svg)
 
 Circles are the meshes that `solve.accuracy` may choose; grey is the uncertainty of the reference. The report of
-`antinode run accuracy` has the pictures of the other quantities, and for each quantity a table of all models with their
-degrees of freedom, values, times and memory. `results/extremes` has every column of the extreme cases.
+`antinode run accuracy` has these pictures and a table of all models for every quantity, that of `antinode run
+extremes` every case.
 
 ![Error bar over true error of every frequency](pictures/error-bars.svg)
 
@@ -35,7 +35,7 @@ degrees of freedom, values, times and memory. `results/extremes` has every colum
 """
 FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
-CASE_COLUMNS, KEPT_COLUMNS = 12, (0, 4, 5, 10, 11)  # case, error, rounding, verdict, reason
+SINGLE = r"\| (model|case) \| dofs \|"  # the tables of single models and cases
 SPEED = "## Whole commands compared with an earlier commit"
 
 
@@ -57,18 +57,11 @@ def text(names: tuple[str, ...] = ("accuracy", "extremes")) -> str:
 
 
 def shortened(page: str, deeper: str = "") -> str:
-    """A report without pictures, sections of single models and most columns of its cases; headings move `deeper`."""
-    lines = [_narrowed(line) for line in page.splitlines() if not line.startswith("![")]
+    """A report without pictures and without the tables of single models and cases; headings move `deeper`."""
+    lines = [line for line in page.splitlines() if not line.startswith("![")]
     sections = re.split(r"^(?=#+ )", "\n".join(lines), flags=re.MULTILINE)
-    return (
-        "".join(re.sub("^#", f"{deeper}#", each) for each in sections if "| model | dofs |" not in each).rstrip() + "\n"
-    )
-
-
-def _narrowed(line: str) -> str:
-    """A line without the columns left out, if it is one of a table of cases."""
-    cells = line.split(" | ")
-    return " | ".join(cells[i] for i in KEPT_COLUMNS) if len(cells) == CASE_COLUMNS else line
+    kept = [each for each in sections if not re.search(SINGLE, each)]
+    return "".join(re.sub("^#", f"{deeper}#", each) for each in kept).rstrip() + "\n"
 
 
 def main() -> int:

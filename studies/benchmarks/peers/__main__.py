@@ -144,9 +144,8 @@ def kept(row: Row, interpreter: str, folder: Path | None) -> Solution:
 
 
 def page(results: list[Solution], references: dict[str, Solution], missing: dict[str, str]) -> str:
-    """The page: how it was measured, the least seconds within an error, every row, what was left out."""
+    """The page: how it was measured, the least seconds within an error, what was left out."""
     lines = [(FOLDER / "page.md").read_text().rstrip(), "", *evaluation.cheapest(results, references), ""]
-    lines += ["## Every row", "", *evaluation.rows(results, references), ""]
     lines += [f"{program} is left out: {why}." for program, why in missing.items()]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -177,7 +176,7 @@ def main() -> int:
     for one in results:
         references.setdefault(one.part, one)
     text = page(results, references, missing)
-    print(text)
+    print(text, *evaluation.rows(results, references), sep="\n")
     if given.write:
         write_atomic(PAGE, text.encode())
         evaluation.draw(results, references, PICTURE)
