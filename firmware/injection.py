@@ -104,6 +104,22 @@ class Row(NamedTuple):
         return f"| {self.what} | {self.latched}/{self.held}{late} | {times} | {extent} |"
 
 
+def merged(rows: list[Row]) -> list[Row]:
+    """The rig's rows, and one for each image: all moments of its faults, and the longest time."""
+    images: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.extent is None:
+            images.setdefault(row.what.partition(":")[0], []).append(row)
+    return [row for row in rows if row.extent] + [
+        Row(
+            f"{name}: {len(own)} kinds",
+            *(sum(column) for column in zip(*(row[1:4] for row in own), strict=True)),
+            *(max(column) for column in zip(*(row[4:6] for row in own), strict=True)),
+        )
+        for name, own in images.items()
+    ]
+
+
 def held(level: float = LEVEL, swings: bool = False) -> SingleRig:
     """A rig that holds a plate, or lets its level swing between nothing and full. Raises NoCompiler."""
     rig = SingleRig(*held_plate(300.0, noise=1e-3))
@@ -372,7 +388,9 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"injection: {missing}", file=sys.stderr)
         return 5
     if chosen.write:
-        write_into_page("python -m firmware.injection --write", "\n".join([*lines, *(row.text for row in rows)]))
+        write_into_page(
+            "python -m firmware.injection --write", "\n".join([*lines, *(row.text for row in merged(rows))])
+        )
     return 0 if all(row.is_sound for row in rows) else 4
 
 

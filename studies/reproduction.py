@@ -1,9 +1,8 @@
-"""docs/thesis-reproduction.md: every figure of the thesis beside ours, `python -m studies.reproduction [--results DIR]`.
+"""docs/thesis-reproduction.md: the thesis' figures compared with ours, `python -m studies.reproduction [--results DIR]`.
 
-Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES), the lone pillars and chapters 1 and 3 are
-computed here. A study that was not run is named in the page instead of its figures. The outlook stands on studies of its own
-(WISHES); their pictures are drawn beside the page. `--only NAME ...` writes the outlook's sections of these studies anew, and
-leaves the rest of the page as it is.
+Plates and cells come from stored studies (`antinode run NAME` for each of STUDIES); isolated pillars and chapters 1 and 3 are
+computed here. The page names a study that was not run instead of its figures. The outlook has its own studies (WISHES) and
+pictures. `--only NAME ...` rewrites only the outlook's sections of these studies.
 """
 
 from __future__ import annotations
@@ -50,15 +49,15 @@ STUDIES = ("rows", "extension", "periodicity", "prototype", "height", "cell")
 ACTIVE = ("mason", "pillar", "beam", "shaping", "dq")
 PILLARS_MM = {7.1: 32.0, 6.5: 35.0, 6.3: 38.0}
 NEAR = 0.02
-INTRODUCTION = """# The thesis' figures, and ours
+NOT_IN_THESIS, MIRRORED = ("not given", "not treated"), "confined right"
+INTRODUCTION = """# The thesis' figures compared with ours
 
-The thesis is *Design of controlled localized mechanical waves: application to haptics*,
-a doctoral thesis of the project HASAMé (ANR-21-CE33-0020); the text used here names no author, university or year.
-
-Written by `python -m studies.reproduction` from the stored studies ({studies}) and the models of `antinode active`.
-Ours come from meshes whose error is known (`docs/verification.md`), and none was tuned towards the thesis; where its
-formulas are not what is built here, `docs/thesis-errata.md` has the derivation. "agrees" means within {near:.0%}, or the
-same verdict; the models of `antinode active` judge by the digits that the text gives.
+*Design of controlled localized mechanical waves: application to haptics* is a doctoral thesis of the project HASAMé
+(ANR-21-CE33-0020); our copy names no author, university or year. `python -m studies.reproduction` writes this page from
+stored studies ({studies}) and the models of `antinode active`. Our meshes have a [known error](verification.md), and
+nothing was tuned towards the thesis. [Errors in the thesis' formulas](thesis-errata.md) has the derivations. "agrees" means
+within {near:.0%}, or the same verdict; for `antinode active`, within the digits of the text. These commands also print
+figures that the thesis does not give.
 """
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
 CENTRE_HZ = 34.6e3  # of the band of three rows of 6.2 mm
@@ -121,10 +120,11 @@ def pillars() -> list[Row]:
 
 
 def active(model: str) -> list[Row]:
-    """The entries of one model of chapters 1 and 3, from the command itself."""
+    """The entries of one model of chapters 1 and 3 that the thesis has, without the mirror image of a region."""
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    return [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in documents["comparison"]]
+    rows = [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in documents["comparison"]]
+    return [row for row in rows if row[1] not in NOT_IN_THESIS and not row[0].startswith(MIRRORED)]
 
 
 def heights_mm(record: Record) -> tuple[float, ...]:
@@ -391,14 +391,17 @@ WISHES = (
     Wish(
         "graded",
         "broadband rows",
-        "The thesis wishes for a passive confinement over more than a narrow band. Three rows that differ in height "
-        "(`[array] heights_mm`) against three alike, same footprint and pitch, 25 mm of plate beyond: what they take from a "
-        "flexural wave at the target wavenumber, and how the target mode fares on the finite plate and where all heights are "
-        "off by the same, as the study graded-heights has them",
+        "The thesis wishes for passive confinement over a wide band. Three rows of different heights "
+        "(`[array] heights_mm`) are compared with three equal ones, with the same footprint, pitch and margin"
+        " (25 mm): power stopped of a flexural wave at the target wavenumber, target mode of the finite "
+        "plate, and the effect of a batch deviation (study graded-heights)",
         (
-            *("heights from the zone outwards (mm)", "10 dB taken from a wave about the target mode"),
-            *("least taken there, off its ends", "taken at 34.6 kHz", "target mode, finite plate"),
-            "taken at the target mode, heights -0.4 to +0.4 mm",
+            "heights from the zone outwards (mm)",
+            "10 dB stopped around the target mode",
+            "least stopped inside",
+            "stopped at 34.6 kHz",
+            "target mode, finite plate",
+            "stopped at the target mode, heights -0.4 to +0.4 mm",
         ),
         _of_graded,
         _by_frequency,
@@ -406,8 +409,8 @@ WISHES = (
     ),
     Wish(
         "touch",
-        "what a finger feels",
-        "Not of the thesis: amplitudes at the study's voltage; power is what the patches draw for 1 um under the finger",
+        "vibration under a finger",
+        "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger",
         (
             *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
             *("power in phase", "power shaped"),
@@ -417,34 +420,46 @@ WISHES = (
     ),
     Wish(
         "glass",
-        "heavy tips on a cover glass",
-        "Not of the thesis: glass 0.7 mm thin, half a wave 15 mm long, nothing higher than 3 mm behind it. "
-        "`antinode search` was asked for the best confinement above 25 kHz, once of plain pillars, once of pillars below a "
-        "heavy tip; its case is studies/glass-plate.toml. A level stands with its own bar; "
-        '"split" is a shape that several modes share',
-        ("rows", "pillars", "heavy tips", "zone's width", "target mode", "confinement"),
+        "tip masses on a cover glass",
+        "Not in the thesis: glass 0.7 mm thick with a half-wavelength of 15 mm and at most 3 mm of height "
+        "behind it. `antinode search` maximised the confinement above 25 kHz, for plain pillars and for "
+        'pillars with a tip mass (studies/glass-plate.toml). Levels have their error bars; in a "split" mode '
+        "several modes share the target shape",
+        ("rows", "pillars", "tip masses", "zone's width", "target mode", "confinement"),
         _of_glass,
         _by_rows("rows of", _pillars),
     ),
     Wish(
         "hybrid",
         "rows and patches together",
-        "The thesis wishes for passive and active confinement together. At the peak of the target mode: patches inside the "
-        "zone in phase (neither, rows), or all with voltages shaped for contrast, those behind the rows too (patches, both); "
-        "with the pillars' resonances off by 2 % (every resonance where there are no rows); the largest voltage for 1 um rms",
+        "The thesis wishes for passive and active confinement together. At the target peak, the patches "
+        "inside the zone drive in phase (neither, rows), or all patches, including those behind the rows, "
+        "with voltages shaped for contrast (patches, both). Detuned: the pillars' resonances (without rows, "
+        "every resonance) shifted by 2 %. Drive: largest voltage for 1 um rms",
         (
-            *("rows", "at", "neither", "rows alone", "patches alone", "both", "rows, off", "patches, off", "both, off"),
-            *("rows, drive", "patches, drive", "both, drive"),
+            "rows",
+            "at",
+            "neither",
+            "rows alone",
+            "patches alone",
+            "both",
+            "rows, detuned",
+            "patches, detuned",
+            "both, detuned",
+            "rows, drive",
+            "patches, drive",
+            "both, drive",
         ),
         _of_hybrid,
         _picture_of(HybridResult),
     ),
     Wish(
         "travelling",
-        "a wave that travels inside the zone",
-        "Two modes held a quarter period apart by six patches, for 1 um rms in the zone. The ratio is that of the pair, and "
-        "of any voltages; the power is the largest through a section, as held and with all patches in phase; crests meet a "
-        "resting finger at most with the speed told last, along the plate and against the wave",
+        "a travelling wave inside the zone",
+        "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. The ratio is that of "
+        "the pair, then of any voltages. The power is the largest through a section, for the pair and with "
+        "all patches in phase. The last column is the largest crest speed under a resting finger, along the "
+        "plate and against the wave",
         ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase", "crests"),
         _of_travel,
         _picture_of(TravelResult),
@@ -460,19 +475,20 @@ WISHES = (
     Wish(
         "faces",
         "pillars on both faces",
-        "More places for mass: every pillar of the thesis' plate with its mirror image on the touch face beside the zone, "
-        "25 mm of plate beyond, heights as before. What a wave loses is that of the rows alone; the confinement is the whole "
-        "plate's, with the target mode where it then lies. A level stands with its own bar",
-        ("rows", "pillars on", "10 dB taken from a wave about the target mode", "target mode", "confinement"),
+        "Every pillar of the thesis' plate has a mirror image on the touch face, with a margin of 25 mm and "
+        "the same heights. The stopped power is that of the rows alone, the confinement that of the whole "
+        "plate with its target mode. Levels have their error bars",
+        ("rows", "pillars on", "10 dB stopped around the target mode", "target mode", "confinement"),
         _of_faces,
         _by_rows("pillars on", _faces),
     ),
     Wish(
         "staggered",
-        "rows shifted by half a pitch",
-        "Every other row stands half a pitch further along the zone, at a pitch of 5 mm and 25 mm of plate beyond. The gap is "
-        'the first complete one of the lattice. A level stands with its own bar; "split" is a shape that several modes share',
-        ("rows", "stand", "gap", "target mode", "confinement"),
+        "staggered rows",
+        "Every other row is shifted by half a pitch along the zone, with a pitch of 5 mm and a margin of 25 "
+        'mm. The gap is the first complete one of the lattice. Levels have their error bars; in a "split" '
+        "mode several modes share the target shape",
+        ("rows", "arrangement", "gap", "target mode", "confinement"),
         _of_staggered,
         _by_rows("rows stand", _stand),
     ),
