@@ -227,16 +227,14 @@ def lists() -> str:
             (one.name, *inside) for one in packages.values() for inside in one.inside
         )),
     ]  # fmt: skip
-    named = {"Always installed": always} | {f"Additional with the extra `{extra}`": own for extra, own in names.items()}
-    sections += [f"## {title}\n\n{_by_licence([packages[name] for name in own])}" for title, own in named.items()]
-    return "\n".join(sections)
+    return "\n".join([*sections, f"## All packages by declared licence\n\n{_by_licence(packages.values())}"])
 
 
 def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return f"## {title}\n\n{markdown(head, rows)}"
 
 
-def _by_licence(packages: list[Package]) -> str:
+def _by_licence(packages: Iterable[Package]) -> str:
     """One line for each declared licence: its packages."""
     of: dict[str, list[str]] = {}
     for one in sorted(packages, key=lambda one: one.name):

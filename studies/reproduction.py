@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -57,7 +58,7 @@ INTRODUCTION = """# The thesis' figures compared with ours
 stored studies ({studies}) and the models of `antinode active`. Our meshes have a [known error](verification.md), and
 nothing was tuned towards the thesis. [Errors in the thesis' formulas](thesis-errata.md) has the derivations. "agrees" means
 within {near:.0%}, or the same verdict; for `antinode active`, within the digits of the text. These commands also print
-figures that the thesis does not give.
+the reasons, and figures that the thesis does not give.
 """
 HEADINGS = ("quantity", "thesis", "ours", "verdict")
 CENTRE_HZ = 34.6e3  # of the band of three rows of 6.2 mm
@@ -123,7 +124,9 @@ def active(model: str) -> list[Row]:
     """The entries of one model of chapters 1 and 3 that the thesis has, without the mirror image of a region."""
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    rows = [(e["quantity"], e["thesis"], e["ours"], e["agreement"]) for e in documents["comparison"]]
+    rows = [
+        (e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0]) for e in documents["comparison"]
+    ]
     return [row for row in rows if row[1] not in NOT_IN_THESIS and not row[0].startswith(MIRRORED)]
 
 
@@ -149,7 +152,7 @@ def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
     inner = [p.taken_db for p in broad.points if band and band[0] + EDGE_HZ <= p.frequency_hz <= band[1] - EDGE_HZ]
     return (
         ", ".join(f"{height:g}" for height in own),
-        f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz, {(band[1] - band[0]) / 1e3:.1f} kHz wide" if band else "none",
+        f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz" if band else "none",
         f"{min(inner):.1f} dB" if inner else "none",
         f"{broad.taken_db(CENTRE_HZ):.1f} dB",
         f"{target.frequency_hz / 1e3:.2f} kHz, {target.confinement_db:.1f} dB" if target else "none",
@@ -224,8 +227,8 @@ def _of_glass(record: Record) -> tuple[str, ...] | None:
     tip = pillar.heavy_tip if pillar else None
     return (
         str(design.rows),
-        f"{1e3 * pillar.base_m:g} mm wide, {1e3 * pillar.height_m:g} mm high" if pillar else "none",
-        f"{1e3 * tip.side_m:g} mm wide, {1e3 * tip.height_m:g} mm high" if tip else "none",
+        f"{1e3 * pillar.base_m:g} x {1e3 * pillar.height_m:g} mm" if pillar else "none",
+        f"{1e3 * tip.side_m:g} x {1e3 * tip.height_m:g} mm" if tip else "none",
         f"{1e3 * design.width_m:g} mm",
         *_mode(record),
     )
@@ -275,7 +278,7 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
         return None
     stopped = (held := record.of(BroadbandResult)) and held.stopped_hz
     low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
-    band = f"{low:.1f} to {high:.1f} kHz, {high - low:.1f} kHz wide" if stopped else "none"
+    band = f"{low:.1f} to {high:.1f} kHz" if stopped else "none"
     return f"{design.rows}", _faces(record), band, *_mode(record)
 
 
@@ -425,7 +428,7 @@ WISHES = (
         "behind it. `antinode search` maximised the confinement above 25 kHz, for plain pillars and for "
         'pillars with a tip mass (studies/glass-plate.toml). Levels have their error bars; in a "split" mode '
         "several modes share the target shape",
-        ("rows", "pillars", "tip masses", "zone's width", "target mode", "confinement"),
+        ("rows", "pillars, width x height", "tip masses", "zone's width", "target mode", "confinement"),
         _of_glass,
         _by_rows("rows of", _pillars),
     ),

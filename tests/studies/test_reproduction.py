@@ -116,7 +116,7 @@ def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkey
     page = glass.text(tmp_path)
     picture = (tmp_path / "pictures" / "glass.svg").read_text()
     assert "heavy tips" in picture and "no pillars" not in picture  # a plate without a level has no mark
-    tips = "1 mm wide, 2 mm high | 1.5 mm wide, 0.9 mm high"
+    tips = "1 x 2 mm | 1.5 x 0.9 mm"
     assert f"| 3 | {tips} | 20 mm | 30.00 kHz, single | 15.5 +- 0.2 dB |" in page
     assert "| 0 | none | none | 20 mm | none | none |" in page
 
@@ -143,7 +143,7 @@ def test_pillars_on_both_faces_stand_beside_those_on_one() -> None:
     ]
     rows = [reproduction._of_faces(record) for record in records]  # type: ignore[arg-type]
     assert rows[0] == ("2", "back alone", "none", "none", "12.0 dB")
-    assert rows[1] == ("2", "both", "28.0 to 36.5 kHz, 8.5 kHz wide", "none", "12.0 dB")
+    assert rows[1] == ("2", "both", "28.0 to 36.5 kHz", "none", "12.0 dB")
 
 
 def test_shifted_rows_stand_beside_rows_in_line_with_the_gap_of_their_own_lattice() -> None:
