@@ -125,7 +125,8 @@ def active(model: str) -> list[Row]:
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
     rows = [
-        (e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0]) for e in documents["comparison"]
+        (e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0])
+        for e in documents["comparison"]
     ]
     return [row for row in rows if row[1] not in NOT_IN_THESIS and not row[0].startswith(MIRRORED)]
 
@@ -152,11 +153,11 @@ def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
     inner = [p.taken_db for p in broad.points if band and band[0] + EDGE_HZ <= p.frequency_hz <= band[1] - EDGE_HZ]
     return (
         ", ".join(f"{height:g}" for height in own),
-        f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz" if band else "none",
-        f"{min(inner):.1f} dB" if inner else "none",
-        f"{broad.taken_db(CENTRE_HZ):.1f} dB",
+        f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f}" if band else "none",
+        f"{min(inner):.1f}" if inner else "none",
+        f"{broad.taken_db(CENTRE_HZ):.1f}",
         f"{target.frequency_hz / 1e3:.2f} kHz, {target.confinement_db:.1f} dB" if target else "none",
-        f"{min(levels.values()):.1f} to {max(levels.values()):.1f} dB" if both_ends else "not stored",
+        f"{min(levels.values()):.1f} to {max(levels.values()):.1f}" if both_ends else "not stored",
     )
 
 
@@ -206,9 +207,9 @@ def _of_touch(record: Record) -> tuple[str, ...] | None:
     if touch is None:
         return None
     states = [touch.state(name) for name in ("free", "touched", "shaped")]
-    shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f} Hz"
-    amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g} um" for s in states[:2]]
-    levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f} dB" for s in states]
+    shift = "unknown" if touch.mode is None else f"{touch.mode.shift_hz:+.0f}"
+    amplitudes = ["none" if s is None else f"{s.finger_m / UM:.3g}" for s in states[:2]]
+    levels = ["none" if s is None or s.confinement_db is None else f"{s.confinement_db:.1f}" for s in states]
     watts = [_watts(None if s is None else s.drawn_mW_at_1um) for s in states[1:]]
     return _touched_design(record), shift, *amplitudes, *levels, *watts
 
@@ -227,9 +228,9 @@ def _of_glass(record: Record) -> tuple[str, ...] | None:
     tip = pillar.heavy_tip if pillar else None
     return (
         str(design.rows),
-        f"{1e3 * pillar.base_m:g} x {1e3 * pillar.height_m:g} mm" if pillar else "none",
-        f"{1e3 * tip.side_m:g} x {1e3 * tip.height_m:g} mm" if tip else "none",
-        f"{1e3 * design.width_m:g} mm",
+        f"{1e3 * pillar.base_m:g} x {1e3 * pillar.height_m:g}" if pillar else "none",
+        f"{1e3 * tip.side_m:g} x {1e3 * tip.height_m:g}" if tip else "none",
+        f"{1e3 * design.width_m:g}",
         *_mode(record),
     )
 
@@ -237,10 +238,10 @@ def _of_glass(record: Record) -> tuple[str, ...] | None:
 def _mode(record: Record) -> tuple[str, str]:
     """The target mode's frequency and how it stands, and its confinement with its bar."""
     target = record.target
-    bar = f" +- {target.confinement_error_db:.1f}" if target and target.confinement_error_db is not None else ""
+    bar = f" ± {target.confinement_error_db:.1f}" if target and target.confinement_error_db is not None else ""
     return (
-        f"{target.frequency_hz / 1e3:.2f} kHz, {target.status}" if target else "none",
-        "none" if record.confinement_db is None else f"{record.confinement_db:.1f}{bar} dB",
+        f"{target.frequency_hz / 1e3:.2f}, {target.status}" if target else "none",
+        "none" if record.confinement_db is None else f"{record.confinement_db:.1f}{bar}",
     )
 
 
@@ -278,7 +279,7 @@ def _of_faces(record: Record) -> tuple[str, ...] | None:
         return None
     stopped = (held := record.of(BroadbandResult)) and held.stopped_hz
     low, high = (end / 1e3 for end in stopped) if stopped else (0.0, 0.0)
-    band = f"{low:.1f} to {high:.1f} kHz" if stopped else "none"
+    band = f"{low:.1f} to {high:.1f}" if stopped else "none"
     return f"{design.rows}", _faces(record), band, *_mode(record)
 
 
@@ -287,8 +288,8 @@ def _of_staggered(record: Record) -> tuple[str, ...] | None:
     if design is None or bands is None:
         return None
     gap = next(iter(bands.gaps), None)
-    none = f"none up to {bands.known_to_hz / 1e3:.1f} kHz"
-    edges = f"{gap.lower_hz / 1e3:.1f} to {gap.upper_hz / 1e3:.1f} kHz" if gap else none
+    none = f"none up to {bands.known_to_hz / 1e3:.1f}"
+    edges = f"{gap.lower_hz / 1e3:.1f} to {gap.upper_hz / 1e3:.1f}" if gap else none
     return f"{design.rows}", _stand(record), edges, *_mode(record)
 
 
@@ -331,28 +332,28 @@ def _of_hybrid(record: Record) -> tuple[str, ...] | None:
     if hybrid is None or hybrid.target_hz is None:
         return None
 
-    def level(method: str, values: str = "confinement_db", unit: str = "dB") -> str:
+    def level(method: str, values: str = "confinement_db") -> str:
         figure = hybrid.at_target(method, values) if hybrid else None
-        return "none" if figure is None else f"{figure:.3g} {unit}"
+        return "none" if figure is None else f"{figure:.3g}"
 
     off = [level("rows", "rows_off_db"), level("patches", "off_db"), level("both", "rows_off_db")]
-    volts = [level(method, "volts_per_um", "V") for method in ("rows", "patches", "both")]
+    volts = [level(method, "volts_per_um") for method in ("rows", "patches", "both")]
     levels = [level(method) for method in ("neither", "rows", "patches", "both")]
-    return f"{record.design.rows if record.design else '?'}", f"{hybrid.target_hz / 1e3:.2f} kHz", *levels, *off, *volts
+    return f"{record.design.rows if record.design else '?'}", f"{hybrid.target_hz / 1e3:.2f}", *levels, *off, *volts
 
 
 def _of_travel(record: Record) -> tuple[str, ...] | None:
     travel = record.of(TravelResult)
     if travel is None:
         return None
-    level = "none" if travel.confinement_db is None else f"{travel.confinement_db:.1f} dB"
+    level = "none" if travel.confinement_db is None else f"{travel.confinement_db:.1f}"
     watts = max(map(abs, travel.flow_W)), max(map(abs, travel.standing_flow_W))
-    crests = "none" if travel.shear is None else f"{1e3 * abs(travel.shear.fastest_m_s):.3g} mm/s"
+    crests = "none" if travel.shear is None else f"{1e3 * abs(travel.shear.fastest_m_s):.3g}"
     ratios = (f"{travel.twr:.2f}", f"{travel.best_twr:.2f}", level)
     rows = f"{record.design.rows if record.design else '?'}"
     return (
-        *(rows, f"{travel.frequency_hz / 1e3:.2f} kHz", *ratios, f"{travel.drive_V_at_1um:.3g} V"),
-        *(f"{1e3 * each:.3g} mW" for each in watts),
+        *(rows, f"{travel.frequency_hz / 1e3:.2f}", *ratios, f"{travel.drive_V_at_1um:.3g}"),
+        *(f"{1e3 * each:.3g}" for each in watts),
         crests,
     )
 
@@ -362,9 +363,9 @@ def _of_zones(record: Record) -> tuple[str, ...] | None:
     if crosstalk is None or crosstalk.worst_db is None:
         return None
     first = crosstalk.zones[0]
-    passive = "none" if first.passive_db is None else f"{first.passive_db:.1f} dB"
-    gap, tone = f"{1e3 * crosstalk.gap_m:.1f} mm", f"{first.peak_hz / 1e3:.2f} kHz"
-    return f"{crosstalk.shared_rows}", gap, tone, f"{crosstalk.worst_db:.1f} dB", passive
+    passive = "none" if first.passive_db is None else f"{first.passive_db:.1f}"
+    gap, tone = f"{1e3 * crosstalk.gap_m:.1f}", f"{first.peak_hz / 1e3:.2f}"
+    return f"{crosstalk.shared_rows}", gap, tone, f"{crosstalk.worst_db:.1f}", passive
 
 
 def _by_gap(records: list[Record]) -> Figure:
@@ -400,11 +401,11 @@ WISHES = (
         "plate, and the effect of a batch deviation (study graded-heights)",
         (
             "heights from the zone outwards (mm)",
-            "10 dB stopped around the target mode",
-            "least stopped inside",
-            "stopped at 34.6 kHz",
+            "10 dB stopped around the target mode (kHz)",
+            "least inside (dB)",
+            "at 34.6 kHz (dB)",
             "target mode, finite plate",
-            "stopped at the target mode, heights -0.4 to +0.4 mm",
+            "at the target mode, heights ±0.4 mm (dB)",
         ),
         _of_graded,
         _by_frequency,
@@ -415,8 +416,15 @@ WISHES = (
         "vibration under a finger",
         "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger",
         (
-            *("design, fingertip", "detuning", "free", "touched", "confinement free", "touched", "shaped"),
-            *("power in phase", "power shaped"),
+            "design, fingertip",
+            "detuning (Hz)",
+            "free (um)",
+            "touched (um)",
+            "confinement free (dB)",
+            "touched (dB)",
+            "shaped (dB)",
+            "power in phase",
+            "power shaped",
         ),
         _of_touch,
         _by_power,
@@ -428,7 +436,14 @@ WISHES = (
         "behind it. `antinode search` maximised the confinement above 25 kHz, for plain pillars and for "
         'pillars with a tip mass (studies/glass-plate.toml). Levels have their error bars; in a "split" mode '
         "several modes share the target shape",
-        ("rows", "pillars, width x height", "tip masses", "zone's width", "target mode", "confinement"),
+        (
+            "rows",
+            "pillars, width x height (mm)",
+            "tip masses (mm)",
+            "zone's width (mm)",
+            "target mode (kHz)",
+            "confinement (dB)",
+        ),
         _of_glass,
         _by_rows("rows of", _pillars),
     ),
@@ -441,17 +456,17 @@ WISHES = (
         "every resonance) shifted by 2 %. Drive: largest voltage for 1 um rms",
         (
             "rows",
-            "at",
-            "neither",
-            "rows alone",
-            "patches alone",
+            "kHz",
+            "neither (dB)",
+            "rows",
+            "patches",
             "both",
-            "rows, detuned",
-            "patches, detuned",
-            "both, detuned",
-            "rows, drive",
-            "patches, drive",
-            "both, drive",
+            "rows, detuned (dB)",
+            "patches",
+            "both",
+            "rows, drive (V)",
+            "patches",
+            "both",
         ),
         _of_hybrid,
         _picture_of(HybridResult),
@@ -463,7 +478,17 @@ WISHES = (
         "the pair, then of any voltages. The power is the largest through a section, for the pair and with "
         "all patches in phase. The last column is the largest crest speed under a resting finger, along the "
         "plate and against the wave",
-        ("rows", "at", "ratio", "any voltages", "confinement", "drive", "power along the zone", "in phase", "crests"),
+        (
+            "rows",
+            "kHz",
+            "ratio",
+            "any voltages",
+            "confinement (dB)",
+            "drive (V)",
+            "power (mW)",
+            "in phase (mW)",
+            "crests (mm/s)",
+        ),
         _of_travel,
         _picture_of(TravelResult),
     ),
@@ -471,7 +496,7 @@ WISHES = (
         "zones",
         "two zones on one plate",
         "Two zones of the thesis with rows between them, one driven at its own peak",
-        ("shared rows", "gap", "at", "the other zone", "passive face"),
+        ("shared rows", "gap (mm)", "frequency (kHz)", "other zone (dB)", "passive face (dB)"),
         _of_zones,
         _by_gap,
     ),
@@ -481,7 +506,7 @@ WISHES = (
         "Every pillar of the thesis' plate has a mirror image on the touch face, with a margin of 25 mm and "
         "the same heights. The stopped power is that of the rows alone, the confinement that of the whole "
         "plate with its target mode. Levels have their error bars",
-        ("rows", "pillars on", "10 dB stopped around the target mode", "target mode", "confinement"),
+        ("rows", "pillars on", "10 dB stopped (kHz)", "target mode (kHz)", "confinement (dB)"),
         _of_faces,
         _by_rows("pillars on", _faces),
     ),
@@ -491,7 +516,7 @@ WISHES = (
         "Every other row is shifted by half a pitch along the zone, with a pitch of 5 mm and a margin of 25 "
         'mm. The gap is the first complete one of the lattice. Levels have their error bars; in a "split" '
         "mode several modes share the target shape",
-        ("rows", "arrangement", "gap", "target mode", "confinement"),
+        ("rows", "arrangement", "gap (kHz)", "target mode (kHz)", "confinement (dB)"),
         _of_staggered,
         _by_rows("rows stand", _stand),
     ),
