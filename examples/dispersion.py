@@ -1,4 +1,4 @@
-"""From nothing to a dispersion diagram: bands of a 4 mm cell with a 6.3 mm pillar on a 2 mm aluminium plate."""
+"""A dispersion diagram: bands of a 4 mm cell with a 6.3 mm pillar on a 2 mm aluminium plate."""
 
 import antinode
 

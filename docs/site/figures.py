@@ -30,7 +30,7 @@ def superelement(figure: Any) -> None:
             _cell(axes[1], x, y)
     axes[1].annotate("", (4.4, 2.0), (3.6, 2.0), arrowprops={"arrowstyle": "->", "color": style.VERMILION})
     axes[1].text(4.5, 2.0, r"$e^{-\mathrm{i}k_xa}$", color=style.VERMILION, va="center")
-    axes[1].set_title("endless lattice: a phase a side")
+    axes[1].set_title("infinite array: phases between sides")
     for x in range(6):
         axes[2].add_patch(Rectangle((x, 2), 1, 2, facecolor=style.GREEN, alpha=0.25, edgecolor=style.GREY))
         for y in (0, 1, 4, 5):
@@ -72,7 +72,7 @@ def superelement_convergence(figure: Any) -> None:
 
 
 def error_bars(figure: Any) -> None:
-    """What a coarse answer is off by, beside what it says that it may be off by."""
+    """Error of a coarse result, with its error bars."""
     plate = antinode.load(PLATE, bands__points=6, bands__count=4)
     coarse, fine = (plate.with_(accuracy=accuracy).bands() for accuracy in (0.1, 0.003))
     axes, moving = figure.subplots(), fine.frequencies_hz[1:-1] > 1e3
@@ -114,7 +114,7 @@ def before_and_after(figure: Any) -> None:
     design = plate.case.design
     bare = plate.with_(rows=0, extension_mm=1e3 * (design.half_span_m - design.width_m / 2.0))
     sides = figure.subplots(1, 2, sharey=True)
-    for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows a side"), strict=True):
+    for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows on each side"), strict=True):
         modes = each.modes(symmetry=plate.case.target_symmetry)
         number = max(range(len(modes)), key=lambda i: modes[i].strength or 0.0)
         surface = modes.to_pyvista(number)

@@ -1,8 +1,8 @@
 """The documentation site: `make docs`, or `python docs/site/make_site.py [FOLDER]` (default: build/docs/site).
 
-Pages of docs/ as they stand, some of them completed from what the program knows, and pictures made by commands; nothing is
-written into docs/. No network. Exit code 4 with a line each where a link leads nowhere, a docstring cannot be read, or a
-public name is not on its page.
+The site has the pages of docs/, some completed with generated text, and pictures made by commands; nothing is written into
+docs/, and no network is needed. Exit code 4, with one line per fault, for dead links, unreadable docstrings and public names
+missing from their page.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def pages(source: Path, with_pictures: bool = True) -> None:
 
 
 def build(source: Path, target: Path) -> list[str]:
-    """Build the site and say what is wrong with it."""
+    """Build the site and return its faults."""
     trees = WORK / "doctrees"
     with docutils_namespace():
         site = Sphinx(source, Path(__file__).parent, target, trees, "html", freshenv=True, status=None)

@@ -1,6 +1,6 @@
 """Pictures of the site, each made by a command: the gallery's examples and the figures of the explanations.
 
-What was made from the same sources is kept below build/docs and not made again.
+Pictures of unchanged sources are kept below build/docs.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def examples() -> list[Example]:
 
 
 def figure_examples() -> list[Example]:
-    """The figures of the explanations, as commands."""
+    """Figures of the explanations, as commands."""
     return [Example(name, name, f"{name}.svg", f"python docs/site/figures.py {name}", "") for name in FIGURES]
 
 
@@ -69,7 +69,7 @@ def made(example: Example, cache: Path) -> float:
 
 
 def run(command: str, folder: Path) -> float:
-    """Run a command line in a folder of its own; its processor seconds. RuntimeError where it fails."""
+    """Run a command line in a folder of its own; its processor seconds. Raises RuntimeError on failure."""
     paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     environment = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
     environment |= {"PYTHONPATH": paths, "ANTINODE_RESULTS": str(folder / "results"), "MPLBACKEND": "Agg"}

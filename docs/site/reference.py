@@ -1,4 +1,4 @@
-"""Reference pages from what the program itself knows: case file, columns, JSON fields, commands, the library's names."""
+"""Reference pages generated from the program: case file, columns, JSON fields, commands, the library's names."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ OWN = [name for name in antinode.__all__ if name != "__version__"]
 
 
 def meanings() -> dict[str, dict[str, str]]:
-    """What every key of a case file means, by table."""
+    """Meaning of every key of a case file, by table."""
     return tomllib.loads((SITE / "keys.toml").read_text(encoding="utf-8"))
 
 
 @cache
 def field_meanings() -> dict[str, dict[str, Any]]:
-    """What every field of a JSON document means, by class; `any`: in all of them; `documents`, `columns`: beside classes."""
+    """Meaning of every field of a JSON document, by class; `any` applies to all, `documents` and `columns` are separate."""
     return tomllib.loads((SITE / "fields.toml").read_text(encoding="utf-8"))
 
 
@@ -46,7 +46,7 @@ def parts() -> dict[str, type[record.Part]]:
 
 
 def answers() -> dict[str, type[declared.Part]]:
-    """The classes of answers to questions and of their parts, which say what their fields mean."""
+    """Classes of results and of their parts, whose fields have descriptions."""
     found: dict[str, type[declared.Part]] = {}
     waiting: list[Any] = [question.result for question in known().values()]
     while waiting:
@@ -60,7 +60,7 @@ def answers() -> dict[str, type[declared.Part]]:
 
 
 def meaning(part: type[BaseModel], name: str) -> str:
-    """What a field means: as its class says it, else as everywhere; '' where nothing does."""
+    """Meaning of a field in its class, else under `any`; an empty string without one."""
     known = field_meanings()
     return next((known[owner][name] for owner in (part.__name__, "any") if name in known.get(owner, {})), "")
 
@@ -93,7 +93,7 @@ def _unexplained_keys() -> list[str]:
 
 
 def row(*cells: object) -> str:
-    """A line of a table; bars in cells would end them."""
+    """Format a line of a table, with bars escaped."""
     return "| " + " | ".join(" ".join(str(cell).split()).replace("|", r"\|") for cell in cells) + " |"
 
 
@@ -103,18 +103,18 @@ def head(*cells: str) -> str:
 
 
 def case_file() -> Iterator[str]:
-    """Every key of a case file with its meaning, what it may be and its default."""
+    """Every key of a case file with its meaning, values and default."""
     known = meanings()
     yield f"## material\n\n{MATERIAL_ALLOWED}; `antinode materials` lists the names.\n"
-    yield f"{head('key', 'what it may be', 'default')}\n" + "\n".join(_keys(MaterialTable))
+    yield f"{head('key', 'values', 'default')}\n" + "\n".join(_keys(MaterialTable))
     for table, model in TABLES.items():
-        yield f"\n## {table}\n\n{known[table]['']}\n\n{head('key', 'meaning', 'what it may be', 'default')}"
+        yield f"\n## {table}\n\n{known[table]['']}\n\n{head('key', 'meaning', 'values', 'default')}"
         yield "\n".join(_keys(model, known[table]))
 
 
 def _keys(model: type[BaseModel], known: dict[str, str] | None = None) -> Iterator[str]:
     for name, field in model.model_fields.items():
-        default = "must be given" if field.is_required() else field.get_default(call_default_factory=True)
+        default = "required" if field.is_required() else field.get_default(call_default_factory=True)
         shown = "none" if default is None else f"`{default}`" if not field.is_required() else default
         allowed = field.description or "; ".join(
             each.description for each in field.metadata if getattr(each, "description", None)
@@ -126,11 +126,11 @@ def columns() -> Iterator[str]:
     """Every column of table.csv, by the measure that fills it."""
     for question in asked.questions():
         if columns := asked.columns(question):
-            yield f"\n## {question.name}\n\n{head('column', 'what it is', 'unit')}"
+            yield f"\n## {question.name}\n\n{head('column', 'meaning', 'unit')}"
             yield "\n".join(_column(each.name, each.heading, each.unit) for each in columns)
-    yield f"\n## Several together\n\n{head('column', 'what it is', 'unit')}"
+    yield f"\n## Several together\n\n{head('column', 'meaning', 'unit')}"
     yield "\n".join(_column(each.name, each.heading, each.unit) for each in asked.OF_SEVERAL)
-    yield f"\n## Along a sweep\n\n{head('column', 'what it is', 'unit')}"
+    yield f"\n## Along a sweep\n\n{head('column', 'meaning', 'unit')}"
     yield "\n".join(_column(name, heading, unit) for name, heading, _, unit in tables.TRACKED)
 
 
@@ -155,20 +155,20 @@ def json_fields() -> Iterator[str]:
         if of:
             yield f"The fields of [{of}](#{of.lower()}){', and' if own else '.'}\n"
         if own:
-            yield "\n".join([head("field", "what it is"), *(row(f"`{key}`", text) for key, text in own.items())])
+            yield "\n".join([head("field", "meaning"), *(row(f"`{key}`", text) for key, text in own.items())])
     for question in registered().values():
         result = question.result.__name__
         yield f"\n### `antinode {question.command()} --json FILE`\n\nThe fields of [{result}](#{result.lower()}).\n"
     yield "\n## Parts"
     for name, answer in answers().items():
         hints = get_type_hints(answer)
-        yield f"\n### {name}\n\n{_summary(answer)}\n\n{head('field', 'what it is', 'type', 'unit')}"
+        yield f"\n### {name}\n\n{_summary(answer)}\n\n{head('field', 'meaning', 'type', 'unit')}"
         yield "\n".join(
             row(f"`{key}`", f"{each.about}.", f"`{_kind(hints[key])}`", each.unit or "-")
             for key, each in answer.declared.items()
         )
     for name, part in parts().items():
-        yield f"\n### {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'what it is', 'type', 'unit')}"
+        yield f"\n### {name}\n\n{inspect.cleandoc(part.__doc__ or '')}\n\n{head('field', 'meaning', 'type', 'unit')}"
         yield "\n".join(_fields(part))
 
 
@@ -190,7 +190,7 @@ def _summary(part: type) -> str:
 
 
 def commands() -> Iterator[str]:
-    """What each command answers to `--help`."""
+    """The `--help` text of each command."""
     for name, sub in _subcommands("", main._parser()):
         sub.formatter_class = lambda prog: argparse.RawDescriptionHelpFormatter(prog, width=110)
         yield f"\n## {name}\n\n```text\n{sub.format_help().strip()}\n```"
@@ -219,7 +219,7 @@ def library() -> Iterator[str]:
 
 
 def public_names() -> set[str]:
-    """Every name that the library's reference has to hold: public names, and public members of their classes."""
+    """Every name required in the library's reference: public names, and public members of their classes."""
     names = set()
     for name in OWN:
         thing: Any = getattr(antinode, name)
@@ -235,7 +235,7 @@ def _is_member(key: str, value: object) -> bool:
 
 
 def cite() -> Iterator[str]:
-    """A BibTeX entry from CITATION.cff, and the works that this program stands on."""
+    """A BibTeX entry from CITATION.cff, and the literature."""
     cff = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     fields = {
         "author": " and ".join(f"{{{each['name']}}}" for each in cff["authors"]),
@@ -244,7 +244,7 @@ def cite() -> Iterator[str]:
         "license": cff["license"],
     }
     entry = ",\n".join(f"  {key} = {{{value}}}" for key, value in fields.items())
-    yield f"```bibtex\n@software{{antinode,\n{entry}\n}}\n```\n\n## Works that it stands on\n"
+    yield f"```bibtex\n@software{{antinode,\n{entry}\n}}\n```\n\n## Literature\n"
     yield f"```bibtex\n{(ROOT / 'docs' / 'references.bib').read_text(encoding='utf-8').strip()}\n```"
 
 
