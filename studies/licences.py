@@ -227,19 +227,13 @@ def lists() -> str:
             (one.name, *inside) for one in packages.values() for inside in one.inside
         )),
     ]  # fmt: skip
-    return "\n".join([*sections, f"## All packages by declared licence\n\n{_by_licence(packages.values())}"])
+    unknown = ", ".join(name for name, one in packages.items() if one.declared in ("UNKNOWN", "not declared"))
+    rest = f"## Others\n\nThe other {len(packages)} packages declare permissive licences, or none: {unknown}.\n"
+    return "\n".join([*sections, rest])
 
 
 def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     return f"## {title}\n\n{markdown(head, rows)}"
-
-
-def _by_licence(packages: Iterable[Package]) -> str:
-    """One line for each declared licence: its packages."""
-    of: dict[str, list[str]] = {}
-    for one in sorted(packages, key=lambda one: one.name):
-        of.setdefault(one.declared, []).append(one.name)
-    return "".join(f"* {licence}: {', '.join(names)}\n" for licence, names in sorted(of.items()))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -35,7 +35,7 @@ extremes` every case.
 """
 FIGURE = PAGE.parent / "pictures" / "error-against-time.svg"
 STORED = Path("accuracy") / style.PICTURES / "accuracy_bending_at_M.svg"
-SINGLE = r"\| (model|case) \| dofs \|"  # the tables of single models and cases
+SINGLE = r"\| (model|case) \| (dofs|confinement)"  # the tables of single models and cases
 SPEED = "## Whole commands compared with an earlier commit"
 
 
