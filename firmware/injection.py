@@ -106,18 +106,13 @@ class Row(NamedTuple):
 
 def merged(rows: list[Row]) -> list[Row]:
     """The rig's rows, and one for each image: all moments of its faults, and the longest time."""
-    images: dict[str, list[Row]] = {}
-    for row in rows:
-        if row.extent is None:
-            images.setdefault(row.what.partition(":")[0], []).append(row)
-    return [row for row in rows if row.extent] + [
-        Row(
-            f"{name}: {len(own)} kinds",
-            *(sum(column) for column in zip(*(row[1:4] for row in own), strict=True)),
-            *(max(column) for column in zip(*(row[4:6] for row in own), strict=True)),
-        )
-        for name, own in images.items()
-    ]
+    images: dict[str, Row] = {}
+    for row in (row for row in rows if row.extent is None):
+        name = row.what.partition(":")[0]
+        known = images.get(name, Row(name, 0, 0, 0, 0.0, 0.0))
+        sums = (mine + added for mine, added in zip(known[1:4], row[1:4], strict=True))
+        images[name] = Row(name, *sums, *map(max, known[4:6], row[4:6]))  # type: ignore[arg-type]
+    return [row for row in rows if row.extent] + [*images.values()]
 
 
 def held(level: float = LEVEL, swings: bool = False) -> SingleRig:

@@ -1,11 +1,7 @@
-"""Stated error bars against true errors on scenes drawn at random: `python -m studies.error_bars` writes docs/error-bars.md.
+"""Error bars against true errors on scenes drawn at random: `python -m studies.error_bars` writes docs/error-bars.md.
 
-Plates and pillars of every library material and thicknesses from 0.5 to 5 mm: cells with square, round, hexagonal and tapered
-pillars on the first mesh level against the finest, both with the same reduction, square ones on the second level, too; some of
-them against the whole cell as meshed under Bloch's conditions, without any reduction; cells of tetrahedra against hexahedra,
-with square and round pillars; cells with slender and with soft pillars at accuracy 0.01 against 0.001; lone pillars, slender
-ones among them, and zones at accuracy 0.01 against 0.0005, of tetrahedra, too; plates on the first mesh level against the
-finest; free blocks against polynomials; plates with patches as stiff as they are against solids.
+Scenes have every library material and thicknesses from 0.5 to 5 mm. Cells and plates on the first mesh level are compared with
+the finest (square cells on the second, too), isolated pillars and zones at accuracy 0.01 with 0.0005.
 """
 
 from __future__ import annotations

@@ -124,11 +124,9 @@ def active(model: str) -> list[Row]:
     """The entries of one model of chapters 1 and 3 that the thesis has, without the mirror image of a region."""
     command = [sys.executable, "-m", "pipeline.cli.main", "active", model, "--json", "-", "--quiet"]
     documents = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    rows = [
-        (e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0])
-        for e in documents["comparison"]
-    ]
-    return [row for row in rows if row[1] not in NOT_IN_THESIS and not row[0].startswith(MIRRORED)]
+    given = (e for e in documents["comparison"] if e["thesis"] not in NOT_IN_THESIS)
+    rows = [(e["quantity"], e["thesis"], e["ours"], re.split("(?<! for):|;", e["agreement"])[0]) for e in given]
+    return [row for row in rows if not row[0].startswith(MIRRORED)]
 
 
 def heights_mm(record: Record) -> tuple[float, ...]:
@@ -247,14 +245,12 @@ def _mode(record: Record) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Wish:
-    """A wish of the thesis' outlook that a stored study of ours answers: its table, whose rows may look into another study, and
-    its picture.
-    """
+    """A wish of the thesis' outlook with a stored study: its table, with rows from another study if given, and its picture."""
 
     study: str
     title: str
     words: str
-    headings: tuple[str, ...]
+    headings: str
     row: Callable[..., tuple[str, ...] | None]
     draw: Callable[[list[Record]], Figure]
     other: str = ""
@@ -269,7 +265,7 @@ class Wish:
         with style.style(), written_whole(PAGE.parent / picture) as temporary:
             self.draw([*rows.values()]).savefig(temporary, format="svg", bbox_inches="tight", metadata={"Date": None})
         words = f"{self.words} (`antinode run {self.study}`)."
-        body = outputs.markdown(self.headings, [*rows])
+        body = outputs.markdown(self.headings.split(" | "), [*rows])
         return f"\n## Outlook: {self.title}\n\n{words}\n\n{body}\n![{self.title}]({picture})\n"
 
 
@@ -395,18 +391,12 @@ WISHES = (
     Wish(
         "graded",
         "broadband rows",
-        "The thesis wishes for passive confinement over a wide band. Three rows of different heights "
-        "(`[array] heights_mm`) are compared with three equal ones, with the same footprint, pitch and margin"
-        " (25 mm): power stopped of a flexural wave at the target wavenumber, target mode of the finite "
-        "plate, and the effect of a batch deviation (study graded-heights)",
-        (
-            "heights from the zone outwards (mm)",
-            "10 dB stopped around the target mode (kHz)",
-            "least inside (dB)",
-            "at 34.6 kHz (dB)",
-            "target mode, finite plate",
-            "at the target mode, heights ±0.4 mm (dB)",
-        ),
+        "The thesis wishes for passive confinement over a wide band. Three rows of different heights (`[array] "
+        "heights_mm`) are compared with three equal ones, with the same footprint, pitch and margin (25 mm): power "
+        "stopped of a flexural wave at the target wavenumber, target mode of the finite plate, and the effect of a batch "
+        "deviation (study graded-heights)",
+        "heights from the zone outwards (mm) | 10 dB stopped around the target mode (kHz) | least inside (dB) | at 34.6 "
+        "kHz (dB) | target mode, finite plate | at the target mode, heights ±0.4 mm (dB)",
         _of_graded,
         _by_frequency,
         "graded-heights",
@@ -415,80 +405,40 @@ WISHES = (
         "touch",
         "vibration under a finger",
         "Not in the thesis: amplitudes at the study's voltage, and the power of the patches for 1 um under the finger",
-        (
-            "design, fingertip",
-            "detuning (Hz)",
-            "free (um)",
-            "touched (um)",
-            "confinement free (dB)",
-            "touched (dB)",
-            "shaped (dB)",
-            "power in phase",
-            "power shaped",
-        ),
+        "design, fingertip | detuning (Hz) | free (um) | touched (um) | confinement free (dB) | touched (dB) | shaped "
+        "(dB) | power in phase | power shaped",
         _of_touch,
         _by_power,
     ),
     Wish(
         "glass",
         "tip masses on a cover glass",
-        "Not in the thesis: glass 0.7 mm thick with a half-wavelength of 15 mm and at most 3 mm of height "
-        "behind it. `antinode search` maximised the confinement above 25 kHz, for plain pillars and for "
-        'pillars with a tip mass (studies/glass-plate.toml). Levels have their error bars; in a "split" mode '
-        "several modes share the target shape",
-        (
-            "rows",
-            "pillars, width x height (mm)",
-            "tip masses (mm)",
-            "zone's width (mm)",
-            "target mode (kHz)",
-            "confinement (dB)",
-        ),
+        "Not in the thesis: glass 0.7 mm thick with a half-wavelength of 15 mm and at most 3 mm of height behind it. "
+        "`antinode search` maximised the confinement above 25 kHz, for plain pillars and for pillars with a tip mass "
+        '(studies/glass-plate.toml). Levels have their error bars; in a "split" mode several modes share the target shape',
+        "rows | pillars, width x height (mm) | tip masses (mm) | zone's width (mm) | target mode (kHz) | confinement (dB)",
         _of_glass,
         _by_rows("rows of", _pillars),
     ),
     Wish(
         "hybrid",
         "rows and patches together",
-        "The thesis wishes for passive and active confinement together. At the target peak, the patches "
-        "inside the zone drive in phase (neither, rows), or all patches, including those behind the rows, "
-        "with voltages shaped for contrast (patches, both). Detuned: the pillars' resonances (without rows, "
-        "every resonance) shifted by 2 %. Drive: largest voltage for 1 um rms",
-        (
-            "rows",
-            "kHz",
-            "neither (dB)",
-            "rows",
-            "patches",
-            "both",
-            "rows, detuned (dB)",
-            "patches",
-            "both",
-            "rows, drive (V)",
-            "patches",
-            "both",
-        ),
+        "The thesis wishes for passive and active confinement together. At the target peak, the patches inside the zone "
+        "drive in phase (neither, rows), or all patches, including those behind the rows, with voltages shaped for "
+        "contrast (patches, both). Detuned: the pillars' resonances (without rows, every resonance) shifted by 2 %. "
+        "Drive: largest voltage for 1 um rms",
+        "rows | kHz | neither (dB) | rows | patches | both | rows, detuned (dB) | patches | both | rows, drive (V) | "
+        "patches | both",
         _of_hybrid,
         _picture_of(HybridResult),
     ),
     Wish(
         "travelling",
         "a travelling wave inside the zone",
-        "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. The ratio is that of "
-        "the pair, then of any voltages. The power is the largest through a section, for the pair and with "
-        "all patches in phase. The last column is the largest crest speed under a resting finger, along the "
-        "plate and against the wave",
-        (
-            "rows",
-            "kHz",
-            "ratio",
-            "any voltages",
-            "confinement (dB)",
-            "drive (V)",
-            "power (mW)",
-            "in phase (mW)",
-            "crests (mm/s)",
-        ),
+        "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. The ratio is that of the pair, "
+        "then of any voltages. The power is the largest through a section, for the pair and with all patches in phase. "
+        "The last column is the largest crest speed under a resting finger, along the plate and against the wave",
+        "rows | kHz | ratio | any voltages | confinement (dB) | drive (V) | power (mW) | in phase (mW) | crests (mm/s)",
         _of_travel,
         _picture_of(TravelResult),
     ),
@@ -496,27 +446,27 @@ WISHES = (
         "zones",
         "two zones on one plate",
         "Two zones of the thesis with rows between them, one driven at its own peak",
-        ("shared rows", "gap (mm)", "frequency (kHz)", "other zone (dB)", "passive face (dB)"),
+        "shared rows | gap (mm) | frequency (kHz) | other zone (dB) | passive face (dB)",
         _of_zones,
         _by_gap,
     ),
     Wish(
         "faces",
         "pillars on both faces",
-        "Every pillar of the thesis' plate has a mirror image on the touch face, with a margin of 25 mm and "
-        "the same heights. The stopped power is that of the rows alone, the confinement that of the whole "
-        "plate with its target mode. Levels have their error bars",
-        ("rows", "pillars on", "10 dB stopped (kHz)", "target mode (kHz)", "confinement (dB)"),
+        "Every pillar of the thesis' plate has a mirror image on the touch face, with a margin of 25 mm and the same "
+        "heights. The stopped power is that of the rows alone, the confinement that of the whole plate with its target "
+        "mode. Levels have their error bars",
+        "rows | pillars on | 10 dB stopped (kHz) | target mode (kHz) | confinement (dB)",
         _of_faces,
         _by_rows("pillars on", _faces),
     ),
     Wish(
         "staggered",
         "staggered rows",
-        "Every other row is shifted by half a pitch along the zone, with a pitch of 5 mm and a margin of 25 "
-        'mm. The gap is the first complete one of the lattice. Levels have their error bars; in a "split" '
-        "mode several modes share the target shape",
-        ("rows", "arrangement", "gap (kHz)", "target mode (kHz)", "confinement (dB)"),
+        "Every other row is shifted by half a pitch along the zone, with a pitch of 5 mm and a margin of 25 mm. The gap "
+        'is the first complete one of the lattice. Levels have their error bars; in a "split" mode several modes share '
+        "the target shape",
+        "rows | arrangement | gap (kHz) | target mode (kHz) | confinement (dB)",
         _of_staggered,
         _by_rows("rows stand", _stand),
     ),
