@@ -427,8 +427,8 @@ WISHES = (
         "drive in phase (neither, rows), or all patches, including those behind the rows, with voltages shaped for "
         "contrast (patches, both). Detuned: the pillars' resonances (without rows, every resonance) shifted by 2 %. "
         "Drive: largest voltage for 1 um rms",
-        "rows | kHz | neither (dB) | rows | patches | both | rows, detuned (dB) | patches | both | rows, drive (V) | "
-        "patches | both",
+        "rows | frequency (kHz) | neither (dB) | rows | patches | both | rows, detuned (dB) | patches | both | "
+        "rows, drive (V) | patches | both",
         _of_hybrid,
         _picture_of(HybridResult),
     ),
@@ -438,7 +438,8 @@ WISHES = (
         "Six patches drive two modes a quarter period apart, for 1 um rms in the zone. The ratio is that of the pair, "
         "then of any voltages. The power is the largest through a section, for the pair and with all patches in phase. "
         "The last column is the largest crest speed under a resting finger, along the plate and against the wave",
-        "rows | kHz | ratio | any voltages | confinement (dB) | drive (V) | power (mW) | in phase (mW) | crests (mm/s)",
+        "rows | frequency (kHz) | ratio | any voltages | confinement (dB) | drive (V) | "
+        "power (mW) | in phase (mW) | crests (mm/s)",
         _of_travel,
         _picture_of(TravelResult),
     ),
