@@ -1,7 +1,7 @@
-"""What the closed loop stands: stable, slow or tripped, over plates the table describes rightly and wrongly.
+"""Tolerance of the closed loop to errors of its mode table: settled, slow or tripped.
 
-`python -m firmware.control_table` prints the tables of docs/bring-up.md in Markdown; --write puts them there, between the
-marks that name this command. Each entry is a second of the single-mode application on the rig of firmware.host.rig.
+`python -m firmware.control_table` prints the tables in Markdown that docs/bring-up.md summarises. Each entry is a second of the
+single-mode application on the rig of firmware.host.rig.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from firmware.mode_table import Mode, ModeTable, hold, to_bytes
 from firmware.protocol import RUN
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
-QUALITIES = (50, 100, 300, 600, 1000, 2000)
+QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
 SHARE = 0.2  # of what full drive holds
 SLOW_S, UNSTEADY = 5e-3, 0.05
 PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
@@ -115,17 +115,20 @@ def write_into_page(command: str, text: str) -> None:
     print(f"{PAGE.name}: written")
 
 
-def print_or_write(module: str, about: str | None, text: Callable[[], str], arguments: list[str] | None) -> int:
-    """The command line of a module whose table stands in docs/bring-up.md; returns the exit code."""
+def print_or_write(
+    module: str, about: str | None, text: Callable[[], str], arguments: list[str] | None, on_page: bool = True
+) -> int:
+    """The command line of a module that prints tables, or writes them to docs/bring-up.md; returns the exit code."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
-    parser.add_argument("--write", action="store_true", help="put what is printed into docs/bring-up.md")
+    if on_page:
+        parser.add_argument("--write", action="store_true", help="write the output to docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     try:
         table = text()
     except NoCompiler as missing:
         print(f"{module}: {missing}", file=sys.stderr)
         return 5
-    if chosen.write:
+    if on_page and chosen.write:
         write_into_page(f"python -m {module} --write", table)
     else:
         print(table)
@@ -134,7 +137,7 @@ def print_or_write(module: str, about: str | None, text: Callable[[], str], argu
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    return print_or_write("firmware.control_table", __doc__, markdown, arguments)
+    return print_or_write("firmware.control_table", __doc__, markdown, arguments, on_page=False)
 
 
 if __name__ == "__main__":
