@@ -223,8 +223,8 @@ def lists() -> str:
             (family, one.name, one.version, one.declared, ", ".join(f"`{extra}`" for extra in homes[name]) or "always")
             for family, _ in FAMILIES for name, one in packages.items() if one.family == family
         )),
-        _table("Carried inside: terms beyond a notice", ("package", "inside", "terms", "found as"), (
-            (one.name, *inside) for one in packages.values() for inside in one.inside
+        _table("Carried inside: terms beyond a notice", ("package", "inside", "terms"), (
+            (one.name, *inside[:2]) for one in packages.values() for inside in one.inside
         )),
     ]  # fmt: skip
     unknown = ", ".join(name for name, one in packages.items() if one.declared in ("UNKNOWN", "not declared"))
