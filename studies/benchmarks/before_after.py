@@ -99,14 +99,7 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     if unknown := set(given.tasks) - TASKS.keys():
         parser.error(f"unknown task {', '.join(sorted(unknown))}: must be of {', '.join(TASKS)}")
-    columns = (
-        "task",
-        "before, s",
-        "after, s",
-        "ratio",
-        "peak after, MB",
-        *(f"{name} after" for name in (*SHARES, "rest")),
-    )
+    columns = ("task", "before, s", "after, s", "ratio", "peak, MB", *(f"{name}, %" for name in (*SHARES, "rest")))
     head, rows = _head(columns), {}
     print(_head((*columns, "wall before, s", "wall after, s", "wall ratio")), flush=True)
     with checkout(given.commit) as earlier:
@@ -119,9 +112,7 @@ def main(arguments: list[str] | None = None) -> None:
                 [median(getattr(each, figure) for each in side) for side in zip(*pairs, strict=True)]
                 for figure in ("seconds", "wall", "peak_bytes")
             )
-            spent = (
-                [f"{part:.0%}".replace("%", " %") for part in shares(TASKS[name]).values()] if name not in LONG else []
-            )
+            spent = [f"{100 * part:.0f}" for part in shares(TASKS[name]).values()] if name not in LONG else []
             spent = spent or ["-"] * (len(SHARES) + 1)
             memory = f"{peak[1] / 1e6:.0f}"
             rows[name] = f"| {' | '.join((name, *_beside(*seconds), memory, *spent))} |"
