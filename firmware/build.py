@@ -12,8 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware import mode_table
-from firmware.image.elf import Elf, flash_image, map_text
-from firmware.image.svd import svd_text
+from firmware.image import Elf, flash_image, map_text, svd_text
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware.build import BUILD, FLASH_START, TABLE_START, VARIANTS, BuildError
-from firmware.image.elf import Elf, flash_image
+from firmware.image import Elf, flash_image
 
 CHIP = "STM32F446RETx"
 PLACE = f"0x{FLASH_START:08x}"

@@ -323,9 +323,8 @@ def _late(board: Any) -> int | None:
 
 def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
     """What the images of both builds show. Raises BuildError."""
-    from firmware.emulate.beam import Beam, measured_table
-    from firmware.emulate.single import EmulatedSingle
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSingle, EmulatedSix
+    from firmware.emulate.plant import Beam, measured_table
 
     with TemporaryDirectory() as folder:
         table, plate = held_plate(300.0, noise=1e-3)

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import os
 import secrets
 import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from typing import Any, Protocol
 
 from firmware.protocol import (
+    BAUD,
     FRAME_MAX,
     KEPT,
     LOG_RECORDS,
@@ -40,9 +43,50 @@ from firmware.protocol import (
     parse_status,
 )
 
+ST_LINK = 0x0483  # USB vendor number of the debugger on a Nucleo
+
 READ_BYTES = 256
 BUSY_READS = 300  # full reads in a row, 0.8 s of a line that never rests
 BUSY_S = 2.0  # how long a line that brings something else than the reply is heard
+OTHER_VERSION = "so the image may be of another version than this client"
+
+
+class NotHere(RuntimeError):
+    """Something that this machine lacks; the message says how to get it."""
+
+
+class SerialPort:
+    """A serial port whose read returns what has come, after 20 ms at the latest. Raises NotHere when it cannot be opened."""
+
+    def __init__(self, name: str) -> None:
+        try:
+            from serial import Serial
+        except ImportError:
+            raise NotHere("pyserial is not installed: pip install pyserial") from None
+        if not find_spec("cobs"):
+            raise NotHere("cobs, which makes the frames, is not installed: pip install cobs")
+        name = the_board() if name == "auto" else name
+        try:
+            self.serial = Serial(name, BAUD, timeout=0.02, write_timeout=1.0)
+        except (OSError, ValueError) as error:  # pyserial's SerialException is an OSError
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
+            hint = "is the board plugged in, its port called so, and used by no other program?"
+            raise NotHere(f"{name}: {reason}; {hint}") from None
+
+    def write(self, data: bytes) -> object:
+        """Bytes to the board."""
+        return self.serial.write(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """At most size bytes from it."""
+        first: bytes = self.serial.read(1)
+        waiting = min(self.serial.in_waiting, size - 1) if first else 0
+        return first + self.serial.read(waiting) if waiting else first
+
+    def close(self) -> None:
+        """Gives the port back."""
+        self.serial.close()
 
 
 class Port(Protocol):
@@ -233,25 +277,18 @@ class Client:
         raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
 
 
-OTHER_VERSION = "so the image may be of another version than this client"
+def the_board() -> str:
+    """The name of the only serial port that a board's debugger offers. Raises NotHere, ValueError when there are several."""
+    from serial.tools.list_ports import comports
 
-
-@contextmanager
-def _in_words(kind: Kind) -> Iterator[None]:
-    """Turns what the protocol does not allow into words for the one who asked."""
-    try:
-        yield
-    except ProtocolError as error:
-        raise BoardError(f"{kind.name.lower()}: the board sent {error}, {OTHER_VERSION}") from None
-
-
-def _refusal(result: int, more: bytes) -> str:
-    if result not in list(Result):
-        return f"refused for the unknown reason {result}"
-    text = RESULT_TEXT[Result(result)]
-    if result != Result.TABLE_REFUSED or not more:
-        return text
-    return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
+    ports = list(comports())
+    boards = [port.device for port in ports if port.vid == ST_LINK]
+    if not boards:
+        others = ", ".join(port.device for port in ports) or "none"
+        raise NotHere(f"no board's serial port is here (other ports: {others}): plug it in, or name its port")
+    if len(boards) > 1:
+        raise ValueError(f"several boards are here: name one of {', '.join(boards)} by --port")
+    return boards[0]
 
 
 def describe(status: SingleStatus | SixStatus) -> str:
@@ -263,28 +300,6 @@ def describe(status: SingleStatus | SixStatus) -> str:
         faults += ", drive at its limit, short of the reference"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
     return "\n".join([f"state {status.state}{faults}", *lines])
-
-
-def _single_lines(status: SingleStatus) -> list[str]:
-    gain = figure(abs(status.gain), ".5g") if status.identified else "unidentified"
-    return [
-        f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
-        f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
-        f"reference {figure(status.reference, '.4g')}, measured {figure(abs(status.measured), '.4g')}, "
-        f"drive {figure(abs(status.drive), '.4g')}, offset {figure(status.offset, '.3g')} of full scale",
-        f"worst fast interrupt {status.worst_cycles} cycles of 720",
-    ]
-
-
-def _six_lines(status: SixStatus) -> list[str]:
-    matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
-    sensors = ", ".join(figure(abs(z), ".4g") for z in status.sensors)
-    return [
-        f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
-        f"reference {figure(status.reference, '.4g')}, at most {figure(status.reachable, '.4g')}; "
-        f"sensors {sensors} of full scale",
-        f"worst fast interrupt {status.worst_cycles} cycles of 4500",
-    ]
 
 
 def describe_identity(identity: Identity) -> str:
@@ -311,3 +326,43 @@ def describe_health(health: Health) -> str:
 def figure(value: float, digits: str) -> str:
     """A number as text; one that the board could not compute is told in words."""
     return format(value, digits) if math.isfinite(value) else "not finite"
+
+
+@contextmanager
+def _in_words(kind: Kind) -> Iterator[None]:
+    """Turns what the protocol does not allow into words for the one who asked."""
+    try:
+        yield
+    except ProtocolError as error:
+        raise BoardError(f"{kind.name.lower()}: the board sent {error}, {OTHER_VERSION}") from None
+
+
+def _refusal(result: int, more: bytes) -> str:
+    if result not in list(Result):
+        return f"refused for the unknown reason {result}"
+    text = RESULT_TEXT[Result(result)]
+    if result != Result.TABLE_REFUSED or not more:
+        return text
+    return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
+
+
+def _single_lines(status: SingleStatus) -> list[str]:
+    gain = figure(abs(status.gain), ".5g") if status.identified else "unidentified"
+    return [
+        f"mode {figure(status.frequency_hz, '.3f')} Hz, tau {figure(status.tau_s * 1e3, '.4g')} ms, gain {gain}, "
+        f"delay {figure(status.delay_s * 1e6, '.3g')} us, neighbours up to {figure(status.neighbour, '.3g')}",
+        f"reference {figure(status.reference, '.4g')}, measured {figure(abs(status.measured), '.4g')}, "
+        f"drive {figure(abs(status.drive), '.4g')}, offset {figure(status.offset, '.3g')} of full scale",
+        f"worst fast interrupt {status.worst_cycles} cycles of 720",
+    ]
+
+
+def _six_lines(status: SixStatus) -> list[str]:
+    matrix = f"condition {figure(status.condition, '.3g')}" if status.identified else "not measured yet"
+    sensors = ", ".join(figure(abs(z), ".4g") for z in status.sensors)
+    return [
+        f"shape {status.choice[0]} at {figure(status.frequency_hz, '.3f')} Hz, matrix {matrix}, pattern {status.choice[1]}",
+        f"reference {figure(status.reference, '.4g')}, at most {figure(status.reachable, '.4g')}; "
+        f"sensors {sensors} of full scale",
+        f"worst fast interrupt {status.worst_cycles} cycles of 4500",
+    ]

@@ -12,9 +12,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from firmware.client import actions, selftest
-from firmware.client.client import BoardError, Client, describe, describe_health, describe_identity
-from firmware.client.port import NotHere, SerialPort
+from firmware.client import actions
+from firmware.client.client import BoardError, Client, NotHere, SerialPort, describe, describe_health, describe_identity
 from firmware.mode_table import from_bytes, to_bytes
 
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
@@ -129,10 +128,10 @@ ACTIONS = {
     ),
     "selftest": Action(
         "go through the first steps of docs/bring-up.md; prints pass or FAIL, exit code 4 when one fails",
-        selftest.selftest,
+        actions.selftest,
         (
             argument(
-                "step", nargs="?", choices=selftest.STEPS, metavar="STEP", help=f"{', '.join(selftest.STEPS)}; else all"
+                "step", nargs="?", choices=actions.STEPS, metavar="STEP", help=f"{', '.join(actions.STEPS)}; else all"
             ),
         ),
     ),
@@ -251,7 +250,7 @@ def carry_out(client: Client, text: argparse.Namespace) -> int:
         return 0
     except (BoardError, OSError) as error:
         return _failed(f"{error}{_rested(client)}", 3)
-    except selftest.ChecksFailed as error:
+    except actions.ChecksFailed as error:
         return _failed(f"{error}{_rested(client)}", 4)
     except KeyboardInterrupt:
         print(f"client: interrupted{_rested(client)}", file=sys.stderr)

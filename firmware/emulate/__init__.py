@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware.build import BuildError, Image, build
-from firmware.emulate.beam import Structure
-from firmware.emulate.plant import Plate, plate_from_table
+from firmware.emulate.plant import Plate, Structure, plate_from_table
 from firmware.host import Supervised
 from firmware.mode_table import from_bytes
 from firmware.protocol import IDENTIFY, RUN, fault_names
@@ -91,7 +90,7 @@ def _check_runs(board: Supervised) -> None:
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
 
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
@@ -127,7 +126,7 @@ def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> ND
     """
     drives = []
     with _built(table, "six") as image:
-        from firmware.emulate.six import EmulatedSix
+        from firmware.emulate.images import EmulatedSix
 
         board = EmulatedSix(image.elf, plate)
         board.run(5e-3)

@@ -1,7 +1,11 @@
-"""The plate between the DAC's pin and the ADC's: resonances, a dead time, noise, and the converters' codes.
+"""The plate of the single-mode build and the beams of the six-channel build, between the converters that drive and read them.
 
 Each resonance has y = gain (w0/Q) dx/dt (velocity) or gain (w0^2/Q) x (displacement), x'' + (w0/Q) x' + w0^2 x = u, so that
 |y/u| = |gain| at w0. Between two samples the drive is held, delayed by a dead time of any length: solved exactly.
+
+`Structure` is any plate or beam given by its modes; `Beam` a clamped Euler-Bernoulli one under points:
+w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1; each sensor follows the displacement under it.
+Amplitudes are full scales: the drives are multiplied by a gain so chosen that the largest |T| at one frequency is as asked.
 """
 
 from __future__ import annotations
@@ -12,7 +16,13 @@ import random
 from dataclasses import dataclass, replace
 from typing import Any
 
-from firmware.mode_table import ModeTable, from_bytes, hold
+import numpy as np
+from numpy.typing import NDArray
+
+from firmware.mode_table import CHANNELS, ModeTable, Pattern, Shape, from_bytes, hold, to_bytes
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
@@ -53,26 +63,6 @@ class Assumed:
     scale: float = 1.002
 
 
-def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfections: Any) -> Plate:
-    """The plate a table describes; what it leaves open is assumed."""
-    table = from_bytes(data)
-    plate = Plate(
-        tuple(_resonance(table, index, assumed or Assumed()) for index in range(len(table.modes))),
-        displacement=table.senses_displacement,
-        delay_s=max(table.modes[table.wanted].delay_s - 0.5 / table.sample_rate_hz, 0.0),
-        sample_rate_hz=table.sample_rate_hz,
-    )
-    return replace(plate, **imperfections)
-
-
-def _resonance(table: ModeTable, index: int, assumed: Assumed) -> Resonance:
-    mode, gain = table.modes[index], assumed.wanted_gain if index == table.wanted else assumed.other_gain
-    if mode.gain is not None:
-        turned = mode.gain * (1j if table.senses_displacement else 1.0)  # real
-        gain = math.copysign(abs(turned), turned.real) / abs(hold(mode.frequency_hz, table.sample_rate_hz))
-    return Resonance(mode.frequency_hz * assumed.scale, mode.tau_s, gain)
-
-
 class PlateSimulation:
     """A Plate in time: one call a sample, the sensor's level now, then the drive that will be held until the next."""
 
@@ -107,6 +97,198 @@ class PlateSimulation:
             self.states[index] = self.decays[index] * state + self.push_new[index] * new + self.push_old[index] * old
 
 
+@dataclass(frozen=True)
+class Structure:
+    """m modes under six drives, six sensors: sensors' ((w_m^2 - w^2 + i w w_m/Q)^-1) actuators + residual, full scales.
+
+    angular (m,), rad/s; actuators and sensors (m, 6); residual (6, 6) answers at once; noise, rms in full scales.
+    """
+
+    angular: Floats
+    quality_factor: float
+    actuators: Floats
+    sensors: Floats
+    residual: Floats | None = None
+    noise: float = 0.0
+    sample_rate_hz: float = 40e3
+
+    @property
+    def slowest_s(self) -> float:
+        """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
+        return float(2.0 * self.quality_factor / self.angular.min())
+
+    def matrix(self, frequency_hz: float) -> Complexes:
+        """T, sensors over drives, (6, 6), at a frequency."""
+        omega = 2.0 * math.pi * frequency_hz
+        modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality_factor)
+        residual = 0.0 if self.residual is None else self.residual
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + residual)
+
+    def sampled_matrix(self, frequency_hz: float) -> Complexes:
+        """T as a board finds it that holds its drives between samples and samples just before it changes them, (6, 6).
+
+        Modes by their exact steps, images about the sample rate included; the residual follows one sample late.
+        """
+        pole = self.poles
+        step, turn = 1.0 / self.sample_rate_hz, np.exp(2j * math.pi * frequency_hz / self.sample_rate_hz)
+        decay = np.exp(pole * step)
+        push = (decay - 1.0) / pole
+        modal = (push / (turn - decay) - push.conj() / (turn - decay.conj())) / (2j * pole.imag)
+        residual = 0.0 if self.residual is None else self.residual / turn
+        return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + residual)
+
+    @property
+    def poles(self) -> Complexes:
+        """One pole of each mode, rad/s."""
+        rate = self.angular / (2.0 * self.quality_factor)
+        return np.asarray(-rate + 1j * np.sqrt(self.angular**2 - rate**2))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """SI units; quality_factor, the same for each mode; largest, the largest |T| at frequency_hz; noise, rms in full scales."""
+
+    length_m: float = 0.150
+    thickness_m: float = 1e-3
+    young_pa: float = 210e9
+    density_kg_m3: float = 7850.0
+    quality_factor: float = 50.0
+    modes: int = 12
+    frequency_hz: float = 2400.0
+    largest: float = 0.5
+    noise: float = 0.0
+    sample_rate_hz: float = 40e3
+
+    @property
+    def places_m(self) -> Floats:
+        """Where the six actuators and sensors are, evenly spaced along the beam."""
+        return np.asarray(self.length_m * np.arange(1, CHANNELS + 1) / (CHANNELS + 1))
+
+    @property
+    def angular(self) -> Floats:
+        """Angular frequencies of the modes, rad/s."""
+        stiffness = math.sqrt(self.young_pa * self.thickness_m**2 / (12.0 * self.density_kg_m3))
+        return np.asarray((_clamped_roots(self.modes) / self.length_m) ** 2 * stiffness)
+
+    @property
+    def slowest_s(self) -> float:
+        """Longest decay time of an amplitude, s."""
+        return self.structure.slowest_s
+
+    def shapes(self, at_m: Floats) -> Floats:
+        """Mode shapes (modes, places), of rms 1 along the beam.
+
+        cosh(k s)/cosh(k/2) - cos(k s)/cos(k/2), or sin and sinh alike, with s from the middle: no difference of large
+        numbers, whatever the mode. Their square means (w''/k^2)^2/4 = 1 at a clamp.
+        """
+        roots = _clamped_roots(self.modes)[:, None]
+        s = at_m[None, :] / self.length_m - 0.5
+        grown, mirrored = np.exp(roots * (np.abs(s) - 0.5)), np.exp(-2.0 * roots * np.abs(s))
+        even = grown * (1.0 + mirrored) / (1.0 + np.exp(-roots)) - np.cos(roots * s) / np.cos(roots / 2.0)
+        steep = np.sign(s) * grown * (1.0 - mirrored) / (1.0 - np.exp(-roots))
+        odd = np.sin(roots * s) / np.sin(roots / 2.0) - steep
+        return np.where(np.arange(self.modes)[:, None] % 2 == 0, even, odd)
+
+    @property
+    def gain(self) -> float:
+        """Modal force per drive, for which max |T(frequency_hz)| = largest."""
+        return self.largest / float(np.abs(self._by_modes(1.0, self.places_m).matrix(self.frequency_hz)).max())
+
+    @property
+    def structure(self) -> Structure:
+        """The beam by its modes."""
+        return self._by_modes(self.gain, self.places_m)
+
+    def matrix(self, frequency_hz: float, at_m: Floats | None = None) -> Complexes:
+        """Displacement at places (the sensors', if not given) over drives, (places, 6), at a frequency."""
+        return self._by_modes(self.gain, self.places_m if at_m is None else at_m).matrix(frequency_hz)
+
+    def _by_modes(self, gain: float, at_m: Floats) -> Structure:
+        actuators = gain * self.shapes(self.places_m)
+        return Structure(
+            self.angular, self.quality_factor, actuators, self.shapes(at_m), None, self.noise, self.sample_rate_hz
+        )
+
+
+class BeamSimulation:
+    """A Beam or Structure in time: one call a sample, drives held between samples, solved exactly."""
+
+    ROWS = 64  # of noise, drawn at once
+
+    def __init__(self, beam: Beam | Structure, seed: int = 1) -> None:
+        self.beam = beam.structure if isinstance(beam, Beam) else beam
+        pole = self.beam.poles
+        step = 1.0 / self.beam.sample_rate_hz
+        self.decay = np.exp(pole * step)
+        self.push = ((self.decay - 1.0) / pole)[:, None] * self.beam.actuators
+        self.pull = self.beam.sensors.T / pole.imag
+        self.state = np.zeros(len(pole), complex)
+        self.at_once = np.zeros(CHANNELS)
+        self.random = np.random.default_rng(seed)
+        self.noise: list[Floats] = []
+
+    def sense(self) -> Floats:
+        """The six sensors' levels at this sample, in full scales."""
+        levels = self.pull @ self.state.imag + self.at_once
+        if not self.beam.noise:
+            return levels
+        if not self.noise:
+            self.noise = list(self.random.normal(0.0, self.beam.noise, (self.ROWS, CHANNELS)))
+        return levels + self.noise.pop()
+
+    def drive(self, levels: Floats) -> None:
+        """Holds six drives from now to the next sample."""
+        self.state = self.decay * self.state + self.push @ levels
+        if self.beam.residual is not None:
+            self.at_once = self.beam.residual @ levels
+
+
+def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfections: Any) -> Plate:
+    """The plate a table describes; what it leaves open is assumed."""
+    table = from_bytes(data)
+    plate = Plate(
+        tuple(_resonance(table, index, assumed or Assumed()) for index in range(len(table.modes))),
+        displacement=table.senses_displacement,
+        delay_s=max(table.modes[table.wanted].delay_s - 0.5 / table.sample_rate_hz, 0.0),
+        sample_rate_hz=table.sample_rate_hz,
+    )
+    return replace(plate, **imperfections)
+
+
+def adc_code(level: float) -> int:
+    """The 12-bit code of a level in full scales, clipped at the ends."""
+    return min(max(math.floor(level * 2048.0 + 2048.5), 0), 4095)
+
+
+def dac_level(code: int) -> float:
+    """The level of a 12-bit code in full scales."""
+    return (code - 2048) / 2047.0
+
+
+def measured_table(beam: Beam) -> bytes:
+    """A table whose one shape holds the beam's matrix as the board measures it: all sensors alike, or the first alone."""
+    matrix = beam.matrix(beam.frequency_hz) * hold(beam.frequency_hz, beam.sample_rate_hz)
+    patterns = Pattern("all", (1.0,) * CHANNELS), Pattern("first", (1.0, *(0.0,) * (CHANNELS - 1)))
+    shape = Shape(beam.frequency_hz, beam.slowest_s, patterns, tuple(map(tuple, matrix.tolist())))
+    return to_bytes(ModeTable(beam.sample_rate_hz, bytes(16), shapes=(shape,)))
+
+
+def adc_codes(levels: Floats) -> list[int]:
+    """12-bit codes of levels in full scales, clipped at the ends."""
+    codes = [int(code) for code in (levels * 2048.0 + 2048.5).tolist()]
+    if min(codes) < 0 or max(codes) > 4095:
+        codes = [min(max(code, 0), 4095) for code in codes]
+    return codes
+
+
+def _resonance(table: ModeTable, index: int, assumed: Assumed) -> Resonance:
+    mode, gain = table.modes[index], assumed.wanted_gain if index == table.wanted else assumed.other_gain
+    if mode.gain is not None:
+        turned = mode.gain * (1j if table.senses_displacement else 1.0)  # real
+        gain = math.copysign(abs(turned), turned.real) / abs(hold(mode.frequency_hz, table.sample_rate_hz))
+    return Resonance(mode.frequency_hz * assumed.scale, mode.tau_s, gain)
+
+
 def _pole(resonance: Resonance) -> complex:
     rate = 1.0 / resonance.tau_s
     omega = 2.0 * math.pi * resonance.frequency_hz
@@ -127,11 +309,9 @@ def _hold_response(pole: complex, seconds: float) -> complex:
     return (cmath.exp(pole * seconds) - 1.0) / pole
 
 
-def adc_code(level: float) -> int:
-    """The 12-bit code of a level in full scales, clipped at the ends."""
-    return min(max(math.floor(level * 2048.0 + 2048.5), 0), 4095)
-
-
-def dac_level(code: int) -> float:
-    """The level of a 12-bit code in full scales."""
-    return (code - 2048) / 2047.0
+def _clamped_roots(count: int) -> Floats:
+    """The first roots of cos k cosh k = 1, by Newton on cos k - 1/cosh k from (n + 1/2) pi."""
+    k = (np.arange(1, count + 1) + 0.5) * math.pi
+    for _ in range(8):
+        k = k - (np.cos(k) - 1.0 / np.cosh(k)) / (-np.sin(k) + np.tanh(k) / np.cosh(k))
+    return np.asarray(k)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.beam import Structure
+from firmware.emulate.plant import Structure
 from firmware.mode_table import CHANNELS, ModeTable, to_bytes
 from geometry.elements import FloatArray
 from pipeline.board import export

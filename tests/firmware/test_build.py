@@ -12,8 +12,7 @@ import pytest
 
 from firmware import build as builder
 from firmware.host import PLACES
-from firmware.image.elf import Elf
-from firmware.image.svd import svd_text
+from firmware.image import Elf, svd_text
 from firmware.mode_table import MAX_SHAPES, Mode, ModeTable, Pattern, Shape, describe, from_bytes, header_text, to_bytes
 
 TABLE = ModeTable(250e3, bytes(range(16)), (Mode.from_quality_factor(31404.5, 300.0, delay_s=2e-6),))

@@ -11,8 +11,7 @@ import pytest
 
 from firmware.client import actions
 from firmware.client.client import BoardError, Client
-from firmware.emulate.beam import Beam, adc_codes
-from firmware.emulate.plant import Plate, Resonance, adc_code
+from firmware.emulate.plant import Beam, Plate, Resonance, adc_code, adc_codes
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import Captured
 from tests.helpers.fake_board import FakePort
@@ -36,8 +35,7 @@ def taken(client: Client) -> np.ndarray:
 @pytest.fixture
 def boards(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSingle, EmulatedSix
     from tests.helpers.board_probes import EmulatedPort
 
     def make(variant: str):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware.client import actions, command_line, selftest
+from firmware.client import actions, command_line
 from firmware.client.client import BoardError, Client, describe_health
 from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind, Message, Result
 from tests.helpers.fake_board import (
@@ -361,10 +361,10 @@ def bench(monkeypatch: pytest.MonkeyPatch, capsys):
 
     def go(*arguments: str, **wrong) -> tuple[int, list[str]]:
         clock = Clock()
-        monkeypatch.setattr(selftest, "time", clock)
+        monkeypatch.setattr(actions, "time", clock)
         code = run(monkeypatch, Bench(clock, **wrong), "selftest", *arguments)
         lines = capsys.readouterr().out.splitlines()
-        assert all(line.startswith(("pass  ", "FAIL  ", *selftest.STEPS)) for line in lines), lines
+        assert all(line.startswith(("pass  ", "FAIL  ", *actions.STEPS)) for line in lines), lines
         return code, [line.removeprefix("FAIL  ") for line in lines if line.startswith("FAIL")]
 
     return go
@@ -408,7 +408,7 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
 
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(selftest, "time", Clock())
+    monkeypatch.setattr(actions, "time", Clock())
     port = FakePort(lambda reply: refused(reply, Kind.CLEAR), single_status(FAULT, Fault.CLOCK))
     assert run(monkeypatch, port, "selftest", "rest") == 4
     assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out

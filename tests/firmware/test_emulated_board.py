@@ -26,7 +26,7 @@ KNOWN = to_bytes(ModeTable(250e3, bytes(16), (MEASURED,)))
 @pytest.fixture
 def make_single(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
 
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
         return EmulatedSingle(make_image(table).elf, plate, **options)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from firmware import flash
-from firmware.image.elf import Elf
+from firmware.image import Elf
 from firmware.mode_table import Mode, ModeTable, to_bytes
 
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3),)))

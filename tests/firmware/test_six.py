@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware.client.client import BoardError, Client, describe
-from firmware.emulate.beam import Beam, BeamSimulation, _clamped_roots, measured_table
+from firmware.emulate.plant import Beam, BeamSimulation, _clamped_roots, measured_table
 from firmware.injection import (
     BOARD_KINDS,
     SIX_WORDS,
@@ -353,7 +353,7 @@ def test_tables_without_shapes_are_refused(hosted) -> None:
 @pytest.fixture
 def make_six(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSix
 
     def make(data: bytes, **options):
         board = EmulatedSix(make_image(data, "six").elf, BEAM, **options)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmware.emulate.beam import Beam, Structure
+from firmware.emulate.plant import Beam, Structure
 from firmware.mode_table import MIN_MODE_HZ, from_bytes, to_bytes
 from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
@@ -47,7 +47,7 @@ def board(request, model, make_image, core):
         made = HostedSix(table, structure(model))
     else:
         pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-        from firmware.emulate.six import EmulatedSix
+        from firmware.emulate.images import EmulatedSix
 
         made = EmulatedSix(make_image(table, "six").elf, structure(model))
     made.run(5e-3)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from firmware.emulate.beam import BeamSimulation, Structure
+from firmware.emulate.plant import BeamSimulation, Structure
 from firmware.mode_table import from_bytes, to_bytes
 from pipeline.board import played
 from pipeline.case.model import Case, case_from_dict

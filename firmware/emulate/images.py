@@ -1,4 +1,4 @@
-"""The six-channel image on the emulated board, joined to a simulated beam by a scanning ADC and six half-bridges."""
+"""The images of both builds on the emulated board, joined by their converters to a simulated plate and to a simulated beam."""
 
 from __future__ import annotations
 
@@ -8,9 +8,23 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
 from firmware.emulate.board import Chip, EmulatedBoard
+from firmware.emulate.plant import (
+    CHANNELS,
+    Beam,
+    BeamSimulation,
+    Plate,
+    PlateSimulation,
+    Structure,
+    adc_code,
+    adc_codes,
+    dac_level,
+)
 from firmware.host import load
+from firmware.protocol import RUN
+
+TIM2, ADC_SR, ADC_DR, DAC_RD = 0x40000000, 0x40012000, 0x4001204C, 0x40007420
+OVERRUN = 1 << 5
 
 TIM1, TIM8 = 0x40010000, 0x40010400
 CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
@@ -19,9 +33,66 @@ BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHan
 DMA_FLAGS, DMA_CLEAR = 0x40026400, 0x40026408  # DMA2
 SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # its stream 0
 HALF_WAY, COMPLETE = 1 << 4, 1 << 5  # of the stream's two scans
-ADC_SR, OVERRUN = 0x40012000, 1 << 5
 GATES, BREAK_SEEN = 1 << 15, 1 << 7
 SWING = 1080 / 1125  # of the supply, at a duty of full drive
+
+
+class EmulatedSingle(EmulatedBoard):
+    """A board whose application object is in view as `app`; reports holds (measured, drive, reference) a window."""
+
+    WORLD = ("plate",)
+
+    def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
+        self.plate = PlateSimulation(plate, seed)
+        self.codes: list[int] | None = None
+        self.stalls: list[tuple[bool, int]] = []  # flash memory busy: was the timer on, what was the DAC told
+        self.reports: list[tuple[complex, complex, float]] = []
+        super().__init__(image, plate.sample_rate_hz, Chip(**options))
+        ffi, _ = load()
+        self.app = ffi.cast("an_single *", self.pointer("app"))
+        self.on_window = self._report
+        self.dac, self.adc, self.timer = self.word(DAC_RD), self.word(ADC_DR), self.word(TIM2)
+
+    def sense(self) -> float:
+        """What reaches the converter; a test may put a broken sensor here."""
+        return self.plate.sense()
+
+    @property
+    def at_rest(self) -> bool:
+        """Both DAC channels in the middle."""
+        return self.dac.value == 2048 | 2048 << 16
+
+    def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
+        """Starts as the button or a host would."""
+        return self.call("an_single_start", self.symbol("app"), reference, detuning_hz) == 1
+
+    def _exchange(self) -> bool:
+        if not self.timer.value & 1:
+            raise RuntimeError("the image stopped its timer: nothing will ever wake it")
+        sample = adc_code(self.sense())
+        code = self.dac.value & 0xFFF
+        self.plate.drive(dac_level(code))
+        if self.codes is not None:
+            self.codes.append(code)
+        self.adc.value = sample
+        if self.fast_lost:  # nobody takes this sample before the next one is there
+            self.word(ADC_SR).value |= OVERRUN
+        return True
+
+    def _stall(self, seconds: float) -> None:
+        self.stalls.append((bool(self.timer.value & 1), self.dac.value & 0xFFF))
+        super()._stall(seconds)
+
+    def _report(self) -> None:
+        slow, running = self.app.slow, self.state == RUN
+        measured, drive = slow.measured.tone, slow.pi.drive
+        self.reports.append(
+            (
+                complex(measured.re, measured.im),
+                complex(drive.re, drive.im) if running else 0j,
+                slow.pi.reference if running else 0.0,
+            )
+        )
 
 
 class SixView:
