@@ -1,4 +1,4 @@
-"""The images of both builds on the emulated board, joined by their converters to a simulated plate and to a simulated beam."""
+"""The images of both builds on the emulated board, joined by their converters to a simulated plate and a simulated beam."""
 
 from __future__ import annotations
 

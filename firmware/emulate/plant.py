@@ -1,4 +1,4 @@
-"""The plate of the single-mode build and the beams of the six-channel build, between the converters that drive and read them.
+"""The plate of the single-mode build and the beams of the six-channel build, between the converters around them.
 
 Each resonance has y = gain (w0/Q) dx/dt (velocity) or gain (w0^2/Q) x (displacement), x'' + (w0/Q) x' + w0^2 x = u, so that
 |y/u| = |gain| at w0. Between two samples the drive is held, delayed by a dead time of any length: solved exactly.

@@ -12,7 +12,7 @@ from typing import Any
 from geometry import lattice
 from geometry.layout import Design, Patches, Pillar, Tip
 from geometry.materials import Material
-from geometry.pillar_shapes.base import PillarShape
+from geometry.pillar_shapes import PillarShape
 from pipeline.case.attachments import Touch, read_patches, read_touch
 from pipeline.case.checks import one_table, span_mm
 from pipeline.case.diagnostics import nearest_file

@@ -17,8 +17,7 @@ from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import Design
 from geometry.materials import MATERIALS, Material
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import SHAPES
+from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
 from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file, quoted

@@ -11,7 +11,7 @@ from pydantic.json_schema import models_json_schema
 from geometry.fingertips import FINGERTIPS
 from geometry.lattice import KNOWN, labels_of
 from geometry.materials import Material
-from geometry.pillar_shapes.shapes import SHAPES, in_words
+from geometry.pillar_shapes import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
 from pipeline.units import GPA, KHZ, MM

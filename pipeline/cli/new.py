@@ -64,8 +64,7 @@ def run(arguments: Namespace) -> int:
 def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
     from geometry.layout import Pillar
-    from geometry.materials import MATERIALS
-    from geometry.stack import Stack
+    from geometry.materials import MATERIALS, Stack
     from pipeline.case.limits import MAX_NODAL_LINES
     from pipeline.errors import InputError
     from pipeline.units import KHZ, MM

@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from threadpoolctl import ThreadpoolController
 
 from geometry.elements import FloatArray
-from geometry.stack import Stack
+from geometry.materials import Stack
 from solvers.analytic.beams import free_free_mode, roots_along
 from solvers.errors import SolverError
 

@@ -16,8 +16,8 @@ from geometry.elements import FloatArray
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
+from geometry.materials import Stack
 from geometry.mesh import Mesh, check_mesh
-from geometry.stack import Stack
 from geometry.tiling import Panel, Signature, signature, tile
 from solvers.accuracy.cell import extrapolated, recovered
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares

@@ -12,8 +12,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from pipeline.workers import LocalWorkers
 from solvers import machine, threads
 from solvers.fem.eigen import Modes, modes_in_band

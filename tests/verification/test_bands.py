@@ -12,8 +12,7 @@ from geometry.hex.boxes import Boxes, cell_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import lattice_panel
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble

@@ -11,8 +11,7 @@ import pytest
 from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure

@@ -17,8 +17,7 @@ import scipy.sparse.linalg as spla
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial, Stack
 from solvers.control.identification import half_power_quality_factor
 from solvers.fem.assembly import assemble
 from solvers.piezo.forced import Drive, ForcedPlate

@@ -12,9 +12,8 @@ import pytest
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
-from geometry.stack import Stack
 from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog

@@ -16,9 +16,8 @@ import pytest
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh
-from geometry.stack import Stack
 from geometry.tet.scenes import tet_panel, tet_plate
 from geometry.tiling import Panel
 from pipeline.case.model import load_case

@@ -11,7 +11,7 @@ from geometry.cad.solids import cell_solid, pillar_solid, plate_solid, zone_soli
 from geometry.errors import GeometryError
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from geometry.pillar_shapes.step import Step
+from geometry.pillar_shapes import Step
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 MM3 = 1e-9

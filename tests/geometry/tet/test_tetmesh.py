@@ -11,7 +11,7 @@ import pyvista
 import trimesh
 
 from geometry.cad import solids
-from geometry.cad.surface import cad_surface
+from geometry.cad.solids import cad_surface
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from geometry.pillar_shapes.base import Square
+from geometry.pillar_shapes import Square
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.planning import simplifications
@@ -125,8 +125,8 @@ TOY = """
 import json, sys
 from pathlib import Path
 import numpy as np
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import register
+from geometry.pillar_shapes import PillarShape
+from geometry.pillar_shapes import register
 
 class Plank(PillarShape):
     name = "plank"

@@ -21,7 +21,7 @@ from geometry.formats.med import write_med
 from geometry.formats.neutral import RawMesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from geometry.pillar_shapes.shapes import SHAPES
+from geometry.pillar_shapes import SHAPES
 from pipeline.case.model import load_case
 from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import SIZE_KEYS, known_keys

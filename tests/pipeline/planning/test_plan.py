@@ -385,7 +385,7 @@ WORK = {
         *(
             "geometry/hex/scenes.py:pillar_grading",
             "pipeline/planning/mesh_rules.py:_along",
-            "geometry/pillar_shapes/step.py",
+            "geometry/pillar_shapes.py",
         ),
         *("solvers/thesis/pillar_row.py", "solvers/plates/strip.py"),
     ),

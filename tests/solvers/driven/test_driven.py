@@ -11,8 +11,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.driven.forms import best_volts, contrast_volts, face_grams, forms, unit_volts
 from solvers.driven.several_patches import plate_table, power_flow
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes

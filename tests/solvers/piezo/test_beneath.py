@@ -10,8 +10,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.piezo import beneath
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.patch import bonded_patch

@@ -7,8 +7,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.piezo.bond import _field, grid_weights

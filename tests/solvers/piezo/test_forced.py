@@ -13,8 +13,7 @@ import scipy.sparse.linalg as spla
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial, Stack
 from geometry.tiling import tile
 from solvers import machine
 from solvers.analytic.beams import frequency_hz, roots

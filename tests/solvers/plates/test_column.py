@@ -13,8 +13,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Tiling, signature, tile
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from geometry.hex.scenes import HexSettings
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.accuracy.plate import last_bubbles, last_layer
 from solvers.plates.assembled import Reductions

@@ -11,8 +11,7 @@ from scipy.linalg import eigh, subspace_angles
 from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.plates.assembled import Reductions

@@ -13,8 +13,7 @@ from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.accuracy.bands import (
     _brought,

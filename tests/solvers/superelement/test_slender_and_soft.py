@@ -11,8 +11,7 @@ from geometry.hex.boxes import hex_mesh as mesh_of
 from geometry.hex.boxes import panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar, Tip, region_materials
-from geometry.materials import MATERIALS, Material
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Material, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.solid import rigid_body_modes

@@ -10,8 +10,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel, lattice_panel, signature, tile
 from solvers.errors import SolverError
 from solvers.plates.assembled import PlateModel, Reductions

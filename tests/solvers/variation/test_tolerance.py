@@ -12,8 +12,7 @@ import scipy.sparse.linalg as spla
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import signature
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_shape

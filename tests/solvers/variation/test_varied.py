@@ -10,13 +10,11 @@ from scipy.linalg import eigh
 
 from geometry.errors import MeshError
 from geometry.hex.boxes import boxes_of
-from geometry.hex.moved import PillarChange, VariedPanel, unfolded
-from geometry.hex.panels import panel_mesh
+from geometry.hex.panels import PillarChange, VariedPanel, panel_mesh, unfolded
 from geometry.hex.scenes import HexSettings, panel_scene
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh, cell_volumes
-from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble

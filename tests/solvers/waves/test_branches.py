@@ -12,8 +12,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice, Path
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.plates.assembled import Reductions

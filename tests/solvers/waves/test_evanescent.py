@@ -12,8 +12,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.analytic.plate_waves import lamb_hz
 from solvers.errors import SolverError

@@ -12,8 +12,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale
 from solvers.plates.assembled import Reductions
