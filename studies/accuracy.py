@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline.batch import peak_memory
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
 from pipeline.records.run_log import RunLog
 from pipeline.report.html import Page, Section, Table
+from solvers import machine
 from solvers.errors import SolverError
 from studies import ladder
 
@@ -134,15 +134,15 @@ def compute(parameters: dict[str, Any], folder: Path, log: RunLog) -> dict[str, 
     mesh_level = {**mesh_level, "degrees": tuple(mesh_level["degrees"])} if "degrees" in mesh_level else mesh_level
     ladder.design()
     solve = ladder.PARTS[part]
-    peak_memory.restart()
-    before = peak_memory.resident_bytes()
+    machine.restart_peak()
+    before = machine.resident_bytes()
     start = time.perf_counter()
     try:
         values, dof = solve(mesh_level)
     except (SolverError, GeometryError, MeshError, MemoryError) as refusal:
         return {"refused": " ".join(str(refusal).split()), "values": {}, "dof": None}
     seconds = [time.perf_counter() - start]
-    peak = max(peak_memory.peak_bytes() - before, 0)
+    peak = max(machine.peak_bytes() - before, 0)
     while parameters["role"] == "mesh_level" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
         start = time.perf_counter()
         solve(mesh_level)

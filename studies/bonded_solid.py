@@ -18,7 +18,7 @@ from geometry.layout import Design, Stand, region_materials
 from geometry.materials import PIEZO_MATERIALS, PiezoMaterial
 from geometry.mesh import Mesh
 from solvers.fem.assembly import System, assemble
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.surface import face_quadrature
 from solvers.piezo.patch import with_potential
 

@@ -20,11 +20,10 @@ from pipeline.models.parts import tet_cell
 from pipeline.planning import mesh_rules
 from pipeline.questions.bands import Bands
 from pipeline.questions.question import Run, ask
-from solvers.accuracy.bands import mesh_error
-from solvers.accuracy.plate import mode_errors
+from solvers.accuracy.reduction import mesh_error, mode_errors
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
-from solvers.piezo.peak_errors import frequency_errors
+from solvers.piezo.responses import frequency_errors
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice

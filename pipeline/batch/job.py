@@ -13,10 +13,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch import peak_memory
 from pipeline.records import fingerprint, record, store
 from pipeline.records.record import Record
 from pipeline.records.run_log import RunLog, close_abandoned
+from solvers import machine
 from solvers.machine import memory_text
 
 Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
@@ -97,7 +97,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
-        peak_memory.restart()
+        machine.restart_peak()
         store.begin(folder, job.payload)
         with RunLog(folder / store.RUN_LOG) as log:
             log.banner(job.case_id, metadata.version("antinode"), mark.versions)
@@ -105,7 +105,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
             result = _guarded(compute, job, folder, log, mark)
             timing = {
                 "seconds": {**log.seconds, "total": log.elapsed},
-                "peak_memory_bytes": peak_memory.reported_peak_bytes(),
+                "peak_memory_bytes": machine.reported_peak_bytes(),
             }
             store.finish(folder, result.to_dict(), timing)
             log.close(result.status)
@@ -114,7 +114,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
     finally:
-        peak_memory.give_back()  # before the next case asks how much is free
+        machine.give_back()  # before the next case asks how much is free
     return CaseEnd(job.case_id, result.status, result.diagnosis, time.perf_counter() - start)
 
 

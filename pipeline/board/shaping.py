@@ -22,11 +22,11 @@ from geometry.elements import ComplexArray
 from pipeline.board.export import design_hash, write
 from pipeline.errors import InputError
 from solvers.errors import SolverError
-from solvers.shaping.contrast import REGIONS, best_contrast, region_points, region_target
 from solvers.shaping.modal_table import operating_frequencies, scan
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
+from solvers.shaping.voltages import REGIONS, best_contrast, region_points, region_target
 from solvers.thesis.shaped_beam import ShapedBeam, Signal
-from solvers.thesis.shaping_steps import travel_window
+from solvers.thesis.shaping_study import travel_window
 
 SAMPLE_RATE_HZ = 40_000.0
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set

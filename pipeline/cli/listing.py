@@ -65,13 +65,13 @@ def doctor(arguments: Namespace) -> int:
 
 
 def _machine() -> dict[str, str]:
-    from solvers.fem.factor.choice import available
+    from solvers.machine import factorisations
 
     entries = {
         "python": sys.version.split()[0],
         "system": f"{platform.system()} {platform.machine()}",
         "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
-        "factorisation": ", ".join(available()),
+        "factorisation": ", ".join(factorisations()),
     }
     if importlib.util.find_spec("psutil"):
         import psutil

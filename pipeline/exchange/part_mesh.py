@@ -26,9 +26,9 @@ from pipeline.models.modes import Request, with_defaults
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_model
 from solvers.accuracy.mesh import StressRecovery
-from solvers.accuracy.plate import MARGIN
+from solvers.accuracy.reduction import MARGIN
 from solvers.fem.eigen import factor_near, modes_near
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import SolidModel
 
 ESTIMATED_DOFS = 60_000  # a larger mesh is not solved for the sake of its error

@@ -33,9 +33,8 @@ from pipeline.planning.refinement import (
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.accuracy.bands import MeshErrors, mesh_error, truncation_bars, waves_of
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.plate import ModeErrors
+from solvers.accuracy.reduction import MeshErrors, ModeErrors, mesh_error, truncation_bars, waves_of
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
 from solvers.superelement.lattice import ReducedLattice

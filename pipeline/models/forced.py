@@ -42,13 +42,21 @@ from solvers.driven.error_bars import (
 )
 from solvers.driven.forms import face_grams
 from solvers.measures.confinement import ratio_db
-from solvers.piezo import peak_errors
-from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
+from solvers.piezo import responses
 from solvers.piezo.forced import Curve, Drive, ForcedPlate
-from solvers.piezo.patch import BondedPatch, bonded_patch
+from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch, patch_mesh, pillars_beneath
 from solvers.piezo.patched_plate import PatchedPlate, coupled_classes
-from solvers.piezo.peak_errors import height_error
-from solvers.piezo.responses import Peak, curve_about, driven_hz, highest_hz, near_hz, own_or, peak_of, resonances_hz
+from solvers.piezo.responses import (
+    Peak,
+    curve_about,
+    driven_hz,
+    height_error,
+    highest_hz,
+    near_hz,
+    own_or,
+    peak_of,
+    resonances_hz,
+)
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
@@ -209,7 +217,7 @@ def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar
     """Find the widest bar of the resonances in a band, and what it is made of; unknown where one of them has none."""
     known = []
     for basis in forced.modes:
-        errors, tones = peak_errors.frequency_errors(basis), basis.frequency_hz
+        errors, tones = responses.frequency_errors(basis), basis.frequency_hz
         inside = (tones >= low_hz) & (tones <= high_hz)
         known.append(np.array([tones, errors.mesh, errors.reduction, errors.bonding])[:, inside])
     every = np.hstack(known) if known else np.zeros((4, 0))

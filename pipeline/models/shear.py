@@ -23,15 +23,18 @@ from solvers.machine import room_bytes
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.responses import face_motion
 from solvers.threads import one_thread
-from solvers.touch.friction import (
+from solvers.touch.effects import (
     MAX_WAVE_SHARE,
     CrestMotion,
     OutOfValidity,
+    Places,
     SqueezeFilm,
+    TouchMap,
     crest_motion,
     drive_share,
+    lattice,
+    needed_bytes,
 )
-from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 Field = list[list[float | None]]

@@ -24,8 +24,7 @@ from solvers.machine import room_bytes
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.responses import driven_hz, near_hz
 from solvers.threads import one_thread
-from solvers.touch.loaded_mode import loaded_mode
-from solvers.touch.touch_map import Places, TouchMap, lattice, needed_bytes
+from solvers.touch.effects import Places, TouchMap, lattice, loaded_mode, needed_bytes
 from solvers.touch.touched_plate import Finger, TouchedPlate
 
 

@@ -31,11 +31,9 @@ from solvers.driven.error_bars import (
 from solvers.driven.forms import contrast_volts
 from solvers.measures.confinement import ratio_db
 from solvers.piezo.patched_plate import PatchedPlate
-from solvers.piezo.peak_errors import height_error
+from solvers.piezo.responses import height_error
 from solvers.touch import touched_plate
-from solvers.touch.friction import OutOfValidity, SqueezeFilm
-from solvers.touch.loaded_mode import LoadedMode, loaded_mode
-from solvers.touch.touch_map import Places
+from solvers.touch.effects import LoadedMode, OutOfValidity, Places, SqueezeFilm, loaded_mode
 from solvers.touch.touched_plate import Finger, Power, TouchedPlate, integration_error, missing_flexibility, power
 
 

@@ -24,7 +24,7 @@ from solvers.driven.several_patches import motion_at, plate_table, power_flow
 from solvers.errors import SolverError
 from solvers.measures.confinement import ratio_db, wanted_shape
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.peak_errors import height_error
+from solvers.piezo.responses import height_error
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import (
     ModePair,

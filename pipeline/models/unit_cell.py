@@ -30,8 +30,10 @@ from pipeline.planning.refinement import describe_change, higher_degree, more_mo
 from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
-from solvers.accuracy.bands import (
+from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
+from solvers.accuracy.reduction import (
     STILL,
+    ModeErrors,
     ReductionError,
     cutoff_hz,
     error_of_waves,
@@ -43,8 +45,6 @@ from solvers.accuracy.bands import (
     truncation,
     truncation_bars,
 )
-from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
-from solvers.accuracy.plate import ModeErrors
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import PlainPencil, lowest_pairs

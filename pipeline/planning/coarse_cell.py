@@ -97,7 +97,7 @@ class CoarseCell:
 
     def _bisected_hz(self, below_hz: float) -> float:
         from solvers.fem.eigen import count_below
-        from solvers.fem.factor.factoriser import Factoriser
+        from solvers.fem.factor import Factoriser
 
         factorise = Factoriser()  # one symbolic analysis for all counts
         low, high, found = 0.0, below_hz, count_below(self._waves, below_hz, factorise)

@@ -18,7 +18,7 @@ from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
-from solvers.analytic.plate_waves import highest_hz, pillar_modes, plate_modes
+from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
     Cost,
     Fill,

@@ -142,8 +142,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
         """Return the result of a solved response, with the error bars of its curves and peaks."""
         from pipeline.models.forced import curve_errors
-        from solvers.piezo.peak_errors import frequency_error
-        from solvers.piezo.responses import circuit_shift
+        from solvers.piezo.responses import circuit_shift, frequency_error
 
         forced, curve, patches, shift = solved.forced, solved.curve, case.patches, circuit_shift(solved.forced)
         assert patches
@@ -309,7 +308,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
     """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
     from pipeline.models.forced import level_error_db, quality_error
-    from solvers.piezo.peak_errors import frequency_error, height_error
+    from solvers.piezo.responses import frequency_error, height_error
 
     return PeakRecord.of(
         peak,

@@ -22,7 +22,7 @@ SHOWING = (
     *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report")),
     "pipeline/active/plots*.py",
     *(f"pipeline/records/{name}.py" for name in ("outputs", "run_log", "study", "tables")),
-    *(f"pipeline/batch/{name}.py" for name in ("job", "peak_memory", "progress", "runner", "script_study")),
+    *(f"pipeline/batch/{name}.py" for name in ("job", "progress", "runner", "script_study")),
 )
 COMPUTING_PACKAGES = ("numpy", "scipy", "cadquery", "cadquery-ocp", "pytetwild", "meshio", "trimesh", "rslab")
 

@@ -21,10 +21,9 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import split_hexahedra
-from pipeline.batch.peak_memory import peak_bytes, resident_bytes
-from solvers.fem.factor.choice import available
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import SolidModel
+from solvers.machine import factorisations, peak_bytes, resident_bytes
 from studies.benchmarks import ran, timed
 from studies.extremes import box
 
@@ -101,7 +100,7 @@ def main() -> None:
         for name, problem in PROBLEMS.items():
             matrix, path = problem(), Path(folder, "matrix.npz")
             sp.save_npz(path, matrix, compressed=False)
-            for backend in available():
+            for backend in factorisations():
                 print(f"{name:11} {matrix.shape[0]:8d} {backend:8} {_figures(path, backend)}", flush=True)
 
 

@@ -13,11 +13,10 @@ from firmware.mode_table import MIN_MODE_HZ, from_bytes, to_bytes
 from pipeline.board import shaping
 from pipeline.board.shaping import full_scale, shaping_table
 from pipeline.errors import InputError
-from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
+from solvers.shaping.voltages import REGIONS, contrast, region_points
 from solvers.thesis.shaped_beam import LINE, ShapedBeam, pointed
-from solvers.thesis.shaping_steps import travel_window
-from solvers.thesis.shaping_study import ShapingData
+from solvers.thesis.shaping_study import ShapingData, travel_window
 
 TONE = 2400.0
 NAMES = ("left", "middle", "right", "left max", "mid max", "rightmax", "wave+", "wave-")

@@ -31,7 +31,7 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
-from solvers.thesis.pillar_row import design_feet
+from solvers.thesis.scattering import design_feet
 from tests.helpers.scenes import STEEL_PILLARS
 from tests.helpers.whole_solid import check_within_both_bars
 

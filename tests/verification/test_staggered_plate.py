@@ -26,8 +26,7 @@ from pipeline.planning.model_choice import Request
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
 from pipeline.search.limits import mass_kg
-from solvers.accuracy.bands import waves_of
-from solvers.accuracy.plate import MARGIN
+from solvers.accuracy.reduction import MARGIN, waves_of
 from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface
 from solvers.superelement.periodic import Periodic

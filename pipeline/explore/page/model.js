@@ -544,7 +544,7 @@ function motionsOf(data, places, steps, motion, free) { // of every cell, the ou
   return out;
 }
 const linesOf = (data, design, end, middle) => [data.zone_width / 2, end - design.extension].flatMap((line) => [line - middle, -line - middle]);
-function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/quadrature.py
+function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/surface.py
   const { gauss, weights } = data.bare, n = gauss.length, points = [], areas = [], rows = [], width = cell.touch.m, own = (i) => cell.touch.a.subarray(i * width, (i + 1) * width);
   for (let first = 0; first < cell.points.length; first += n * n) {
     const low = cell.points[first][1], high = cell.points[first + n - 1][1], middle = (low + high) / 2, half = (high - low) / (gauss[n - 1] - gauss[0]);

@@ -20,7 +20,7 @@ from pipeline.cli import main
 from pipeline.errors import InputError
 from solvers.control.identification import noisy, sweep_of
 from solvers.control.loop import ModePlant
-from solvers.thesis.active_study import ActiveBeamData
+from solvers.thesis.active_beam import ActiveBeamData
 from solvers.thesis.circuit import MasonData
 from tests.helpers import site_fields
 from tests.helpers.figures import assert_labelled_with_data, collected

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.batch import job, peak_memory
+from pipeline.batch import job
+from solvers import machine
 from tests.helpers import fake_study
 
 
@@ -36,7 +37,7 @@ def left_behind() -> Iterator[weakref.ref[Plate]]:
 
 def test_what_only_refers_to_itself_is_freed(left_behind: weakref.ref[Plate]) -> None:
     assert left_behind() is not None
-    peak_memory.give_back()
+    machine.give_back()
     assert left_behind() is None
 
 

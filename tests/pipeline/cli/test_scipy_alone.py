@@ -17,9 +17,9 @@ from pipeline.planning import mesh_rules
 from pipeline.questions.question import Run
 from pipeline.questions.study import answer as kept
 from pipeline.questions.tetrahedra import TetBands, TetModes
+from solvers import machine
 from solvers.errors import TooLarge
-from solvers.fem import eigen
-from solvers.fem.factor import choice, factoriser
+from solvers.fem import eigen, factor
 from tests.helpers import coarse_cells, synthetic
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
@@ -57,8 +57,8 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a factorisation that is not installed was asked for")
 
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
-    monkeypatch.setattr(choice, "available", lambda: ("superlu",))
-    monkeypatch.setattr(factoriser, "Rslab", absent)
+    monkeypatch.setattr(machine, "available", lambda: ("superlu",))
+    monkeypatch.setattr(factor, "Rslab", absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
     monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
     monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: coarse_cells.COARSE)

@@ -16,7 +16,7 @@ from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate
-from solvers.accuracy.plate import MARGIN
+from solvers.accuracy.reduction import MARGIN
 from solvers.measures.wanted_mode import LEAD, weights
 from solvers.piezo.forced import GroupModes
 from solvers.plates.assembled import PlateModel

@@ -387,7 +387,7 @@ WORK = {
             "pipeline/planning/mesh_rules.py:_along",
             "geometry/pillar_shapes.py",
         ),
-        *("solvers/thesis/pillar_row.py", "solvers/plates/strip.py"),
+        *("solvers/thesis/scattering.py", "solvers/plates/strip.py"),
     ),
     "lattice": (
         "solvers/superelement/lattice.py",

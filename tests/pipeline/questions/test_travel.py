@@ -24,9 +24,8 @@ from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
-from solvers.touch import touch_map, touched_plate
-from solvers.touch.friction import crest_motion
-from solvers.touch.touch_map import lattice_receptance
+from solvers.touch import effects, touched_plate
+from solvers.touch.effects import crest_motion, lattice_receptance
 
 QUIET = TerminalLog(quiet=True)
 X_MM = (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -55.0, -37.0, -19.0, 19.0, 37.0, 55.0)
@@ -188,7 +187,7 @@ def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(touch_map, "lattice_receptance", once)
+        patch.setattr(effects, "lattice_receptance", once)
         yield fingered(*solved)
 
 

@@ -14,8 +14,7 @@ from geometry.layout import Design
 from geometry.materials import Material
 from geometry.tiling import lattice_panel
 from pipeline.case.model import load_case
-from solvers.accuracy.bands import mesh_error
-from solvers.accuracy.plate import AT_RIMS, mode_errors
+from solvers.accuracy.reduction import AT_RIMS, mesh_error, mode_errors
 from solvers.fem.eigen import modes_in_band
 from solvers.plates import assembled
 from solvers.plates.assembled import PlateModel, Reductions

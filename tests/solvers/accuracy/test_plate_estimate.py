@@ -10,7 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, Stack
-from solvers.accuracy.plate import mode_errors
+from solvers.accuracy.reduction import mode_errors
 from solvers.fem.eigen import modes_near
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings

@@ -11,9 +11,8 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
-from solvers.piezo import beneath
-from solvers.piezo.beneath import Beneath
-from solvers.piezo.patch import bonded_patch
+from solvers.piezo import patch as beneath
+from solvers.piezo.patch import Beneath, bonded_patch
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 

@@ -20,15 +20,14 @@ from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.piezo import beneath as beneath_patches
+from solvers.piezo import patch as beneath_patches
 from solvers.piezo import patch as piezo_patch
 from solvers.piezo import patched_plate
-from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
-from solvers.piezo.patch import MESH, _mesh, bonded_patch, with_potential
+from solvers.piezo.patch import MESH, Beneath, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.piezo.peak_errors import frequency_errors, height_error
+from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate

@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import StateSpace, lsim
 
 from solvers.errors import SolverError
-from solvers.shaping.inversion import Errors, LowPass, drive_voltages, filter_for, monte_carlo, quantiles
 from solvers.shaping.modal_table import ModalTable, calibrate, common_phase, field_matrix, sensor_matrix
+from solvers.shaping.voltages import Errors, LowPass, drive_voltages, filter_for, monte_carlo, quantiles
 from solvers.thesis.shaped_beam import PatchedBeam, beam_table, charge_table, point_beam_table
 
 BEAM = PatchedBeam()

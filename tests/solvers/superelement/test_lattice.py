@@ -15,7 +15,7 @@ from geometry.lattice import Lattice
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.accuracy.bands import (
+from solvers.accuracy.reduction import (
     _brought,
     cutoff_hz,
     further_degrees,
@@ -23,7 +23,7 @@ from solvers.accuracy.bands import (
     truncation,
     truncation_bars,
 )
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.plates.assembled import Reductions

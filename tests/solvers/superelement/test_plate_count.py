@@ -10,7 +10,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS, Stack
-from solvers.accuracy.plate import mode_errors, more_below
+from solvers.accuracy.reduction import mode_errors, more_below
 from solvers.fem.eigen import modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement import plate as plate_module

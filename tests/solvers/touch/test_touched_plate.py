@@ -24,8 +24,7 @@ from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.touch import touched_plate
-from solvers.touch.loaded_mode import known_range, loaded_mode
-from solvers.touch.touch_map import Places, lattice
+from solvers.touch.effects import Places, known_range, lattice, loaded_mode
 from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
 
 ALUMINIUM = MATERIALS["aluminium"]

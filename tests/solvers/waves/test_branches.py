@@ -14,7 +14,7 @@ from geometry.lattice import Lattice, Path
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice, degenerate

@@ -11,7 +11,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
