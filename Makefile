@@ -50,7 +50,7 @@ $(TABLE): $(READY) $(CASE)
 
 $(SIX_TABLE): $(READY)
 	@mkdir -p $(@D)
-	@$(BIN)/python -m pipeline.board.shaping $@ --unmeasured
+	@$(BIN)/python -m pipeline.board.six_channels $@ --unmeasured
 
 firmware: image-single image-six  ## both STM32F446 images from exported mode tables
 

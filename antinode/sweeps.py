@@ -201,7 +201,7 @@ def sweep(
     ([6.0, 6.3], [7, 7])
     """
     from pipeline.batch import case_study, runner
-    from pipeline.batch.progress import Progress
+    from pipeline.batch.runner import Progress
     from pipeline.questions import study as asked
 
     if not values:

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
+from pipeline.logs import RunLog
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.records.run_log import RunLog
 from pipeline.report.html import Page, Section, Table
 from solvers import machine
 from solvers.errors import SolverError

@@ -19,8 +19,8 @@ from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
 from geometry.tiling import Panel
 from pipeline.errors import CommandError
+from pipeline.logs import RunLog
 from pipeline.paths import ROOT
-from pipeline.records.run_log import RunLog
 from pipeline.report.html import Page, Section, Table
 from solvers.analytic.plates import supported_plate_hz
 from solvers.errors import SolverError

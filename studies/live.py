@@ -29,7 +29,7 @@ from pipeline.models.parametric import BANDS, CellModel, cell_model, with_sizes
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
-from pipeline.units import KHZ
+from pipeline.quantity import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
 from solvers.parametric.bands import FLAT
 

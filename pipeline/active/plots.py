@@ -8,9 +8,8 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import CM, DEGREE, KHZ, MM, MS, UM, frequency, level, percentage
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, percentage
-from pipeline.units import CM, DEGREE, KHZ, MM, MS, UM
 from solvers.shaping.voltages import REGIONS, drive_voltages, region_target
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.paths import REFERENCE
-from pipeline.quantity import figure, interval, signed
-from pipeline.units import CM, KHZ, MM, MS, UM, US
+from pipeline.quantity import CM, KHZ, MM, MS, UM, US, figure, interval, signed
 from solvers.shaping.modal_table import conditioning, sensor_matrix
 from solvers.shaping.travelling_wave import forward_energy_share, net_flux_share
 from solvers.shaping.voltages import REGIONS, drive_voltages, region_target

@@ -27,9 +27,8 @@ from pipeline.models.live_column import (
 )
 from pipeline.models.parametric import CellModel, sizes_of
 from pipeline.planning import mesh_rules
-from pipeline.quantity import figure, frequency, level, percent
-from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, MM
+from pipeline.quantity import GRAM, MM, figure, frequency, level, percent
+from pipeline.search.terms import mass_kg
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between

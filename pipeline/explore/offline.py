@@ -21,9 +21,8 @@ from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel, MeshTable
 from pipeline.planning import mesh_rules
-from pipeline.quantity import figure
-from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, MM
+from pipeline.quantity import GRAM, MM, figure
+from pipeline.search.terms import mass_kg
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem import surface

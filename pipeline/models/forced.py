@@ -23,9 +23,8 @@ from pipeline.planning import driven_demand, foresight, mesh_rules, simplificati
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
 from pipeline.planning.resources import Demand
-from pipeline.quantity import frequency
+from pipeline.quantity import MM, frequency
 from pipeline.records.record import MeshRecord
-from pipeline.units import MM
 from solvers.accuracy import calibration
 from solvers.control.identification import half_power_points
 from solvers.driven.curve_bars import doubts, rms_bars, with_peak

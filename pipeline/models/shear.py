@@ -10,13 +10,11 @@ from typing import NamedTuple
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from pipeline.case.attachments import Touch
-from pipeline.case.model import Case
+from pipeline.case.model import Case, Touch
 from pipeline.logs import Log
 from pipeline.models.touch_states import contacts_at, missing_at_ends
 from pipeline.models.travel_parts import ShearRecord
-from pipeline.quantity import figure
-from pipeline.units import GIB, MM
+from pipeline.quantity import GIB, MM, figure
 from solvers.driven.curve_bars import Contacts
 from solvers.driven.error_bars import Louder, Variation, half_widths
 from solvers.machine import room_bytes

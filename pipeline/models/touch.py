@@ -15,9 +15,8 @@ from pipeline.logs import Log
 from pipeline.models.forced import forced_plate
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord
 from pipeline.models.touch_states import Session, friction_ratio, loop_of, states_of, with_bars, with_map_bars
-from pipeline.quantity import figure, frequency, interval
+from pipeline.quantity import GIB, KHZ, figure, frequency, interval
 from pipeline.records.record import MeshRecord
-from pipeline.units import GIB, KHZ
 from solvers.accuracy import calibration
 from solvers.errors import SolverError
 from solvers.machine import room_bytes

@@ -13,11 +13,10 @@ from typing import Any
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
-from pipeline.case.attachments import Touch
-from pipeline.case.model import Case
+from pipeline.case.model import Case, Touch
 from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.quantity import UM
 from pipeline.records.part import Part
-from pipeline.units import UM
 from solvers.driven.curve_bars import AT_ONCE, Contacts, Doubts, Motions, doubts, peak_half_widths
 from solvers.driven.error_bars import (
     Louder,

@@ -16,8 +16,8 @@ from pipeline.models import shear
 from pipeline.models.forced import forced_plate
 from pipeline.models.shear import Driven
 from pipeline.models.travel_parts import PatternMode
+from pipeline.quantity import KHZ, UM
 from pipeline.records.record import MeshRecord
-from pipeline.units import KHZ, UM
 from solvers.accuracy import calibration
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
 from solvers.driven.several_patches import motion_at, plate_table, power_flow

@@ -24,8 +24,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
 from pipeline.planning import foresight, mesh_rules
-from pipeline.planning.coarse_cell import ORDER, coarse_settings
-from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
+from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import percent

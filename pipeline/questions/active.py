@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
+from pipeline.quantity import KHZ, MM
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column, live
-from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,13 +7,11 @@ from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.models.zone_parts import DrivenZone, worst_of
-from pipeline.quantity import frequency_with_bar, level, level_figure, level_with_bar
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import np, plans, style
+from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column
-from pipeline.units import KHZ, MM, NM
 
 POINTS = 401
 DARK = -25.0  # dB: below it letters are white

@@ -11,13 +11,22 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
 from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
-from pipeline.quantity import HZ, frequency_figure, interval
-from pipeline.questions.hints import Axes, Case, Plan, Simplification
-from pipeline.questions.late import confinement, np, outputs, plans, simplifications, style
+from pipeline.quantity import HZ, KHZ, frequency_figure, interval
+from pipeline.questions.late import (
+    Axes,
+    Case,
+    Plan,
+    Simplification,
+    confinement,
+    np,
+    outputs,
+    plans,
+    simplifications,
+    style,
+)
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column, live
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.models.modes import PartModes
@@ -390,7 +399,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a band beside a frequency, and for a file that is not there."""
-        from pipeline.case.diagnostics import nearest_file
+        from pipeline.case.reading import nearest_file
 
         _check_window(self.near_kHz, self.band_kHz)
         if not Path(self.mesh_file).exists():

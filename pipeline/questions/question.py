@@ -30,11 +30,10 @@ from typing import (
 )
 
 from pipeline.errors import InputError
-from pipeline.questions.hints import Case, Plan, Simplification
-from pipeline.questions.late import foresight, plans
+from pipeline.quantity import KHZ
+from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
+from pipeline.quantity import KHZ, MM, NM, frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.quantity import figure as in_digits
-from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.questions.attenuation import over
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
-from pipeline.questions.late import np, outputs, plans, style
+from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, np, outputs, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import Part, bar, column, live
-from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,8 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
-from pipeline.questions.hints import Axes, FloatArray, ReportFigure
-from pipeline.questions.late import np, outputs, style
+from pipeline.questions.late import Axes, FloatArray, ReportFigure, np, outputs, style
 from pipeline.records.frames import dataset, frame
 from pipeline.records.part import Axis, Part, part_of, rows_of
 

@@ -23,9 +23,9 @@ from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, of_case, with_defaults
-from pipeline.records import fingerprint
+from pipeline.quantity import KHZ, MM
+from pipeline.records import store
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult, Window
-from pipeline.units import KHZ, MM
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import DrivenZones, measure_profile
@@ -276,5 +276,5 @@ class EvaluationCache:
         self._files.write(self._name(question), json.dumps(result.values() | {"warnings": result.warnings}).encode())
 
     def _name(self, question: dict[str, Any]) -> str:
-        salted = {"question": question, "code": fingerprint.current().code_hash}
-        return hashlib.sha256(fingerprint.canonical_json(salted).encode()).hexdigest()[:32]
+        salted = {"question": question, "code": store.current_fingerprint().code_hash}
+        return hashlib.sha256(store.canonical_json(salted).encode()).hexdigest()[:32]

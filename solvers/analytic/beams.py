@@ -434,7 +434,6 @@ def _roots(omegas: Iterable[float], beam: Beam, left: str, right: str) -> Iterat
 
 def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
     """The first `count` roots when some lie above the cut-off: Ritz estimates, refined where a root is alone."""
-
     estimates = ritz_omegas(beam, left, right, count)
     refined = list(below)
     for estimate in estimates[len(below) :]:

@@ -15,7 +15,7 @@ from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
 from pipeline.models import parts
 from pipeline.paths import STUDIES
-from pipeline.units import KHZ
+from pipeline.quantity import KHZ
 from solvers.fem import block_lanczos
 from solvers.fem.eigen import PlainPencil, modes_in_band
 from studies.benchmarks import timed

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.case import tables
+from pipeline.case import schema as tables
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES
 from pipeline.questions import registered
 

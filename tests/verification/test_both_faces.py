@@ -22,7 +22,7 @@ from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import Request, cell_model_choice
 from pipeline.records.record import DesignRecord
-from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.terms import Limits, mass_kg
 from solvers.fem.surface import face_quadrature
 from solvers.measures.confinement import measure, ratio_db
 from solvers.piezo.forced import Drive, ForcedPlate

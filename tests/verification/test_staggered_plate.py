@@ -25,7 +25,7 @@ from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.model_choice import Request
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
-from pipeline.search.limits import mass_kg
+from pipeline.search.terms import mass_kg
 from solvers.accuracy.reduction import MARGIN, waves_of
 from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface

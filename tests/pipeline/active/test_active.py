@@ -15,7 +15,7 @@ import pytest
 from firmware import mode_table as table_file
 from pipeline.active import thesis
 from pipeline.active.loop import plant_of
-from pipeline.case.quantities import parse_seconds
+from pipeline.case.limits import parse_seconds
 from pipeline.cli import main
 from pipeline.errors import InputError
 from solvers.control.identification import noisy, sweep_of

@@ -21,10 +21,10 @@ import pytest
 from pipeline import workers
 from pipeline.batch import job, runner
 from pipeline.batch.job import Forecast
-from pipeline.batch.progress import Progress
+from pipeline.batch.runner import Progress
 from pipeline.cli import study_commands
 from pipeline.questions import study as asked
-from pipeline.records import fingerprint, store
+from pipeline.records import store
 from pipeline.records import study as records_study
 from pipeline.workers import LocalWorkers
 from tests.helpers import fake_study
@@ -174,7 +174,7 @@ def test_time_left_is_what_earlier_runs_took(tmp_path: Path):
 
 def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr("pipeline.batch.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr("pipeline.batch.runner.time", SimpleNamespace(monotonic=lambda: clock.now))
     progress = Progress(stream=io.StringIO())
     log = tmp_path / "value=0" / store.RUN_LOG
     log.parent.mkdir()
@@ -368,7 +368,7 @@ def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
 
 
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
-    mark = fingerprint.Fingerprint("0" * 64, {})
+    mark = store.Fingerprint("0" * 64, {})
     end = job.run_case(fake_study.compute, fake_study.jobs(1)[0], tmp_path, mark)
     assert end.status == "FAILED" and "other sources" in end.diagnosis and starts(tmp_path) == {}
 

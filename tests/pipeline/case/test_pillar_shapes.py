@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.search import space
-from pipeline.search.limits import mass_kg
+from pipeline.search.terms import mass_kg
 
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / "studies" / "three-rows.toml"

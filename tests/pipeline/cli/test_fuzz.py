@@ -22,8 +22,8 @@ from geometry.formats.neutral import RawMesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from geometry.pillar_shapes import SHAPES
+from pipeline.case.limits import parse_band, parse_frequency
 from pipeline.case.model import load_case
-from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import SIZE_KEYS, known_keys
 from pipeline.errors import CommandError, InputError
 from pipeline.measured.files import read_field, read_sweep

@@ -23,7 +23,7 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.question import Run
 from pipeline.questions.study import answer
-from pipeline.report import dispersion_picture
+from pipeline.report import gallery
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap
 from tests.helpers import coarse_cells, synthetic
@@ -213,7 +213,7 @@ def made() -> BandsResult:
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
     stored = synthetic.case("cell", bands=made(), design=synthetic.design(1, 4e-3, 5e-3))
     with style.style():
-        report_figure = dispersion_picture.dispersion(stored, {})
+        report_figure = gallery.dispersion(stored, {})
     assert report_figure
     axes = report_figure.figure.axes[0]
     marks = [line for line in axes.lines if line.get_marker() in ("o", "s", "^")]

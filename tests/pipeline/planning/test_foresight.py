@@ -19,7 +19,7 @@ from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.logs import TerminalLog
+from pipeline.logs import RunLog, TerminalLog
 from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
@@ -27,7 +27,6 @@ from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
 from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.questions.bands import Bands
-from pipeline.records.run_log import RunLog
 from solvers import machine
 from solvers.errors import OutOfMemory
 from solvers.machine import GROUP_FILES, available_bytes

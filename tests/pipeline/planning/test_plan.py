@@ -363,7 +363,7 @@ TRACE = """
 import json, os, sys
 from collections import Counter
 from pathlib import Path
-from pipeline.records.run_log import RunLog
+from pipeline.logs import RunLog
 from pipeline.batch import case_study
 from pipeline.case.model import load_case
 calls = Counter()

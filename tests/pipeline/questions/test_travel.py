@@ -13,7 +13,7 @@ from scipy.interpolate import RegularGridInterpolator
 
 from firmware.emulate.plant import BeamSimulation, Structure
 from firmware.mode_table import from_bytes, to_bytes
-from pipeline.board import played
+from pipeline.board import six_channels
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -105,13 +105,13 @@ def test_backwards_is_the_mirror_image(solved: tuple[TravelResult, Travelling]) 
 
 def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelResult, Travelling], tmp_path: Path) -> None:
     record, wave = solved
-    outcome = played.board_outcome(wave, QUIET, tmp_path, played=False)
+    outcome = six_channels.board_outcome(wave, QUIET, tmp_path, played=False)
     assert outcome["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
     table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
     (shape,) = table.shapes
     assert shape.frequency_hz == pytest.approx(record.frequency_hz, rel=1e-6)
     matrix = np.array(shape.matrix)
-    assert matrix == pytest.approx(_sampled(played.structure(wave), record.frequency_hz), rel=1e-3)
+    assert matrix == pytest.approx(_sampled(six_channels.structure(wave), record.frequency_hz), rel=1e-3)
     for pattern, volts in zip(shape.patterns, wave.drives.values(), strict=True):
         readings, target = matrix @ volts, np.array(pattern.targets)
         assert target * readings[np.argmax(np.abs(readings))] == pytest.approx(readings, rel=1e-5)
@@ -139,7 +139,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelResult, Travelli
     from tests.helpers.hosted_boards import HostedSix
 
     _, wave = solved
-    board = HostedSix(to_bytes(played.table_of(wave)), played.structure(wave))
+    board = HostedSix(to_bytes(six_channels.table_of(wave)), six_channels.structure(wave))
     board.run(5e-3)
     drives = []
     for pattern in range(2):
@@ -148,7 +148,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelResult, Travelli
         board.run(0.3)
         assert board.state == 2, hex(board.faults)
         drives.append(board.drives)
-    forward, back = played.patterns_of(
+    forward, back = six_channels.patterns_of(
         dataclasses.replace(wave, drives=dict(list(wave.drives.items())[:2])), np.array(drives)
     )
     for each in (forward, back):
@@ -296,8 +296,8 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> 
     sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))
     with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
-        played.board_outcome(seven, QUIET, None, played=True)
-    assert played.board_outcome(seven, QUIET, None, played=False) == {}
+        six_channels.board_outcome(seven, QUIET, None, played=True)
+    assert six_channels.board_outcome(seven, QUIET, None, played=False) == {}
 
 
 def test_a_flow_that_no_inner_section_shows_is_said(solved: tuple[TravelResult, Travelling]) -> None:
@@ -321,7 +321,7 @@ def test_the_board_is_a_question_of_its_own(
     values = {name: getattr(record, name) for name in record.declared if name not in ("others", "board", "tables")}
     monkeypatch.setattr(travelling, "solve", lambda *given: (values, wave))
     pattern = PlayedPattern(name="pair+", twr=0.9, twr_target=0.91, error=0.01)
-    monkeypatch.setattr(played, "_played", lambda *given: [pattern])
+    monkeypatch.setattr(six_channels, "_played", lambda *given: [pattern])
     plain, on_board = (ask(case_of(), kind(), Run(QUIET, folder=tmp_path)) for kind in (Travel, PlayedTravel))
     assert plain.board is None and on_board.board == [pattern] and "emulated board, pair+" in [*on_board.lines()][-1]
     assert {path.name for path in tmp_path.iterdir()} == {*plain.tables} == {"travelling_wave.bin", "travelling_wave.h"}

@@ -20,7 +20,6 @@ from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
 from pipeline.questions.search import SearchResult
 from pipeline.search import fidelity, optimiser
-from pipeline.search.designs import Settings, front
 from pipeline.search.fidelity import (
     COLUMN,
     PLATE,
@@ -33,9 +32,9 @@ from pipeline.search.fidelity import (
     frequency_slack,
     worst,
 )
-from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.optimiser import Settings, front
 from pipeline.search.space import searchable_keys, word_keys
-from pipeline.search.terms import FoundDesign
+from pipeline.search.terms import FoundDesign, Limits, mass_kg
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import parse_vary, read_space
 

@@ -16,8 +16,8 @@ from pipeline.paths import STUDIES
 from pipeline.planning.mesh_rules import wanted_window_hz
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.search import fidelity, optimiser
-from pipeline.search.designs import Settings
 from pipeline.search.fidelity import COLUMN, EvaluationCache, FidelityResult, evaluate
+from pipeline.search.optimiser import Settings
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import read_space
 

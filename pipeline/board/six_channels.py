@@ -1,6 +1,6 @@
-"""Mode tables for six channels: T at the chosen frequencies and the patterns to be reached, from a beam under shaping.
+"""Mode tables for six channels, from beams under shaping and of travelling waves, and one played on the emulated board.
 
-`python -m pipeline.board.shaping FILE.bin` writes the table of the 150 mm beam of the shaping study.
+`python -m pipeline.board.six_channels FILE.bin` writes the table of the 150 mm beam of the shaping study.
 Patterns, each relative to its largest target: "left", "middle", "right", the signals 1 on a third of the sensors and 0
 elsewhere; "left max" ..., what the voltages of the largest contrast show at the sensors (choi2002); "wave+", "wave-", what
 those of the largest travelling-wave ratio towards +x and -x show.
@@ -14,13 +14,30 @@ from dataclasses import replace
 from functools import partial
 from math import pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from firmware.mode_table import FREQUENCY_HIGH, MAX_SHAPES, MIN_SHAPE_HZ, ModeTable, Pattern, Shape, describe, hold
-from geometry.elements import ComplexArray
+from firmware.emulate.plant import Structure
+from firmware.mode_table import (
+    CHANNELS,
+    FREQUENCY_HIGH,
+    MAX_SHAPES,
+    MIN_SHAPE_HZ,
+    ModeTable,
+    Pattern,
+    Shape,
+    describe,
+    hold,
+    to_bytes,
+)
+from geometry.elements import ComplexArray, FloatArray
+from pipeline.board import export
 from pipeline.board.export import design_hash, write
 from pipeline.errors import InputError
+from pipeline.logs import Log
+from pipeline.models.travel_parts import PlayedPattern, PlayFault
+from pipeline.models.travelling import Travelling
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import operating_frequencies, scan
 from solvers.shaping.travelling_wave import best_travelling_drive, inner_window
@@ -32,6 +49,10 @@ SAMPLE_RATE_HZ = 40_000.0
 LARGEST = 0.5  # |T| in full scales at the louder frequency: how the conditioners are to be set
 BAND_HZ = (MIN_SHAPE_HZ, 4500.0)
 SCANNED = 221
+
+NOISE = 1e-3  # of full scale, at every sensor
+PATTERN_TAUS = 12.0  # decay times that each pattern is held
+MIN_S = 0.3
 
 
 def full_scale(model: ShapedBeam, signal: Signal, frequencies_hz: tuple[float, ...]) -> float:
@@ -90,18 +111,13 @@ def plate_table(matrix: ComplexArray, frequency_hz: float, tau_s: float, drives:
     return ModeTable(SAMPLE_RATE_HZ, design_hash([frequency_hz, repr(matrix.tolist())]), shapes=(shape,))
 
 
-def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
-    scanned = scan(partial(model.matrix, signal=signal), np.linspace(*BAND_HZ, SCANNED))
-    return tuple(float(f) for f in operating_frequencies(scanned, MAX_SHAPES))
-
-
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    from pipeline.case.quantities import parse_frequency
+    from pipeline.case.limits import parse_frequency
     from solvers.thesis.shaped_beam import patched, pointed
     from solvers.thesis.shaping_study import ShapingData
 
-    parser = argparse.ArgumentParser(prog="python -m pipeline.board.shaping", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m pipeline.board.six_channels", description=__doc__)
     parser.add_argument("file", type=Path, help="FILE.bin; FILE.h beside it holds the same bytes")
     parser.add_argument("--points", action="store_true", help="the ideal beam of points instead of the real patches")
     parser.add_argument("--frequency", action="append", default=[], help=f"at most {MAX_SHAPES} of them")
@@ -125,6 +141,99 @@ def main(arguments: list[str] | None = None) -> int:
         return 3 if isinstance(error, SolverError) else 2
     print(describe(table))
     return 0
+
+
+def table_of(wave: Travelling) -> ModeTable:
+    """The six-channel table: T at the wave's frequency, the pair both ways and the largest travelling-wave ratio both ways.
+
+    Raises InputError for more channels than the board has, or a frequency that it does not play.
+    """
+    drivers, sensors = wave.table.actuator_count, wave.table.sensor_count
+    if max(drivers, sensors) > CHANNELS:
+        what = f"{drivers} drive and {sensors} listen, the board has {CHANNELS} channels of each"
+        raise InputError(f"patches: {what}")
+    matrix = structure(wave).sampled_matrix(wave.pair.frequency_hz)[:sensors, :drivers]
+    return plate_table(matrix, wave.pair.frequency_hz, _tau_s(wave), wave.drives)
+
+
+def structure(wave: Travelling) -> Structure:
+    """The plate as the emulated board moves it: all modes of the table, channels that are not in use at rest."""
+    table, scale = wave.table, LARGEST / float(np.abs(wave.matrix).max())
+    residual = np.zeros((CHANNELS, CHANNELS))
+    assert table.sensor_residual is not None
+    residual[: table.sensor_count, : table.actuator_count] = scale * table.sensor_residual
+    return Structure(
+        table.angular,
+        float(np.median(table.quality_factor)),
+        _padded(scale * table.actuators),
+        _padded(table.sensors),
+        residual,
+        NOISE,
+        SAMPLE_RATE_HZ,
+    )
+
+
+def board_outcome(wave: Travelling, log: Log, folder: Path | None, played: bool) -> dict[str, Any]:
+    """Return the columns `tables`, where the table went, and `board`, how the emulated board played each pattern.
+
+    A plate that the board cannot play leaves both out and says why, unless playing was asked for.
+    """
+    try:
+        table = table_of(wave)
+    except InputError as reason:
+        if played:
+            raise
+        log.left_out("the six-channel board's table", "; ".join(reason.lines))
+        return {}
+    results: dict[str, Any] = {}
+    if folder is not None:
+        results["tables"] = [path.name for path in export.write(table, folder, "travelling_wave")]
+    if played and (board := _played(wave, table, log)) is not None:
+        results["board"] = board
+    return results
+
+
+def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:
+    """The wave that each pattern's drives (patterns, 6) make on the plate, beside the one asked for."""
+    results = []
+    for (name, wanted_volts), row in zip(wave.drives.items(), drives, strict=True):
+        volts = row[: len(wanted_volts)]
+        scale = np.vdot(wanted_volts, volts) / np.vdot(wanted_volts, wanted_volts)
+        error = float(np.linalg.norm(volts - scale * wanted_volts) / np.linalg.norm(volts))
+        results.append(PlayedPattern(name=name, twr=wave.twr(volts), twr_target=wave.twr(wanted_volts), error=error))
+    return results
+
+
+def _best(model: ShapedBeam, signal: Signal) -> tuple[float, ...]:
+    scanned = scan(partial(model.matrix, signal=signal), np.linspace(*BAND_HZ, SCANNED))
+    return tuple(float(f) for f in operating_frequencies(scanned, MAX_SHAPES))
+
+
+def _tau_s(wave: Travelling) -> float:
+    return float((wave.table.quality_factor / (pi * wave.table.frequencies_hz)).max())
+
+
+def _padded(values: FloatArray) -> FloatArray:
+    return np.pad(values, ((0, 0), (0, CHANNELS - values.shape[1])))
+
+
+def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern] | PlayFault | None:
+    from firmware.build import BuildError
+    from firmware.emulate import EmulationError, six_run
+
+    seconds = max(MIN_S, PATTERN_TAUS * _tau_s(wave))
+    try:
+        with log.step("the six-channel image on the emulated board"):
+            drives = six_run(to_bytes(table), structure(wave), len(wave.drives), seconds)
+    except BuildError as missing:
+        if missing.exit_code != 5:
+            raise
+        log.left_out("the emulated six-channel board", str(missing))
+        return None
+    except EmulationError as error:
+        log.warning("BOARD", f"emulated board: {error}")
+        return PlayFault(fault=str(error))
+    return patterns_of(wave, drives)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,11 @@
-"""One part of a case as other finite-element programs take it: whole, quadratic, with named groups."""
+"""Parts of a case for other finite-element programs, whole, quadratic, with named groups: Code_Aster and CalculiX."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +13,8 @@ import numpy as np
 
 from geometry.cad.solids import part_solid
 from geometry.elements import IntArray
-from geometry.formats.neutral import Facets, outer_facets
+from geometry.formats.med import write_med
+from geometry.formats.neutral import FACET, VOLUME, Facets, RawMesh, local_nodes, outer_facets
 from geometry.hex.boxes import Boxes, boxes_of, hex_mesh
 from geometry.hex.scenes import HexSettings, box_counts, part_scene
 from geometry.layout import Design, region_materials
@@ -25,6 +28,7 @@ from pipeline.models import parts
 from pipeline.models.modes import Request, with_defaults
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_model
+from pipeline.records.outputs import delivered, is_standard_output, write_file
 from solvers.accuracy.mesh import StressRecovery
 from solvers.accuracy.reduction import MARGIN
 from solvers.fem.eigen import factor_near, modes_near
@@ -44,6 +48,16 @@ COUNT_ACCURACY = 0.03
 GROUPS = {"touch": "TOUCH", "back": "BACK", "foot": "FOOT", "top": "TOP"}
 GROUPS |= {"x-": "XMIN", "x+": "XMAX", "y-": "YMIN", "y+": "YMAX"}
 CLAMP = "CLAMP"
+
+ENDINGS = (".med", ".comm", ".export", "_README.txt")
+MODES_A_BAND = 40  # one Lanczos subspace each: keeps its vectors and its orthogonalisation small
+ABOVE_RIGID_HZ = 1.0  # a free body's band must not hold its rigid-body modes
+NODES = "N_"  # before the name of a face group: the group of its nodes
+MESH_NAME_LENGTH = 24
+
+PER_LINE = 12  # numbers on a line of a set; CalculiX allows 16
+SPARE = 1.05  # more modes than were counted: the counting model differs a little from the mesh written
+SPARE_MODES = 6
 
 
 @dataclass(frozen=True)
@@ -98,6 +112,125 @@ def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Excha
     return part_mesh
 
 
+def rendered(template: str, **values: Any) -> str:
+    """Text for another program from a template beside this module."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    loader = FileSystemLoader(Path(__file__).with_name("templates"))
+    return Environment(loader=loader, undefined=StrictUndefined, **look).get_template(template).render(values)
+
+
+def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
+    """The faces that are clamped: both long sides of the zone, the pillar's foot, none of the plate's."""
+    if part == "zone":
+        return ("y-", "y+")
+    return ("foot" if "foot" in mesh.faces else "touch",) if part == "pillar" else ()
+
+
+def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:
+    """How many modes, rigid ones included, a coarse model of the part has below each frequency: negative pivots of K - sM."""
+    coarse = replace(case, solve=case.solve.but(accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
+    counts = [0] * len(frequencies_hz)
+    with log.step("count modes"):
+        model = parts.build(coarse, part, max(frequencies_hz), log, [])
+        for symmetry in model.symmetries:
+            pencil = model.pencil(symmetry)
+            factorise = Factoriser()
+            for i, frequency in enumerate(frequencies_hz):
+                counts[i] += factor_near(pencil, pencil.scale.eigenvalue(frequency), factorise)[0].negative
+    return counts
+
+
+def aster(case: Case, part: str, output: Path, log: Log) -> list[Path]:
+    """Write NAME.med, NAME.comm, NAME.export and NAME_README.txt; `output` gives folder and name."""
+    part_mesh = exchange(case, part, log)
+    med, comm, export, note = aster_files(output)
+    stem = med.with_suffix("")
+    with log.step("write MED"), delivered(med) as temporary:
+        write_med(raw_mesh(part_mesh), temporary, mesh_name(part_mesh))
+    bounds = _bounds(case, part_mesh, log)
+    write_file(comm, commands(part_mesh, bounds).encode())
+    write_file(export, export_file(stem.name).encode())
+    write_file(note, _note(part_mesh, stem.name).encode())
+    log.info(f"run it with: run_aster {export.name}")
+    return [med, comm, export, note]
+
+
+def aster_files(output: Path) -> list[Path]:
+    """Where the study goes: NAME.med, NAME.comm, NAME.export, NAME_README.txt."""
+    name = output.stem if output.suffix in ENDINGS else output.name
+    return [output.with_name(name + ending) for ending in ENDINGS]
+
+
+def mesh_name(part_mesh: Exchange) -> str:
+    """The mesh's name in the MED file."""
+    return part_mesh.part.upper()[:MESH_NAME_LENGTH]
+
+
+def raw_mesh(part_mesh: Exchange) -> RawMesh:
+    """Volume cells, the facets of named faces, volume groups, face groups, and their nodes as N_..."""
+    mesh = part_mesh.mesh
+    kind = (mesh.kind, mesh.order)
+    named = np.unique(np.concatenate(list(part_mesh.faces.values())))
+    place = np.full(len(part_mesh.facets.nodes), -1)
+    place[named] = np.arange(len(named))
+    blocks = [
+        (VOLUME[kind], mesh.cells[:, local_nodes(*kind)]),
+        (FACET[kind], part_mesh.facets.nodes[named]),
+    ]
+    groups = {name: {0: cells} for name, cells in part_mesh.volumes.items()}
+    groups |= {name: {1: place[facets]} for name, facets in part_mesh.faces.items()}
+    return RawMesh(mesh.nodes, blocks, groups, {NODES + name: part_mesh.nodes_of(name) for name in part_mesh.faces})
+
+
+def commands(part_mesh: Exchange, bounds: tuple[float, ...]) -> str:
+    """The command file: mesh, model, materials, clamps, matrices, count of modes, modes, results."""
+    about = {
+        "element": VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order],
+        "mesh_name": mesh_name(part_mesh),
+        "clamp": CLAMP,
+    }
+    return rendered("aster.comm.j2", part=part_mesh, bounds=bounds, **about)
+
+
+def export_file(name: str) -> str:
+    """What run_aster reads: parameters, files in (D) and results (R) with their units; paths beside this file."""
+    return rendered("aster.export.j2", name=name)
+
+
+def calculix(case: Case, part: str, output: Path, log: Log) -> list[Path]:
+    """Write NAME.inp with everything a run needs (ccx NAME)."""
+    part_mesh = exchange(case, part, log, tetrahedra=True)
+    count = _count(case, part_mesh, log)
+    path = calculix_file(output)
+    with log.step("write the input file"), delivered(path) as temporary:
+        temporary.write_text(input_deck(part_mesh, count))
+    log.info(f"run it with: ccx {path.stem}")
+    return [path]
+
+
+def calculix_file(output: Path) -> Path:
+    """Where the input file goes: NAME.inp, or what stands there and is no regular file, such as standard output."""
+    if is_standard_output(output) or output.suffix == ".inp" or (output.exists() and not output.is_file()):
+        return output
+    return output.with_name(output.name + ".inp")
+
+
+def input_deck(part_mesh: Exchange, count: int) -> str:
+    """The whole input file; `count` modes are asked for from the lowest up."""
+    out = io.StringIO()
+    out.write(f"*HEADING\n{part_mesh.name}: the whole {part_mesh.part}, SI units (m, kg, s, N), written by antinode\n")
+    out.write(f"** mesh sha256 {part_mesh.mesh.sha256}\n** mesh: {part_mesh.error_text}\n")
+    _nodes(out, part_mesh)
+    _elements(out, part_mesh)
+    for name, places in part_mesh.faces.items():
+        _set(out, f"*NSET, NSET={name}", part_mesh.nodes_of(name) + 1)
+        _surface(out, part_mesh, name, places)
+    out.write(rendered("calculix_materials.inp.j2", part=part_mesh, clamp=CLAMP, count=count))
+    return out.getvalue()
+
+
 def _is_coarse(part_mesh: Exchange, case: Case) -> bool:
     """Whether the mesh's error is known to exceed the accuracy."""
     return part_mesh.error is not None and part_mesh.error > case.solve.accuracy
@@ -136,22 +269,6 @@ def _estimated(part_mesh: Exchange, materials: dict[str, Material], log: Log) ->
         error = float(np.sum(recovery.errors(None, pencil, modes.vectors, values), axis=0).max(initial=0.0))
     ends = float(modes.frequency_hz.min()), float(modes.frequency_hz.max())
     return replace(part_mesh, error=MARGIN * error, estimated_hz=ends)
-
-
-def rendered(template: str, **values: Any) -> str:
-    """Text for another program from a template beside this module."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
-    loader = FileSystemLoader(Path(__file__).with_name("templates"))
-    return Environment(loader=loader, undefined=StrictUndefined, **look).get_template(template).render(values)
-
-
-def clamped_faces(part: str, mesh: Mesh) -> tuple[str, ...]:
-    """The faces that are clamped: both long sides of the zone, the pillar's foot, none of the plate's."""
-    if part == "zone":
-        return ("y-", "y+")
-    return ("foot" if "foot" in mesh.faces else "touch",) if part == "pillar" else ()
 
 
 def _faces(mesh: Mesh, facets: Facets, design: Design, part: str) -> dict[str, IntArray]:
@@ -223,15 +340,63 @@ def _smallest_m(design: Design, part: str) -> float:
     return min(sizes)
 
 
-def modes_below(case: Case, part: str, frequencies_hz: Sequence[float], log: Log) -> list[int]:
-    """How many modes, rigid ones included, a coarse model of the part has below each frequency: negative pivots of K - sM."""
-    coarse = replace(case, solve=case.solve.but(accuracy=max(case.solve.accuracy, COUNT_ACCURACY), model="auto"))
-    counts = [0] * len(frequencies_hz)
-    with log.step("count modes"):
-        model = parts.build(coarse, part, max(frequencies_hz), log, [])
-        for symmetry in model.symmetries:
-            pencil = model.pencil(symmetry)
-            factorise = Factoriser()
-            for i, frequency in enumerate(frequencies_hz):
-                counts[i] += factor_near(pencil, pencil.scale.eigenvalue(frequency), factorise)[0].negative
-    return counts
+def _bounds(case: Case, part_mesh: Exchange, log: Log) -> tuple[float, ...]:
+    """Ends of the sub-bands, Hz: as many as the modes in the band need; none when no band is asked for."""
+    if part_mesh.search.band_hz is None:
+        return ()
+    low, high = part_mesh.search.band_hz
+    low = max(low, ABOVE_RIGID_HZ)
+    below_low, below_high = modes_below(case, part_mesh.part, (low, high), log)
+    count = below_high - below_low
+    parts = max(1, ceil(count / MODES_A_BAND))
+    log.info(f"about {count} modes from {low:g} to {high:g} Hz: {parts} sub-band(s)")
+    return tuple(float(f) for f in np.linspace(low, high, parts + 1))
+
+
+def _note(part_mesh: Exchange, name: str) -> str:
+    search = part_mesh.search
+    window = f"--band {search.band_hz[0]:g}Hz:{search.band_hz[1]:g}Hz" if search.band_hz else f"--count {search.count}"
+    window = f"--near {search.near_hz:g}Hz {window}" if search.near_hz and not search.band_hz else window
+    about = {"element": VOLUME[part_mesh.mesh.kind, part_mesh.mesh.order], "clamp": CLAMP, "nodes": NODES}
+    return rendered("aster_README.txt.j2", part=part_mesh, name=name, window=window, **about)
+
+
+def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
+    """Number of modes to ask for: CalculiX begins at the lowest one whatever the band, so that those below count too."""
+    rigid = 0 if part_mesh.clamped else 6
+    if part_mesh.search.band_hz is None:
+        top = part_mesh.search.near_hz or 0.0
+        below = modes_below(case, part_mesh.part, (top,), log)[0] if top else rigid
+        return below + (part_mesh.search.count or 1)
+    high = part_mesh.search.band_hz[1]
+    below = modes_below(case, part_mesh.part, (high,), log)[0]
+    log.info(f"about {below} modes below {high:g} Hz: CalculiX finds them all before it drops those below the band")
+    return int(SPARE * below) + SPARE_MODES
+
+
+def _nodes(out: io.StringIO, part_mesh: Exchange) -> None:
+    """CalculiX reads at most 20 characters a number."""
+    out.write("*NODE, NSET=NALL\n")
+    numbers = np.arange(1, len(part_mesh.mesh.nodes) + 1)
+    np.savetxt(out, np.column_stack([numbers, part_mesh.mesh.nodes]), fmt="%d, %.12e, %.12e, %.12e")
+
+
+def _elements(out: io.StringIO, part_mesh: Exchange) -> None:
+    """Local nodes stand as in our tetrahedra: corners, then middles of 12, 23, 13, 14, 24, 34."""
+    for name, cells in part_mesh.volumes.items():
+        out.write(f"*ELEMENT, TYPE=C3D10, ELSET={name}\n")
+        np.savetxt(out, np.column_stack([cells + 1, part_mesh.mesh.cells[cells] + 1]), fmt="%d", delimiter=", ")
+
+
+def _set(out: io.StringIO, head: str, members: IntArray) -> None:
+    out.write(head + "\n")
+    for start in range(0, len(members), PER_LINE):
+        out.write(", ".join(str(n) for n in members[start : start + PER_LINE]) + ",\n")
+
+
+def _surface(out: io.StringIO, part_mesh: Exchange, name: str, places: IntArray) -> None:
+    """Faces of elements: our four stand in CalculiX's order S1 to S4."""
+    out.write(f"*SURFACE, NAME=S_{name}, TYPE=ELEMENT\n")
+    facets = part_mesh.facets
+    for cell, local in zip(facets.cells[places], facets.local[places], strict=True):
+        out.write(f"{cell + 1}, S{local + 1}\n")
