@@ -12,7 +12,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
-from studies.ritz_blocks import free_block_hz
+from studies.independent import free_block_hz
 from tests.helpers.laws import FIBRES, orthotropic
 from tests.helpers.recording_log import RecordingLog
 

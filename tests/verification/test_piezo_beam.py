@@ -26,7 +26,7 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.responses import circuit_shift, open_modes
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from studies.bonded_solid import bonded_solid, lifted
+from studies.independent import bonded_solid, lifted
 from tests.helpers.piezo_beam import (
     Section,
     cantilever_hz,

@@ -20,7 +20,7 @@ from pipeline.exchange.finite_elements import Exchange, clamped_faces, exchange
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import SolidModel
-from studies.ritz_blocks import free_block_hz
+from studies.independent import free_block_hz
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
 

@@ -1,4 +1,7 @@
-"""A plate and a piezo patch as solids that share the nodes of their bond, with the whole potential between the electrodes.
+"""Frequencies by other methods: Ritz for a free block, and plate and patch as solids that share their bond's nodes.
+
+Displacements are products of Legendre polynomials in x, y and z; the eight parities do not mix. Frequencies converge from
+above, fast, since stresses are bounded at the edges of a free block (visscher1991).
 
 Nothing of it is condensed, reduced or extrapolated by what a driven plate is computed with: the reference for that.
 """
@@ -6,31 +9,48 @@ Nothing of it is condensed, reduced or extrapolated by what a driven plate is co
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
+from numpy.polynomial import legendre
+from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import Boxes, bonded_boxes, hex_mesh
 from geometry.hex.scenes import Grading, HexSettings, grid_lines
 from geometry.layout import Design, Stand, region_materials
-from geometry.materials import PIEZO_MATERIALS, PiezoMaterial
+from geometry.materials import PIEZO_MATERIALS, Material, PiezoMaterial
 from geometry.mesh import Mesh
 from solvers.fem.assembly import System, assemble
 from solvers.fem.factor import Factoriser
 from solvers.fem.surface import face_quadrature
 from solvers.piezo.patch import with_potential
 
+RIGID = 1e-6  # of the largest eigenvalue's root: six motions have no stiffness but for rounding
+SIGNS = {"S": 0, "A": 1}  # the parity of u_z
+Parity = tuple[int, int, int]
+
 SAME_M = 1e-9
 NEAREST = 14  # modes of a quarter about the middle of a band, more than it holds
+
 SHRINK, EXPONENT = (
     0.3,
     0.55,
 )  # of elements towards an edge, and of displacements there (williams1952), within 0.03 for all pairs
+
 LEFT = SHRINK ** (2.0 * EXPONENT)  # of the error, after one more layer
 SIZE_M = 2e-3  # of elements of order 3 away from edges
 UNSURE = 0.3  # of the last step: what its extrapolation may be off by
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Integrals over one edge of products of normalised Legendre polynomials f and their slopes, (degree + 1)^2 each."""
+
+    slopes: FloatArray
+    mixed: FloatArray  # f'_i f_j
 
 
 @dataclass(frozen=True)
@@ -76,6 +96,43 @@ class SolidModes:
     height_step: FloatArray
 
 
+def free_block_hz(
+    material: Material, size_m: tuple[float, float, float], high_hz: float, degrees: tuple[int, int, int] = (10, 10, 10)
+) -> dict[str, FloatArray]:
+    """Natural frequencies of a free block up to `high_hz`, by symmetry class.
+
+    K a = (2 pi f)^2 M a with K from the strain energy of polynomials up to `degrees` along x, y and z.
+
+    Parameters
+    ----------
+    material : Material
+        Of axes along the edges.
+    size_m : tuple of float
+        Edges along x, y and z in m.
+    high_hz : float
+        Highest frequency in Hz.
+    degrees : tuple of int
+        Highest degree of the polynomials along x, y and z.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Frequencies in Hz, ascending, (n,) each, by class: SS, SA, AS or AA for u_z even (S) or odd (A) in x, then in y.
+        Rigid-body motions are left out.
+
+    References
+    ----------
+    visscher1991
+    """
+    axes = [_axis(degree, length) for degree, length in zip(degrees, size_m, strict=True)]
+    out = {}
+    for name in map("".join, product("SA", repeat=2)):
+        both = [_class_hz(material, axes, (SIGNS[name[0]], SIGNS[name[1]], odd)) for odd in (0, 1)]
+        every = np.sort(np.concatenate(both))
+        out[name] = every[every <= high_hz]
+    return out
+
+
 def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] = (1, 2)) -> SolidModes:
     """Modes about a frequency in the limit of meshes of so many layers: what one leaves of the error goes on alike."""
     coarse, fine = (_modes(bonded, middle_hz, each) for each in layers)
@@ -88,6 +145,73 @@ def solid_modes(bonded: BondedPlate, middle_hz: float, layers: tuple[int, int] =
 def height(frequency_hz: FloatArray, gain: FloatArray, heave: FloatArray, weights: FloatArray) -> FloatArray:
     """Mean-square u_z of each mode's peak on the touch face over volts, up to one factor for all."""
     return np.asarray(np.abs(gain) * np.sqrt(weights @ heave**2 / weights.sum()) / frequency_hz**2)
+
+
+def bonded_solid(plate: System, patch: Mesh, material: PiezoMaterial, thickness_m: float) -> BondedSolid:
+    """Join an assembled plate and a patch where their nodes meet."""
+    both, mass, theta, capacitance = with_potential(patch, material, thickness_m)
+    size = 3 * len(patch.nodes)
+    place = np.round(np.vstack([plate.mesh.nodes, patch.nodes]) / SAME_M).astype(np.int64)
+    unique, number = np.unique(place, axis=0, return_inverse=True)
+    below, above = (_spread(own, len(unique)) for own in np.split(number.ravel(), [len(plate.mesh.nodes)]))
+    unit, heavy = plate.scale.young_pa * plate.scale.length_m, sp.kron(plate.mass, sp.eye_array(3))
+    return BondedSolid(
+        sp.csr_array(below @ (unit * plate.stiffness) @ below.T + above @ sp.csr_array(both[:size, :size]) @ above.T),
+        sp.csr_array(
+            below @ (plate.scale.mass_kg * heavy) @ below.T + above @ sp.csr_array(mass[:size, :size]) @ above.T
+        ),
+        above @ theta[:size],
+        capacitance,
+        unique,
+        below,
+        (sp.csr_array(above @ both[:size, size:]), sp.csr_array(-both[size:, size:])),
+    )
+
+
+def lifted(patch: Mesh, plate: Mesh) -> Mesh:
+    """A patch whose mesh starts at z = 0, on a bare plate's back."""
+    return replace(patch, nodes=patch.nodes + np.array([0.0, 0.0, plate.nodes[:, 2].max()]))
+
+
+def _axis(degree: int, length_m: float) -> _Axis:
+    points, weights = legendre.leggauss(degree + 1)
+    scale = np.sqrt((2.0 * np.arange(degree + 1) + 1.0) / length_m)
+    value = legendre.legvander(points, degree) * scale
+    slope = legendre.legval(points, legendre.legder(np.eye(degree + 1))).T * scale * (2.0 / length_m)
+    heavy = (length_m / 2.0 * weights)[:, None]
+    return _Axis(slope.T @ (heavy * slope), slope.T @ (heavy * value))
+
+
+def _class_hz(material: Material, axes: list[_Axis], parity: Parity) -> FloatArray:
+    """Frequencies above 0 of the motions whose u_z has these parities along x, y and z: u_x is odd in x where u_z is even."""
+    kept = [
+        [np.arange((each + (axis != 2) * (axis == component) + (axis == 2) * (component != 2)) % 2, len(one.slopes), 2)
+         for axis, (one, each) in enumerate(zip(axes, parity, strict=True))]
+        for component in range(3)
+    ]  # fmt: skip
+    blocks = [[_block(material, axes, kept, i, j) for j in range(3)] for i in range(3)]
+    values = eigh(np.block(blocks) / material.density_kg_m3, eigvals_only=True)
+    omega = np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(omega[omega > RIGID * omega[-1]] / (2.0 * np.pi))
+
+
+def _block(material: Material, axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int) -> FloatArray:
+    """Stiffness between the displacements i and j: C_ikjl d_k u_i d_l u_j."""
+    law = material.tensor_pa[i, :, j]
+    return np.asarray(
+        sum(law[left, right] * _product(axes, kept, i, j, left, right) for left, right in np.argwhere(law))
+    )
+
+
+def _product(axes: list[_Axis], kept: list[list[IntArray]], i: int, j: int, left: int, right: int) -> FloatArray:
+    """Integral of d_left f d_right g over the block, f and g the functions of the displacements i and j."""
+    out: FloatArray = np.ones((1, 1))
+    for axis, one in enumerate(axes):
+        same = np.eye(len(one.slopes))
+        kinds = {(1, 1): one.slopes, (1, 0): one.mixed, (0, 1): one.mixed.T, (0, 0): same}
+        matrix = kinds[left == axis, right == axis]
+        out = np.asarray(np.kron(out, matrix[np.ix_(kept[i][axis], kept[j][axis])]))
+    return np.asarray(out)
 
 
 def _modes(bonded: BondedPlate, middle_hz: float, layers: int) -> tuple[FloatArray, FloatArray]:
@@ -143,32 +267,6 @@ def _nearest(stiffness: sp.csc_array, mass: sp.csc_array, shift: float) -> tuple
     values, vectors = spla.eigsh(stiffness, NEAREST, mass, sigma=shift, OPinv=inverse, v0=start)
     upwards = np.argsort(values)
     return values[upwards], vectors[:, upwards]
-
-
-def bonded_solid(plate: System, patch: Mesh, material: PiezoMaterial, thickness_m: float) -> BondedSolid:
-    """Join an assembled plate and a patch where their nodes meet."""
-    both, mass, theta, capacitance = with_potential(patch, material, thickness_m)
-    size = 3 * len(patch.nodes)
-    place = np.round(np.vstack([plate.mesh.nodes, patch.nodes]) / SAME_M).astype(np.int64)
-    unique, number = np.unique(place, axis=0, return_inverse=True)
-    below, above = (_spread(own, len(unique)) for own in np.split(number.ravel(), [len(plate.mesh.nodes)]))
-    unit, heavy = plate.scale.young_pa * plate.scale.length_m, sp.kron(plate.mass, sp.eye_array(3))
-    return BondedSolid(
-        sp.csr_array(below @ (unit * plate.stiffness) @ below.T + above @ sp.csr_array(both[:size, :size]) @ above.T),
-        sp.csr_array(
-            below @ (plate.scale.mass_kg * heavy) @ below.T + above @ sp.csr_array(mass[:size, :size]) @ above.T
-        ),
-        above @ theta[:size],
-        capacitance,
-        unique,
-        below,
-        (sp.csr_array(above @ both[:size, size:]), sp.csr_array(-both[size:, size:])),
-    )
-
-
-def lifted(patch: Mesh, plate: Mesh) -> Mesh:
-    """A patch whose mesh starts at z = 0, on a bare plate's back."""
-    return replace(patch, nodes=patch.nodes + np.array([0.0, 0.0, plate.nodes[:, 2].max()]))
 
 
 def _spread(nodes: IntArray, count: int) -> sp.csr_array:

@@ -1,7 +1,10 @@
-"""Factorisations of this machine on matrices of real problems: `python -m studies.benchmarks.factorisations`.
+"""Factorisations and Lanczos on matrices of real problems: `python -m studies.benchmarks.linear_algebra`.
 
 K - sigma M of the quarter plate with pillars (hexahedra of order 3, 32 kHz) in four sizes, and of a cube of quadratic
 tetrahedra, the bulkiest solid there is.
+
+The same modes of a band, counted, by `solvers.fem.block_lanczos` and by ARPACK (scipy's `eigsh`), both with the same factor;
+then all modes of wide windows of a plate of six rows, at most so many from one shift.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +25,29 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import split_hexahedra
+from pipeline.case.model import Case, load_case
+from pipeline.logs import TerminalLog
+from pipeline.models import parts
+from pipeline.paths import STUDIES
+from pipeline.quantity import KHZ
+from solvers.fem import block_lanczos
+from solvers.fem.eigen import PlainPencil, modes_in_band
 from solvers.fem.factor import Factoriser
 from solvers.fem.solid import SolidModel
 from solvers.machine import factorisations, peak_bytes, resident_bytes
 from studies.benchmarks import ran, timed
 from studies.extremes import box
 
-MODULE = "studies.benchmarks.factorisations"
+MODULE = "studies.benchmarks.linear_algebra"
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)
 SHIFT_HZ = 32e3
 LONG = 30_000  # degrees of freedom above which a run is repeated less
 
-
-def _shifted(model: SolidModel, symmetry: str | None) -> sp.csc_array:
-    pencil = model.pencil(symmetry)
-    return sp.csc_array(pencil.stiffness - pencil.scale.eigenvalue(SHIFT_HZ) * pencil.mass)
+CASE = STUDIES / "three-rows.toml"
+BAND_HZ = (25e3, 45e3)
+REPEATS = 3
+WIDE_HZ, WIDEST = ((20e3, 60e3), (10e3, 110e3)), (120, 300)
 
 
 def plate(length_m: float, rows: int, order: int, size_m: float) -> sp.csc_array:
@@ -53,7 +64,12 @@ def cube(cuts: int) -> sp.csc_array:
     return _shifted(SolidModel(mesh, {"body": ALUMINIUM}, (), False), None)
 
 
-PROBLEMS: dict[str, Callable[[], sp.csc_array]] = {
+def _shifted(model: SolidModel, symmetry: str | None) -> sp.csc_array:
+    pencil = model.pencil(symmetry)
+    return sp.csc_array(pencil.stiffness - pencil.scale.eigenvalue(SHIFT_HZ) * pencil.mass)
+
+
+MATRICES: dict[str, Callable[[], sp.csc_array]] = {
     "plate 1k": lambda: plate(20e-3, 1, 2, 4e-3),
     "plate 10k": lambda: plate(60e-3, 1, 3, 4e-3),
     "plate 60k": lambda: plate(115.5e-3, 3, 3, 2e-3),
@@ -87,7 +103,7 @@ def one(path: Path, backend: str) -> dict[str, Any]:
     }
 
 
-def main() -> None:
+def compare_factorisations() -> None:
     """Print the table; times in s, memory in MB over interpreter and matrix."""
     print(
         "first: analysis, factor and its check; next: the same pattern again; ten: ten solves, one by one and at once"
@@ -97,11 +113,65 @@ def main() -> None:
         f"{'foreseen':>8} {'peak':>7} {'held':>7} {'negative':>8}"
     )
     with tempfile.TemporaryDirectory() as folder:
-        for name, problem in PROBLEMS.items():
+        for name, problem in MATRICES.items():
             matrix, path = problem(), Path(folder, "matrix.npz")
             sp.save_npz(path, matrix, compressed=False)
             for backend in factorisations():
                 print(f"{name:11} {matrix.shape[0]:8d} {backend:8} {_figures(path, backend)}", flush=True)
+
+
+def _case(*overrides: str) -> Case:
+    return load_case(CASE, overrides)
+
+
+def _pencil(part: str, symmetry: str, *overrides: str) -> PlainPencil:
+    model = parts.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
+    return model.pencil(symmetry)
+
+
+PENCILS: dict[str, tuple[Callable[[], PlainPencil], tuple[float, float]]] = {
+    "lone pillar": (lambda: _pencil("pillar", "SS", "solve.accuracy=0.003"), (0.0, 900e3)),
+    "bare zone": (lambda: _pencil("zone", "SS", "solve.accuracy=0.003"), (0.0, 250e3)),
+    "assembled plate": (lambda: _pencil("plate", "SS", "solve.accuracy=0.01"), BAND_HZ),
+    "solid plate": (
+        lambda: _pencil(
+            "plate", "SS", "solve.model=solid", "solve.accuracy=0.03", "array.rows=1", "array.extension_mm=0"
+        ),
+        BAND_HZ,
+    ),
+}
+
+
+def slices() -> None:
+    """Print a line a window and a width of slices."""
+    print(f"{'window, kHz':>14} {'dofs':>8} {'modes':>5} {'a shift':>8} {'factorisations':>14} {'time':>8}")
+    pencil = _pencil("plate", "SS", "solve.accuracy=0.003", "array.rows=6")
+    most_before = block_lanczos.MAX_SLICE
+    for low, high in WIDE_HZ:
+        for block_lanczos.MAX_SLICE in WIDEST:
+            solve = partial(modes_in_band, pencil, low, high)
+            modes, taken = solve(), timed(solve, 1)
+            window = f"{low / KHZ:g} to {high / KHZ:g}"
+            figures = f"{block_lanczos.MAX_SLICE:8} {modes.factorisations:14} {taken:6.1f} s"
+            print(f"{window:>14} {pencil.dof:8} {len(modes.frequency_hz):5} {figures}", flush=True)
+    block_lanczos.MAX_SLICE = most_before
+
+
+def compare_lanczos() -> None:
+    """Print a line a problem."""
+    print(f"{'problem':14} {'dofs':>8} {'modes':>5} {'block':>8} {'single':>8} {'ratio':>6} {'largest difference':>19}")
+    bytes_before = block_lanczos.BYTES
+    for name, (make, band_hz) in PENCILS.items():
+        pencil = make()
+        solve = partial(modes_in_band, pencil, *band_hz)
+        ours, block = solve(), timed(solve, REPEATS)
+        block_lanczos.BYTES = 0.0
+        theirs, single = solve(), timed(solve, REPEATS)
+        block_lanczos.BYTES = bytes_before
+        apart = float(np.abs(ours.frequency_hz / theirs.frequency_hz - 1.0).max())
+        count = len(ours.frequency_hz)
+        print(f"{name:14} {pencil.dof:8} {count:5} {block:6.2f} s {single:6.2f} s {single / block:6.2f} {apart:19.1e}")
+    slices()
 
 
 def _figures(path: Path, backend: str) -> str:
@@ -121,4 +191,5 @@ if __name__ == "__main__":
     if len(sys.argv) > 1:
         print(json.dumps(one(Path(sys.argv[1]), sys.argv[2])))
     else:
-        main()
+        compare_factorisations()
+        compare_lanczos()
