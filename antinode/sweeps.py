@@ -22,8 +22,7 @@ from pipeline.process import terminable
 from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
-from pipeline.records.frames import dataset, frame, html_table
-from pipeline.records.outputs import csv_bytes, write_file
+from pipeline.records.outputs import csv_bytes, dataset, frame, html_table, write_file
 from pipeline.records.part import Frozen
 from pipeline.records.record import first_fault
 from pipeline.records.store import BadRecord

@@ -210,9 +210,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return full_fields(self.solved)
 
     def _repr_html_(self) -> str:
-        from pipeline.records.frames import html_table
-
-        return super()._repr_html_() + html_table(*self._read(), self._marked)
+        return super()._repr_html_() + outputs.html_table(*self._read(), self._marked)
 
     def __repr__(self) -> str:
         ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []

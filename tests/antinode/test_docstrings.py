@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HOMES = [*(f"antinode.{name}" for name in ("plate", "sweeps")),
          *sorted({each.__module__ for each in registered().values()}),
          "pipeline.case.schema", "pipeline.models.mode_parts",
-         "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
+         "pipeline.records.outputs", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
 SLOW = {  # a second and more, run by `make test-all`
