@@ -25,9 +25,8 @@ from pipeline import quantity
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import parts
-from pipeline.models.modes import Request, with_defaults
 from pipeline.planning import mesh_rules
-from pipeline.planning.model_choice import check_model
+from pipeline.planning.model_choice import Request, check_model, with_defaults
 from pipeline.records.outputs import delivered, is_standard_output, write_file
 from solvers.accuracy.mesh import StressRecovery
 from solvers.accuracy.reduction import MARGIN

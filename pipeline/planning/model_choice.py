@@ -19,10 +19,9 @@ from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
-from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from pipeline.quantity import figure, percent
-from solvers.accuracy.calibration import HEX, TET, TET_ORDER
+from solvers.accuracy.calibration import HEX, TET, TET_ORDER, MeshLevel
 from solvers.errors import SolverError
 from solvers.measures.confinement import wanted_symmetry
 from solvers.superelement.interface import ReductionSettings

@@ -43,14 +43,13 @@ from solvers.fem.assembly import on_components
 from solvers.fem.eigen import PlainPencil, count_below
 from solvers.fem.factor import Factoriser, side_by_side
 from solvers.superelement.cell import Cell, MeshError, ResidualModes, check_rigid
-from solvers.superelement.lattice import ReducedLattice, Waves
-from solvers.superelement.periodic import Periodic
 from solvers.superelement.plate import AssembledPlate
 from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
 
 if TYPE_CHECKING:
-    from solvers.superelement.periodic import BlochPlate
+    from solvers.superelement.lattice import ReducedLattice, Waves
+    from solvers.superelement.periodic import BlochPlate, Periodic
 
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
 MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive

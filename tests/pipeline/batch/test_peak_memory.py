@@ -44,6 +44,6 @@ def test_what_only_refers_to_itself_is_freed(left_behind: weakref.ref[Plate]) ->
 def test_a_case_leaves_nothing_to_the_next_one(left_behind: weakref.ref[Plate], tmp_path: Path) -> None:
     seen = []
     (case,) = fake_study.jobs(1)
-    mark = job.fingerprint.current()
+    mark = job.store.current_fingerprint()
     job.run_case(lambda payload, folder, log: seen.append(left_behind() is None) or {}, case, tmp_path, mark)
     assert seen == [False] and left_behind() is None

@@ -57,7 +57,7 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a factorisation that is not installed was asked for")
 
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
-    monkeypatch.setattr(machine, "available", lambda: ("superlu",))
+    monkeypatch.setattr(machine, "factorisations", lambda: ("superlu",))
     monkeypatch.setattr(factor, "Rslab", absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
     monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
