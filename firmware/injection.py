@@ -1,6 +1,6 @@
 """Lets go wrong what can while a plate is held, and tells how soon the outputs rest: `python -m firmware.injection`.
 
-On the rig of firmware.host.rig, at every tick of a second: faults that interrupts find, broken sensors (also while the level
+On the rig of firmware.closed_loop, at every tick of a second: faults that interrupts find, broken sensors (also while the level
 swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
 the emulated board, with the unmodified images of both builds, the interrupts themselves, the sensors and the flipped bits, at
 every 101st tick of a second (six channels: every 17th): numbers without a common divisor with the ticks of a window and of a
@@ -20,9 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from firmware.build import BuildError, build
-from firmware.control_table import GAIN, held_plate, write_into_page
+from firmware.closed_loop import GAIN, SingleRig, held_plate, write_into_page
 from firmware.host import NoCompiler, load
-from firmware.host.rig import SingleRig
 from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)

@@ -1,6 +1,6 @@
 /* A test rig: the single-mode application and a plate in double precision, in lock step, a second in some ten milliseconds.
  *
- * The plate's coefficients are computed in Python (firmware/host/rig.py); they may change between two runs.
+ * The plate's coefficients are computed in Python (firmware/closed_loop.py); they may change between two runs.
  */
 #ifndef RIG_H
 #define RIG_H

@@ -12,7 +12,7 @@ import pytest
 
 from firmware import injection
 from firmware.build import BuildError
-from firmware.control_table import held_plate
+from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from firmware.control_table import held_plate
+from firmware.closed_loop import held_plate
 from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import held
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from firmware.closed_loop import SingleRig
 from firmware.emulate.images import SixView
 from firmware.emulate.plant import (
     CHANNELS,
@@ -21,7 +22,6 @@ from firmware.emulate.plant import (
     dac_level,
 )
 from firmware.host import Supervised, load
-from firmware.host.rig import SingleRig
 
 
 class Orders(Supervised):
