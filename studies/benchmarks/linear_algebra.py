@@ -25,7 +25,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import split_hexahedra
-from pipeline.case.model import Case, load_case
+from pipeline.case.model import load_case
 from pipeline.logs import TerminalLog
 from pipeline.models import parts
 from pipeline.paths import STUDIES
@@ -120,12 +120,8 @@ def compare_factorisations() -> None:
                 print(f"{name:11} {matrix.shape[0]:8d} {backend:8} {_figures(path, backend)}", flush=True)
 
 
-def _case(*overrides: str) -> Case:
-    return load_case(CASE, overrides)
-
-
 def _pencil(part: str, symmetry: str, *overrides: str) -> PlainPencil:
-    model = parts.build(_case(*overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
+    model = parts.build(load_case(CASE, overrides), part, BAND_HZ[1], TerminalLog(quiet=True), [])
     return model.pencil(symmetry)
 
 
