@@ -292,8 +292,8 @@ def of_plate(design: Design) -> Compared:
 
 def compare(counts: dict[str, int], folder: Path | None = None, seed: int = SEED) -> list[Compared]:
     """Every scene of every part, so many of each, a progress bar meanwhile; those in `folder` are taken from there."""
-    wanted = [(part, i, scene) for part, count in counts.items() for i, scene in enumerate(scenes(part, count, seed))]
-    return [_kept(part, scene, folder and folder / f"{part}-{i}.npz") for part, i, scene in track(wanted, "scenes")]
+    drawn = [(part, i, scene) for part, count in counts.items() for i, scene in enumerate(scenes(part, count, seed))]
+    return [_kept(part, scene, folder and folder / f"{part}-{i}.npz") for part, i, scene in track(drawn, "scenes")]
 
 
 def _with_height(design: Design, slenderness: float) -> Design:
@@ -372,7 +372,7 @@ def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> 
     mesh = mesh_rules.cell_mesh(design, level)
     bare_m = mesh_rules.bare_size_m(design, mesh.order)
     assert bare_m
-    settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.wanted_window_hz(design)[1])
+    settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.target_window_hz(design)[1])
     settings = replace(settings, hexahedra=mesh, bare_size_m=shrunk * bare_m)
     model = PlateModel(design, Reductions(design.stack, design.pillar, settings))
     tones, bars = [], []

@@ -37,7 +37,7 @@ from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, Toleranc
 from pipeline.errors import InputError
 from pipeline.quantity import GRAM, MM, UM
 from solvers.analytic.beams import antinodes, free_free_mode
-from solvers.measures.confinement import wanted_symmetry
+from solvers.measures.confinement import target_symmetry
 
 MAX_LISTED = 3  # patches or pairs of them that are named
 TOUCHING = 1e-9  # relative to the patch: boxes that share an edge do not overlap
@@ -105,18 +105,18 @@ class Case:
     overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
 
     @property
-    def symmetry_wanted(self) -> str | None:
-        """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is.
+    def target_symmetry(self) -> str | None:
+        """Mirror signs of u_z in the target mode, x then y: N nodes are even when N is.
 
         None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
         """
         if "zone" not in self.given or not self.design.is_mirrored:
             return None
-        return wanted_symmetry(self.design.nodal_lines)
+        return target_symmetry(self.design.nodal_lines)
 
     @property
-    def kx_wanted_per_m(self) -> float:
-        """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
+    def target_kx_per_m(self) -> float:
+        """Wavenumber along the zone of the target mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
         half = self.design.half_wavelength_m
         return pi / half if half else 0.0
 
@@ -413,7 +413,7 @@ def _fingertip(values: CaseValues) -> Fingertip:
 
 
 def _middle_antinode_m(design: Design) -> float:
-    """x of the wanted mode's antinode nearest the plate's centre; the centre for a rigid motion."""
+    """x of the target mode's antinode nearest the plate's centre; the centre for a rigid motion."""
     lines = design.nodal_lines
     if lines < 2:
         return 0.0

@@ -312,7 +312,7 @@ class Tables:
 
 
 class Zone(TypedDict, total=False):
-    """The active zone: a strip length_mm along x and width_mm across; the wanted mode has nodal_lines nodes along x.
+    """The active zone: a strip length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
 
     >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]

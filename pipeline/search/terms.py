@@ -64,7 +64,7 @@ class Range(NamedTuple):
 
 
 class FidelityResult(Part):
-    """The wanted mode of one design as one model computed it; None where it has none, and then the reason.
+    """The target mode of one design as one model computed it; None where it has none, and then the reason.
 
     With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
     """
@@ -171,13 +171,13 @@ class Limits(Part):
         return violations
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
-        """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
+        """Limits that the target mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
-            violations.append((f"MAC {figure(mac)} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+            violations.append((f"MAC {figure(mac)} to the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:

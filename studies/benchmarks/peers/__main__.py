@@ -29,7 +29,7 @@ from studies.benchmarks.peers.scene import KEPT, PARTS, merged, task
 
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 TARGETS = (0.01, 0.003, 0.001)
-WINDOW = 0.1  # about the reference, relative: where a plate's wanted mode is looked for
+WINDOW = 0.1  # about the reference, relative: where a plate's target mode is looked for
 MIN_ERROR = 1e-6  # errors below are drawn here
 ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than the one below it
 
@@ -56,7 +56,7 @@ TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular 
     "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1), (4, 4.0, 2)),
 }
 
-# elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
+# elements across a pillar: with one its bending lies so high that it mixes with the target mode
 MIN_ACROSS = {"plate": 2}
 
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
@@ -71,7 +71,7 @@ ELEMENT, LOWEST = {"plate": "C3D20"}, {"plate": 70}  # one layer of C3D20R moves
 
 @dataclass(frozen=True)
 class Solution:
-    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the wanted shape."""
+    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the target shape."""
 
     part: str
     program: str
@@ -111,7 +111,7 @@ def error(solution: Solution, reference: Solution) -> float:
     return float(errors[np.argmax(np.abs(errors))])
 
 
-def wanted_error(solution: Solution, reference: Solution) -> float | None:
+def target_error(solution: Solution, reference: Solution) -> float | None:
     """The same of the zone's mode (0, 8) alone; None of other parts."""
     return float(_errors(solution, reference)[ZONE_MODE]) if solution.part == "zone" else None
 
@@ -124,7 +124,7 @@ def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[s
     ]
     for one in results:
         known = references[one.part]
-        of_mode = wanted_error(one, known)
+        of_mode = target_error(one, known)
         error_columns = (
             ("reference", "")
             if one == known
@@ -280,7 +280,7 @@ def _errors(solution: Solution, reference: Solution) -> np.ndarray:
 
 
 def _strongest(solution: Solution, near_hz: float) -> float:
-    """The frequency of the mode of largest strength in the wanted shape, of those about the reference."""
+    """The frequency of the mode of largest strength in the target shape, of those about the reference."""
     hz = np.array(solution.frequencies_hz[0])
     about = np.abs(hz / near_hz - 1.0) < WINDOW
     return float(hz[int(np.argmax(np.where(about, solution.strengths, -1.0)))])
