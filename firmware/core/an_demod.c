@@ -3,7 +3,7 @@
 #include "an_complex.h"
 #include "an_sincos.h"
 
-/* sum of cos(n theta) over N samples placed evenly about zero: sin(N theta / 2) / sin(theta / 2). */
+/* Dirichlet kernel: the sum of cos(n theta) over N samples centred on zero, sin(N theta / 2) / sin(theta / 2). */
 static float dirichlet(uint32_t half_step, uint32_t window)
 {
     const float low = an_turn(half_step).im;
