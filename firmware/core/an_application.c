@@ -204,10 +204,12 @@ an_result an_application_started(an_application *app, const an_build *build, boo
     return result_of(done);
 }
 
-static an_result check_table(const an_application *app, const an_build *build, const an_table *staged, an_message *reply)
+static an_result check_table(const an_application *app, const an_build *build, const an_table *staged,
+                             an_message *reply)
 {
     const an_table_result found = build->accepts(staged, app->sample_rate_hz);
-    return found == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor)) : an_protocol_refuse(reply, found);
+    return found == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor))
+                                : an_protocol_refuse(reply, found);
 }
 
 /* Check the payload length of a request. Samples come in any number; each build checks its own requests. */

@@ -297,7 +297,7 @@ static void follow(an_application *base)
     const volatile uint32_t *noted = &app->slow.noted;
     const uint32_t written = *noted;
     atomic_signal_fence(memory_order_acquire);
-    const float target = app->slow.reference * app->slow.envelope; /* a constant envelope is no disturbance */
+    const float target = app->slow.reference * app->slow.envelope; /* a constant envelope does not disturb it */
     if (target != app->followed_reference) {
         app->followed_reference = target;
         an_track_disturb(&app->track);
