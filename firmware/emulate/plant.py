@@ -108,6 +108,7 @@ class PlateSimulation:
         self.residues = [_residue(resonance, plate.displacement) for resonance in plate.resonances]
         self.states = [0j] * len(self.poles)
         self.decays = [cmath.exp(pole * self.period_s) for pole in self.poles]
+        # The dead time is whole samples plus a part, during which the older of two drives still acts in each sample.
         whole, part = divmod(plate.delay_s / self.period_s, 1.0)
         late_s = part * self.period_s
         self.push_new = [_hold_response(pole, self.period_s - late_s) for pole in self.poles]

@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+/* Random number in (0, 1) from a 64-bit xorshift generator. */
 static double uniform(rig_plate *plate)
 {
     plate->random ^= plate->random << 13;
@@ -10,6 +11,7 @@ static double uniform(rig_plate *plate)
     return ((double)(plate->random >> 11) + 0.5) * (1.0 / 9007199254740992.0);
 }
 
+/* Standard normal random number by the Box-Muller method. */
 static double gauss(rig_plate *plate)
 {
     const double radius = sqrt(-2.0 * log(uniform(plate)));

@@ -119,7 +119,7 @@ def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr(actions, "CAPTURE_S", 0.05)
     client = Client(FakePort())
     client.captured = lambda start: Captured(2, 2048, 2, (2048, 2048)[start:])
-    with pytest.raises(BoardError, match="stands at 2 of 2048"):
+    with pytest.raises(BoardError, match="stalled at 2 of 2048"):
         actions.capture(client, Namespace(file=tmp_path / "x.csv", every=1))
     assert not (tmp_path / "x.csv").exists()
 

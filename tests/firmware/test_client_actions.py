@@ -276,7 +276,7 @@ def port_of(device: str, vid: int | None) -> Namespace:
     ("ports", "code", "words"),
     [
         ([], 5, "no board found (other serial ports: none)"),
-        ([("/dev/ttyS0", None)], 5, "other ports: /dev/ttyS0"),
+        ([("/dev/ttyS0", None)], 5, "other serial ports: /dev/ttyS0"),
         (
             [("/dev/ttyACM0", 0x0483), ("/dev/ttyACM1", 0x0483)],
             2,

@@ -38,7 +38,7 @@ typedef struct {
 } an_basis;
 
 /* Control law of a plate that needs the drive taken = 1 / G' per unit amplitude. A finger changes G' and tau' alike, so
- * that b = G / tau is known and T / tau' = b T / G': spent is 1 - a. The prediction from the middle of the window to
+ * that b = G / tau is known and T / tau' = b T / G'; spent is 1 - a'. The prediction from the middle of the window to
  * the time when the answer takes effect is U = decay * (measured U) + push * (last drive). */
 static an_pi_law law_of(const an_basis *basis, float taken, uint32_t limited)
 {

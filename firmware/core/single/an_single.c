@@ -261,6 +261,7 @@ static void identify(an_application *base)
         }
         const float share = 1.0f / (float)app->slow.jobs[app->slow.hand.active & 1u].average;
         const an_complex mean = an_scale(app->slow.total, share);
+        /* variance of the mean of n windows due to noise: (mean of |U|^2 - |mean of U|^2) / (n - 1), share = 1 / n */
         const float spread = share * app->slow.energy - an_abs2(mean);
         an_ident_answer(&app->ident, mean, spread > 0.0f ? spread * share / (1.0f - share) : 0.0f);
     }

@@ -124,7 +124,7 @@ static bool post_track(an_six *app)
     if (job == NULL) {
         return false;
     }
-    const float x = period_s(app) / app->shape.tau_s;
+    const float x = period_s(app) / app->shape.tau_s; /* an implicit Euler step has the weight x / (1 + x) */
     const an_complex ahead = an_turn(app->step);
     for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
         job->inverse[i] = an_mul(app->shaping.inverse[i], ahead);
