@@ -1,7 +1,8 @@
-"""What the closed loop stands: stable, slow or tripped, over plates the table describes rightly and wrongly.
+"""Robustness of the closed loop: settled, slow or tripped, for plates that differ from the mode table.
 
-`python -m firmware.control_table` prints the tables of docs/bring-up.md in Markdown; --write puts them there, between the
-marks that name this command. Each entry is a second of the single-mode application on the rig of firmware.host.rig.
+`python -m firmware.control_table` prints the tables of docs/bring-up.md in Markdown; --write inserts them there,
+between the marks that name this command. Each entry is a second of the single-mode application on the rig of
+firmware.host.rig.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from firmware.protocol import RUN
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
 QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
-SHARE = 0.2  # of what full drive holds
+SHARE = 0.2  # of the amplitude at full drive
 SLOW_S, UNSTEADY = 5e-3, 0.05
 PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
 END = "<!-- end -->\n"
@@ -31,7 +32,7 @@ END = "<!-- end -->\n"
 
 @dataclass(frozen=True)
 class Case:
-    """What is unlike the table; neighbour, its gain at +200 Hz over the mode's own."""
+    """Deviations of the plate from the table; neighbour is the relative gain of a mode at +200 Hz."""
 
     off_hz: float = 0.0
     detuning_hz: float = 0.0
@@ -41,16 +42,16 @@ class Case:
 
 
 ROWS = (
-    ("plate off the table, Hz", "off_hz", (-300.0, -100.0, -30.0, 30.0, 100.0, 300.0), 1.0),
-    ("asked away from resonance, Hz", "detuning_hz", (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0), 1.0),
-    ("sensor shows so many times the motion", "sensitivity", (0.3, 0.5, 0.7, 1.3, 2.0, 3.0), 1.0),
-    ("delay that the table does not know, us", "late_s", (-6.0, -4.0, 4.0, 6.0, 7.0, 8.0), 1e-6),
-    ("neighbour at +200 Hz that it does not know, times the mode", "neighbour", (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0), 1.0),
-)  # title, what differs, values, their unit
+    ("resonance offset from the table, Hz", "off_hz", (-300.0, -100.0, -30.0, 30.0, 100.0, 300.0), 1.0),
+    ("requested detuning, Hz", "detuning_hz", (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0), 1.0),
+    ("sensor sensitivity, times nominal", "sensitivity", (0.3, 0.5, 0.7, 1.3, 2.0, 3.0), 1.0),
+    ("delay missing from the table, us", "late_s", (-6.0, -4.0, 4.0, 6.0, 7.0, 8.0), 1e-6),
+    ("unknown neighbour at +200 Hz, times the mode", "neighbour", (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0), 1.0),
+)  # title, field of Case, values, unit
 
 
 def mode_table(quality_factor: float) -> bytes:
-    """A table with one measured mode."""
+    """Make a table with one measured mode."""
     gain, delay_s = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
     measured = {"gain": gain, "delay_s": delay_s, "tau_identified": True, "frequency_identified": True}
     mode = Mode.from_quality_factor(TRUE_HZ, quality_factor, amplitude_limit=0.9, **measured)
@@ -58,13 +59,17 @@ def mode_table(quality_factor: float) -> bytes:
 
 
 def held_plate(quality_factor: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
-    """A table and the plate that it describes."""
+    """Make a table and the plate that it describes."""
     own = Resonance(TRUE_HZ, quality_factor / math.pi / TRUE_HZ, GAIN)
     return mode_table(quality_factor), Plate((own,), delay_s=DELAY_S, noise=noise)
 
 
 def entry(quality_factor: float, case: Case) -> str:
-    """Such as "1.9" (ms to 95 % of the envelope), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms after the step)."""
+    """Simulate one case and return its entry in the table.
+
+    Examples: "1.9" (ms until the envelope stays within 5 %), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms
+    after the step).
+    """
     table, plate = held_plate(quality_factor)
     own = replace(plate.resonances[0], frequency_hz=TRUE_HZ + case.off_hz)
     tau_s = plate.resonances[0].tau_s
@@ -95,7 +100,7 @@ def _outcome(size: np.ndarray, runs: np.ndarray, reference: float, rig: SingleRi
 
 
 def markdown() -> str:
-    """All tables."""
+    """Return all tables."""
     lines = []
     for title, name, values, unit in ROWS:
         lines += [f"| {title} | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"]
@@ -108,7 +113,7 @@ def markdown() -> str:
 
 
 def write_into_page(command: str, text: str) -> None:
-    """Replaces what docs/bring-up.md shows between the mark that names the command and the next end."""
+    """Replace the part of docs/bring-up.md between the mark that names the command and the next end mark."""
     mark = f"<!-- {command} -->\n"
     before, rest = PAGE.read_text().split(mark, 1)
     PAGE.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
@@ -116,9 +121,9 @@ def write_into_page(command: str, text: str) -> None:
 
 
 def print_or_write(module: str, about: str | None, text: Callable[[], str], arguments: list[str] | None) -> int:
-    """The command line of a module whose table stands in docs/bring-up.md; returns the exit code."""
+    """Run the command line of a module whose table is part of docs/bring-up.md; return the exit code."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
-    parser.add_argument("--write", action="store_true", help="put what is printed into docs/bring-up.md")
+    parser.add_argument("--write", action="store_true", help="write the output to docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     try:
         table = text()
@@ -133,7 +138,7 @@ def print_or_write(module: str, about: str | None, text: Callable[[], str], argu
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     return print_or_write("firmware.control_table", __doc__, markdown, arguments)
 
 

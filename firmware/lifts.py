@@ -1,8 +1,9 @@
-"""How far a plate overshoots when a finger leaves it.
+"""Overshoot of a plate when a finger lifts off.
 
-`python -m firmware.lifts` prints the table of docs/bring-up.md in Markdown; --write puts it there, between the marks that name
-this command. Each entry is the single-mode application on the rig of firmware.host.rig: a finger makes the damping six times
-the plate's own, the loop has followed it, and the damping falls evenly to the plate's own.
+`python -m firmware.lifts` prints the table of docs/bring-up.md in Markdown; --write inserts it there, between the marks
+that name this command. Each entry comes from the single-mode application on the rig of firmware.host.rig. A finger
+multiplies the damping of the plate by six, the loop adapts, and the damping then falls linearly to that of the free
+plate.
 """
 
 from __future__ import annotations
@@ -20,23 +21,41 @@ from firmware.protocol import RUN
 
 QUALITIES = (30, 100, 300, 600, 1000, 2000)
 LIFTS_S = (2e-3, 5e-3, 10e-3, 20e-3, 50e-3)
-SHARES = (0.05, 0.1, 0.2, 0.4)  # of what full drive holds without a finger
-PHASES = range(0, 50, 10)  # ticks of a window at which the finger begins to leave
-TOUCHED = 6.0  # times the plate's own damping
+SHARES = (0.05, 0.1, 0.2, 0.4)  # of the free plate's amplitude at full drive
+PHASES = range(0, 50, 10)  # tick of the window at which the finger starts to lift
+TOUCHED = 6.0  # times the damping of the free plate
 SETTLES_S, AFTER_S, STEP_S = 0.3, 15e-3, 40e-6
 
 
 def damped(plate: Plate, times: float) -> Plate:
-    """A plate whose first resonance has so many times its damping, force and mass as they were."""
+    """Multiply the damping of a plate's first resonance, at constant modal force and mass."""
     own = plate.resonances[0]
     touched = replace(own, tau_s=own.tau_s / times, gain=own.gain / times)
     return replace(plate, resonances=(touched, *plate.resonances[1:]))
 
 
 def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-3) -> Iterator[float]:
-    """Return the largest motion over the reference for each phase of the window.
+    """Simulate lift-offs and yield the peak motion over the reference for each phase of the window.
 
-    Raises RuntimeError where the application stops.
+    Parameters
+    ----------
+    quality_factor : float
+        Of the free plate.
+    share : float
+        Reference as a fraction of the free plate's amplitude at full drive.
+    lift_s : float
+        Duration of the lift-off, in s.
+    noise : float, optional
+        RMS noise of the sensor, as a fraction of full scale.
+
+    Yields
+    ------
+    float
+
+    Raises
+    ------
+    RuntimeError
+        If the application stops with a fault.
     """
     table, plate = held_plate(quality_factor, noise)
     rig = SingleRig(table, plate)
@@ -68,10 +87,8 @@ def _peak(rig: SingleRig, plate: Plate, lift_s: float) -> float:
 
 
 def markdown() -> str:
-    """The table: the worst of all levels and phases."""
-    lines = [
-        "| the finger leaves within, ms | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"
-    ]
+    """Return the table, with the worst case over all levels and phases."""
+    lines = ["| lift-off time, ms | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"]
     lines.append("|---" * (len(QUALITIES) + 1) + "|")
     for lift_s in LIFTS_S:
         cells = []

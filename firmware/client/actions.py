@@ -1,4 +1,4 @@
-"""What the client does for each word of its command line."""
+"""Actions of the client's command line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from firmware.client.client import BoardError, Client, figure
 from firmware.mode_table import RATE_HZ
 from firmware.protocol import PAYLOAD_MAX, Record, SingleStatus, SixStatus
 
-LOOK_S = 0.1  # between two looks at the board, which also keep it from falling silent
+LOOK_S = 0.1  # between two status requests, which also keep up the contact with the board
 DRIVING = ("identify", "run")
 WINDOW_HZ = RATE_HZ["single"] / 50  # single build: windows of 50 samples
 BAR, BAR_DB = 30, 60.0
@@ -28,31 +28,37 @@ STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def start(client: Client, text: argparse.Namespace) -> None:
-    """Drives the target mode and holds it."""
+    """Drive the target mode and hold it."""
     client.start(text.reference, text.detuning)
     keep_running(client, "start")
 
 
 def pattern(client: Client, text: argparse.Namespace) -> None:
-    """Holds a pattern of the present shape."""
+    """Hold a pattern of the current shape."""
     client.pattern(text.number, text.reference)
     keep_running(client, "pattern")
 
 
 def identify(client: Client, text: argparse.Namespace) -> None:
-    """Measures the plate, then rests."""
+    """Measure the plate, then rest."""
     client.identify()
     keep_running(client, "identify")
 
 
 def without_fault(result: SingleStatus | SixStatus, action: str) -> None:
-    """Raises BoardError when the board is in a fault."""
+    """Raise BoardError if the board is in the fault state."""
     if result.state == "fault":
-        raise BoardError(f"{action}: ended in the fault {', '.join(result.faults)}")
+        raise BoardError(f"{action}: ended with fault {', '.join(result.faults)}")
 
 
 def keep_running(client: Client, action: str) -> None:
-    """Prints a line ten times a second and thereby keeps the board from stopping, until it rests; as without_fault."""
+    """Print the status ten times per second, which keeps the board running, until it rests.
+
+    Raises
+    ------
+    BoardError
+        If the board ends in the fault state.
+    """
     while True:
         result = client.status()
         measured = figure(abs(result.measured), ".4f")
@@ -64,8 +70,10 @@ def keep_running(client: Client, action: str) -> None:
 
 
 def watch(client: Client, text: argparse.Namespace) -> str:
-    """What the board measures as bars and as a plot over the last looks, on one place of a terminal or as lines, until a
-    time or Ctrl-C."""
+    """Show the measured values as bars, with a plot of the recent ones, until a time has passed or Ctrl-C.
+
+    A terminal is updated in place; other outputs get new lines.
+    """
     height, traces = 0, defaultdict[str, str](str)
     for result in _looks(client, text.seconds):
         lines = _bars(result, traces)
@@ -96,18 +104,18 @@ def _bars(result: SingleStatus | SixStatus, traces: dict[str, str]) -> list[str]
 
 
 def level(share: float) -> float:
-    """A share of full scale from 0 at -60 dB (or not a number) to 1 at 0 dB."""
+    """Map a fraction of full scale to 0 at -60 dB (also for NaN) and 1 at 0 dB."""
     return min(max(1.0 + 20.0 * log10(share) / BAR_DB, 0.0), 1.0) if share > 0.0 else 0.0
 
 
 def bar(share: float) -> str:
-    """A share of full scale as a bar: empty at -60 dB, full at 0 dB."""
+    """Draw a fraction of full scale as a bar, empty at -60 dB and full at 0 dB."""
     filled = round(BAR * level(share))
     return "#" * filled + "." * (BAR - filled)
 
 
 def log(client: Client, text: argparse.Namespace) -> str:
-    """Writes a record each so many windows into a file of comma-separated values, until a time or Ctrl-C."""
+    """Write a record every text.every windows to a CSV file, until a time has passed or Ctrl-C."""
     count = lost = 0
     last: Record | None = None
     client.log(text.every)
@@ -126,14 +134,19 @@ def log(client: Client, text: argparse.Namespace) -> str:
     return ""
 
 
-SAMPLE_HZ = {2: RATE_HZ["single"], 12: RATE_HZ["six"]}  # by the words in a row
-CAPTURE_S = 2.0  # how long nothing may come beyond the time of a row
+SAMPLE_HZ = {2: RATE_HZ["single"], 12: RATE_HZ["six"]}  # by words per row
+CAPTURE_S = 2.0  # time-out without new words, in addition to the duration of a row
 
 
 def capture(client: Client, text: argparse.Namespace) -> str:
-    """Writes what the converters saw and were told, sample by sample, into a file of comma-separated values.
+    """Write the raw converter codes, sample by sample, to a CSV file.
 
-    Codes as they are: of the ADC, then of the DAC or of the timers' compare registers. Raises BoardError when it stands still.
+    Each row holds the ADC codes, then those of the DAC or of the timers' compare registers.
+
+    Raises
+    ------
+    BoardError
+        If the capture stalls.
     """
     client.capture(text.every)
     words: list[int] = []
@@ -144,11 +157,11 @@ def capture(client: Client, text: argparse.Namespace) -> str:
         if part.words:
             heard = time.monotonic()
         elif time.monotonic() - heard > CAPTURE_S + row_s:
-            raise BoardError(f"capture: stands at {len(words)} of {total} words: do samples still come?")
+            raise BoardError(f"capture: stalled at {len(words)} of {total} words: check that the board is sampling")
         elif len(words) < total:
             time.sleep(min(LOOK_S, row_s))
     _write_capture(text.file, words, part.row, row_s)
-    return f"{text.file}: {len(words) // part.row} rows, one each {1e6 * row_s:g} us"
+    return f"{text.file}: {len(words) // part.row} rows, one every {1e6 * row_s:g} us"
 
 
 def _write_capture(file: Path, words: list[int], row: int, row_s: float) -> None:
@@ -161,7 +174,7 @@ def _write_capture(file: Path, words: list[int], row: int, row_s: float) -> None
 
 
 def _records(client: Client, seconds: float | None) -> Iterator[Record]:
-    """The log as it comes: read all the time, because a port keeps no more than 4096 bytes."""
+    """Yield log records as they arrive; read continuously, because a port buffers at most 4096 bytes."""
     now = next_look = time.monotonic()
     end = None if seconds is None else now + seconds
     while end is None or now < end:
@@ -182,7 +195,7 @@ def _missing(last: Record | None, record: Record, every: int) -> int:
 
 
 def stream(client: Client, text: argparse.Namespace) -> None:
-    """Plays a sound file as the amplitude's envelope, then stops."""
+    """Play a sound file as the envelope of the amplitude, then stop."""
     client.start(text.reference)
     while (before := client.status()).state == "identify":
         time.sleep(LOOK_S)
@@ -195,16 +208,16 @@ def stream(client: Client, text: argparse.Namespace) -> None:
 
 
 def _give(client: Client, factors: list[float], sample_s: float) -> int:
-    """Keeps the board's store of samples filled, then waits until it is played; how many were missing meanwhile."""
+    """Keep the board's sample buffer filled, wait until it has been played, and return the number of late samples."""
     at, waits, before = 0, 0, None
     while at < len(factors):
         piece = factors[at : at + PIECE]
         taken = client.samples(piece)
         at, waits = at + taken, 0 if taken else waits + 1
         if waits > MAX_WAITS:
-            raise BoardError(f"stream: the board takes no samples, {at} of {len(factors)} are played")
+            raise BoardError(f"stream: the board accepts no samples; {at} of {len(factors)} were played")
         if before is None:
-            before = client.status().underruns  # those from before the first samples do not count
+            before = client.status().underruns  # underruns before the first samples do not count
         if taken < len(piece):
             time.sleep(PIECE * sample_s)
     late = client.status().underruns - (before or 0)
@@ -212,15 +225,30 @@ def _give(client: Client, factors: list[float], sample_s: float) -> int:
     return late
 
 
-PIECE = PAYLOAD_MAX // 2  # samples in a request
-STORE = 256  # samples that the board has room for
-MAX_WAITS = 4 * STORE // PIECE  # for room: four times what a full store plays for
+PIECE = PAYLOAD_MAX // 2  # samples per request
+STORE = 256  # capacity of the board's sample buffer
+MAX_WAITS = 4 * STORE // PIECE  # four times the duration of a full buffer
 
 
 def factors_of(file: Path, rate_hz: float) -> list[float]:
-    """A WAV file's first channel at another rate: -1 to 1 becomes 0 to 1, each sample the mean over its time.
+    """Resample the first channel of a WAV file to amplitude factors.
 
-    Raises ValueError for a file that is none, or that has no samples.
+    Parameters
+    ----------
+    file : Path
+        WAV file of any sample width, rate and number of channels.
+    rate_hz : float
+        Rate of the factors, in Hz.
+
+    Returns
+    -------
+    list of float
+        Factors from 0 (for -1 in the file) to 1, each the mean over its duration.
+
+    Raises
+    ------
+    ValueError
+        If the file is not a WAV file, or holds no samples.
     """
     try:
         with wave.open(str(file)) as sound:
@@ -231,7 +259,7 @@ def factors_of(file: Path, rate_hz: float) -> list[float]:
     codes = np.frombuffer(data[: len(data) // step * step], np.uint8).reshape(-1, step)[:, :width].astype(float)
     if not len(codes) or own_hz < 1:
         raise ValueError(f"{file}: no samples in it")
-    if width > 1:  # signed: from the most negative one on
+    if width > 1:  # signed: shift the most negative code to 0
         codes[:, -1] = (codes[:, -1] + 128.0) % 256.0
     levels = codes @ 256.0 ** np.arange(width) / (256.0**width - 1.0)
     starts = np.arange(max(round(len(levels) * rate_hz / own_hz), 1) + 1) * own_hz / rate_hz

@@ -1,8 +1,8 @@
-"""Beams under six actuators and six sensors, for the six-channel build.
+"""Beams with six actuators and six sensors, for the six-channel build.
 
-`Structure` is any plate or beam given by its modes; `Beam` a clamped Euler-Bernoulli one under points:
-w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1; each sensor follows the displacement under it.
-Amplitudes are full scales: the drives are multiplied by a gain so chosen that the largest |T| at one frequency is as asked.
+`Structure` is any plate or beam given by its modes. `Beam` is a clamped Euler-Bernoulli beam with point forces and
+point sensors of displacement: w_n = (k_n/L)^2 sqrt(E h^2 / (12 rho)), cos k cosh k = 1. Amplitudes are fractions of
+full scale; a gain on the drives sets the largest |T| at one frequency.
 """
 
 from __future__ import annotations
@@ -21,9 +21,21 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Structure:
-    """m modes under six drives, six sensors: sensors' ((w_m^2 - w^2 + i w w_m/Q)^-1) actuators + residual, full scales.
+    """Modal model of six drives and six sensors: T = sensors' diag(1 / (w_m^2 - w^2 + i w w_m/Q)) actuators + residual.
 
-    angular (m,), rad/s; actuators and sensors (m, 6); residual (6, 6) answers at once; noise, rms in full scales.
+    Attributes
+    ----------
+    angular : ndarray, shape (m,)
+        Angular frequencies w_m in rad/s.
+    quality_factor : float
+        Q, the same for all modes.
+    actuators, sensors : ndarray, shape (m, 6)
+        Mode shapes at actuators and sensors, scaled so that T is full scale over full scale.
+    residual : ndarray, shape (6, 6), optional
+        Instantaneous response.
+    noise : float
+        RMS noise of the sensors, as a fraction of full scale.
+    sample_rate_hz : float
     """
 
     angular: Floats
@@ -36,20 +48,21 @@ class Structure:
 
     @property
     def slowest_s(self) -> float:
-        """Longest decay time of an amplitude, tau = 2 Q / w_1, s."""
+        """Longest time constant of an amplitude, tau = 2 Q / w_1, in s."""
         return float(2.0 * self.quality_factor / self.angular.min())
 
     def matrix(self, frequency_hz: float) -> Complexes:
-        """T, sensors over drives, (6, 6), at a frequency."""
+        """Transfer matrix T, sensors over drives, (6, 6), at a frequency in Hz."""
         omega = 2.0 * math.pi * frequency_hz
         modal = 1.0 / (self.angular**2 - omega**2 + 1j * omega * self.angular / self.quality_factor)
         residual = 0.0 if self.residual is None else self.residual
         return np.asarray(np.einsum("ms,m,ma->sa", self.sensors, modal, self.actuators) + residual)
 
     def sampled_matrix(self, frequency_hz: float) -> Complexes:
-        """T as a board finds it that holds its drives between samples and samples just before it changes them, (6, 6).
+        """Transfer matrix T, (6, 6), as measured with drives held between samples and sensors read before each change.
 
-        Modes by their exact steps, images about the sample rate included; the residual follows one sample late.
+        The modes are discretised exactly, including images about the sample rate; the residual responds one sample
+        late.
         """
         pole = self.poles
         step, turn = 1.0 / self.sample_rate_hz, np.exp(2j * math.pi * frequency_hz / self.sample_rate_hz)
@@ -61,14 +74,18 @@ class Structure:
 
     @property
     def poles(self) -> Complexes:
-        """One pole of each mode, rad/s."""
+        """Upper pole of each mode, in rad/s."""
         rate = self.angular / (2.0 * self.quality_factor)
         return np.asarray(-rate + 1j * np.sqrt(self.angular**2 - rate**2))
 
 
 @dataclass(frozen=True)
 class Beam:
-    """SI units; quality_factor, the same for each mode; largest, the largest |T| at frequency_hz; noise, rms in full scales."""
+    """Clamped beam in SI units.
+
+    quality_factor applies to all modes; largest is the largest |T| at frequency_hz; noise is rms, as a fraction of full
+    scale.
+    """
 
     length_m: float = 0.150
     thickness_m: float = 1e-3
@@ -83,25 +100,26 @@ class Beam:
 
     @property
     def places_m(self) -> Floats:
-        """Where the six actuators and sensors are, evenly spaced along the beam."""
+        """Positions of the six actuators and sensors, equally spaced along the beam, in m."""
         return np.asarray(self.length_m * np.arange(1, CHANNELS + 1) / (CHANNELS + 1))
 
     @property
     def angular(self) -> Floats:
-        """Angular frequencies of the modes, rad/s."""
+        """Angular frequencies of the modes, in rad/s."""
         stiffness = math.sqrt(self.young_pa * self.thickness_m**2 / (12.0 * self.density_kg_m3))
         return np.asarray((_clamped_roots(self.modes) / self.length_m) ** 2 * stiffness)
 
     @property
     def slowest_s(self) -> float:
-        """Longest decay time of an amplitude, s."""
+        """Longest time constant of an amplitude, in s."""
         return self.structure.slowest_s
 
     def shapes(self, at_m: Floats) -> Floats:
-        """Mode shapes (modes, places), of rms 1 along the beam.
+        """Mode shapes (modes, places), with an rms of 1 along the beam.
 
-        cosh(k s)/cosh(k/2) - cos(k s)/cos(k/2), or sin and sinh alike, with s from the middle: no difference of large
-        numbers, whatever the mode. Their square means (w''/k^2)^2/4 = 1 at a clamp.
+        Even shapes are cosh(k s)/cosh(k/2) - cos(k s)/cos(k/2), odd ones the same with sinh and sin, with s measured
+        from the middle. This form avoids the difference of large numbers at high modes. The mean square equals
+        (w''/k^2)^2/4 at a clamp, which is 1.
         """
         roots = _clamped_roots(self.modes)[:, None]
         s = at_m[None, :] / self.length_m - 0.5
@@ -113,16 +131,16 @@ class Beam:
 
     @property
     def gain(self) -> float:
-        """Modal force per drive, for which max |T(frequency_hz)| = largest."""
+        """Modal force per drive, chosen so that max |T(frequency_hz)| = largest."""
         return self.largest / float(np.abs(self._by_modes(1.0, self.places_m).matrix(self.frequency_hz)).max())
 
     @property
     def structure(self) -> Structure:
-        """The beam by its modes."""
+        """Modal model of the beam."""
         return self._by_modes(self.gain, self.places_m)
 
     def matrix(self, frequency_hz: float, at_m: Floats | None = None) -> Complexes:
-        """Displacement at places (the sensors', if not given) over drives, (places, 6), at a frequency."""
+        """Displacement over drives, (places, 6), at a frequency; by default at the sensors."""
         return self._by_modes(self.gain, self.places_m if at_m is None else at_m).matrix(frequency_hz)
 
     def _by_modes(self, gain: float, at_m: Floats) -> Structure:
@@ -133,7 +151,7 @@ class Beam:
 
 
 def measured_table(beam: Beam) -> bytes:
-    """A table whose one shape holds the beam's matrix as the board measures it: all sensors alike, or the first alone."""
+    """Make a table with the beam's matrix as measured by the board; patterns: all sensors equal, only the first."""
     matrix = beam.matrix(beam.frequency_hz) * hold(beam.frequency_hz, beam.sample_rate_hz)
     patterns = Pattern("all", (1.0,) * CHANNELS), Pattern("first", (1.0, *(0.0,) * (CHANNELS - 1)))
     shape = Shape(beam.frequency_hz, beam.slowest_s, patterns, tuple(map(tuple, matrix.tolist())))
@@ -141,7 +159,7 @@ def measured_table(beam: Beam) -> bytes:
 
 
 def _clamped_roots(count: int) -> Floats:
-    """The first roots of cos k cosh k = 1, by Newton on cos k - 1/cosh k from (n + 1/2) pi."""
+    """Return the first roots of cos k cosh k = 1, by Newton's method on cos k - 1/cosh k from (n + 1/2) pi."""
     k = (np.arange(1, count + 1) + 0.5) * math.pi
     for _ in range(8):
         k = k - (np.cos(k) - 1.0 / np.cosh(k)) / (-np.sin(k) + np.tanh(k) / np.cosh(k))
@@ -149,7 +167,7 @@ def _clamped_roots(count: int) -> Floats:
 
 
 class BeamSimulation:
-    """A Beam or Structure in time: one call a sample, drives held between samples, solved exactly."""
+    """Time-domain simulation of a Beam or Structure, exact for drives held between samples."""
 
     ROWS = 64  # of noise, drawn at once
 
@@ -166,7 +184,7 @@ class BeamSimulation:
         self.noise: list[Floats] = []
 
     def sense(self) -> Floats:
-        """The six sensors' levels at this sample, in full scales."""
+        """Return the signals of the six sensors at this sample, as fractions of full scale."""
         levels = self.pull @ self.state.imag + self.at_once
         if not self.beam.noise:
             return levels
@@ -175,14 +193,14 @@ class BeamSimulation:
         return levels + self.noise.pop()
 
     def drive(self, levels: Floats) -> None:
-        """Holds six drives from now to the next sample."""
+        """Hold six drives from now to the next sample."""
         self.state = self.decay * self.state + self.push @ levels
         if self.beam.residual is not None:
             self.at_once = self.beam.residual @ levels
 
 
 def adc_codes(levels: Floats) -> list[int]:
-    """12-bit codes of levels in full scales, clipped at the ends."""
+    """Convert fractions of full scale to 12-bit codes, clipped at the ends."""
     codes = [int(code) for code in (levels * 2048.0 + 2048.5).tolist()]
     if min(codes) < 0 or max(codes) > 4095:
         codes = [min(max(code, 0), 4095) for code in codes]

@@ -1,4 +1,4 @@
-"""The two controllers of the F446 that answer back: the clock's and the flash memory's."""
+"""Emulated clock and flash controllers of the F446."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ WORD_S = 16e-6
 
 
 class Clock:
-    """What is switched on becomes ready, unless it, or what feeds it, is dead; and what frequencies follow from it."""
+    """Clock controller: oscillators and PLL become ready after being enabled, unless they or their source are dead."""
 
     CR, PLLCFGR, CFGR, AHB1ENR, CSR = 0x00, 0x04, 0x08, 0x30, 0x74
     CRYSTAL_ON, CRYSTAL_READY, PLL_ON, PLL_READY = 1 << 16, 1 << 17, 1 << 24, 1 << 25
@@ -18,7 +18,7 @@ class Clock:
     WATCHDOG_RESET, POWER_RESET = 1 << 29, 1 << 27
     RC_HZ, CRYSTAL_HZ = 16e6, 8e6
 
-    SLOW = 5  # looks at a register until what was switched on is ready
+    SLOW = 5  # reads of a register until an enabled part is ready
 
     def __init__(self, dead_crystal: bool = False, dead_pll: bool = False, watchdog: bool = False) -> None:
         self.dead_crystal, self.dead_pll = dead_crystal, dead_pll
@@ -43,7 +43,7 @@ class Clock:
 
     @property
     def backup_is_clocked(self) -> bool:
-        """True once the backup RAM's clock was switched on."""
+        """True if the clock of the backup RAM is enabled."""
         return bool(self.words.get(self.AHB1ENR, 0) >> 18 & 1)
 
     @property
@@ -53,7 +53,7 @@ class Clock:
 
     @property
     def core_hz(self) -> float:
-        """Of the core and of AHB."""
+        """Frequency of core and AHB, in Hz."""
         if self.words.get(self.CFGR, 0) & 3 != 2:
             return self.RC_HZ
         word = self.words[self.PLLCFGR]
@@ -62,7 +62,7 @@ class Clock:
 
     @property
     def apb1_hz(self) -> float:
-        """Of the slow peripheral bus; its timers run at twice that unless it is undivided."""
+        """Frequency of the slow peripheral bus, in Hz; its timers run at twice that unless it is undivided."""
         return self.core_hz / self._divider(10)
 
     def _divider(self, shift: int) -> int:
@@ -71,14 +71,14 @@ class Clock:
 
 
 class FlashController:
-    """Unlocked by its keys; erases one sector to ones, programs by turning ones into zeros, and refuses all else."""
+    """Flash controller: unlocked by keys, it erases one sector, programs ones to zeros, and rejects the rest."""
 
     ACR, KEYR, SR, CR = 0x00, 0x04, 0x0C, 0x10
     KEYS = (0x45670123, 0xCDEF89AB)
     PROGRAM, ERASE, START, LOCK = 1 << 0, 1 << 1, 1 << 16, 1 << 31
     WORDS, SECTOR = 2 << 8, 0xF << 3
     REFUSED, ERRORS, BUSY = 1 << 7 | 1 << 4, 0xF2, 1 << 16
-    LOOKS = 2  # at the status until it is no longer busy
+    LOOKS = 2  # reads of the status until it is no longer busy
 
     def __init__(self, sector: int, content: bytearray, stall: Callable[[float], None]) -> None:
         self.sector, self.content, self.stall = sector, content, stall
@@ -100,7 +100,9 @@ class FlashController:
 
     def write(self, offset: int, value: int) -> None:
         if offset == self.ACR:
-            self.slow_looks = self.LOOKS if value & 0xF != self.access & 0xF else 0  # wait states take a while
+            self.slow_looks = (
+                self.LOOKS if value & 0xF != self.access & 0xF else 0
+            )  # wait states take effect with a delay
             self.access = value
         elif offset == self.KEYR:
             self.keys.append(value)
@@ -123,7 +125,7 @@ class FlashController:
             self.status |= self.REFUSED
 
     def program(self, offset: int, size: int, value: int) -> None:
-        """A store to the sector's own addresses."""
+        """Program a word of the sector."""
         ready = self.control & (self.LOCK | self.PROGRAM | 3 << 8) == self.PROGRAM | self.WORDS
         if not ready or size != 4 or self.broken:
             self.status |= self.REFUSED

@@ -1,7 +1,8 @@
-"""The plate between the DAC's pin and the ADC's: resonances, a dead time, noise, and the converters' codes.
+"""Simulated plate between the pins of DAC and ADC: resonances, a dead time, noise, and the converters' codes.
 
-Each resonance has y = gain (w0/Q) dx/dt (velocity) or gain (w0^2/Q) x (displacement), x'' + (w0/Q) x' + w0^2 x = u, so that
-|y/u| = |gain| at w0. Between two samples the drive is held, delayed by a dead time of any length: solved exactly.
+Each resonance obeys x'' + (w0/Q) x' + w0^2 x = u, with the output y = gain (w0/Q) dx/dt (velocity) or y = gain (w0^2/Q)
+x (displacement), so that |y/u| = |gain| at w0. The drive is held between samples and delayed by a dead time of any
+length; the solution is exact.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from firmware.mode_table import ModeTable, from_bytes, hold
 
 @dataclass(frozen=True)
 class Resonance:
-    """frequency_hz in Hz, tau_s the decay time of the amplitude in s, gain the response at resonance, without unit."""
+    """Resonance: frequency in Hz, time constant of the amplitude in s, and dimensionless response at resonance."""
 
     frequency_hz: float
     tau_s: float
@@ -26,10 +27,20 @@ class Resonance:
 
 @dataclass(frozen=True)
 class Plate:
-    """What the emulated board drives: resonances, whether the sensor follows displacement, and the imperfections.
+    """Plate as seen by the emulated board.
 
-    delay_s, the dead time between DAC and ADC beyond the hold, in s; noise, rms of the sensor's noise in full scales; offset,
-    the sensor's rest level in full scales; feedthrough, what reaches the sensor past the plate.
+    Attributes
+    ----------
+    resonances : tuple of Resonance
+    displacement : bool
+        Whether the sensor follows displacement rather than velocity.
+    delay_s : float
+        Dead time between DAC and ADC, in addition to the hold, in s.
+    noise, offset : float
+        RMS noise and offset of the sensor, as fractions of full scale.
+    feedthrough : float
+        Direct coupling from drive to sensor.
+    sample_rate_hz : float
     """
 
     resonances: tuple[Resonance, ...]
@@ -43,9 +54,9 @@ class Plate:
 
 @dataclass(frozen=True)
 class Assumed:
-    """What a table may leave open: gains of the target mode and of the others, and how far the real plate is off.
+    """Assumptions about values that a table may lack: gains of the target mode and of the others, without unit.
 
-    Gains without unit; scale multiplies every frequency, for no plate is quite the one that was computed.
+    scale multiplies every frequency, because a real plate differs from the computed one.
     """
 
     target_gain: float = 0.8
@@ -54,7 +65,21 @@ class Assumed:
 
 
 def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfections: Any) -> Plate:
-    """The plate a table describes; what it leaves open is assumed."""
+    """Make the plate described by a table.
+
+    Parameters
+    ----------
+    data : bytes
+        Mode table.
+    assumed : Assumed, optional
+        Values for those missing in the table.
+    **imperfections
+        Fields of Plate to replace, such as noise.
+
+    Returns
+    -------
+    Plate
+    """
     table = from_bytes(data)
     plate = Plate(
         tuple(_resonance(table, index, assumed or Assumed()) for index in range(len(table.modes))),
@@ -74,7 +99,7 @@ def _resonance(table: ModeTable, index: int, assumed: Assumed) -> Resonance:
 
 
 class PlateSimulation:
-    """A Plate in time: one call a sample, the sensor's level now, then the drive that will be held until the next."""
+    """Time-domain simulation of a Plate: per sample, one call of sense and then one of drive."""
 
     def __init__(self, plate: Plate, seed: int = 1) -> None:
         self.plate = plate
@@ -83,6 +108,7 @@ class PlateSimulation:
         self.residues = [_residue(resonance, plate.displacement) for resonance in plate.resonances]
         self.states = [0j] * len(self.poles)
         self.decays = [cmath.exp(pole * self.period_s) for pole in self.poles]
+        # The dead time is whole samples plus a part, during which the older of two drives still acts in each sample.
         whole, part = divmod(plate.delay_s / self.period_s, 1.0)
         late_s = part * self.period_s
         self.push_new = [_hold_response(pole, self.period_s - late_s) for pole in self.poles]
@@ -93,13 +119,13 @@ class PlateSimulation:
         self.random = random.Random(seed)
 
     def sense(self) -> float:
-        """The sensor's level at this sample, in full scales."""
+        """Return the sensor signal at this sample, as a fraction of full scale."""
         level = sum((residue * state).real for residue, state in zip(self.residues, self.states, strict=True))
         noise = self.random.gauss(0.0, self.plate.noise) if self.plate.noise else 0.0
         return level + self.plate.feedthrough * self.line[1] + self.plate.offset + noise
 
     def drive(self, level: float) -> None:
-        """Holds a drive from now to the next sample."""
+        """Hold a drive from now to the next sample."""
         self.line.append(level)
         del self.line[0]
         old, new = self.line[0], self.line[1]
@@ -114,7 +140,7 @@ def _pole(resonance: Resonance) -> complex:
 
 
 def _residue(resonance: Resonance, displacement: bool) -> complex:
-    """Twice the residue of the upper pole: y = Re(residue z), z' = p z + u."""
+    """Return twice the residue of the upper pole p: y = Re(residue z), z' = p z + u."""
     pole = _pole(resonance)
     omega = 2.0 * math.pi * resonance.frequency_hz
     width = 2.0 / resonance.tau_s
@@ -123,15 +149,15 @@ def _residue(resonance: Resonance, displacement: bool) -> complex:
 
 
 def _hold_response(pole: complex, seconds: float) -> complex:
-    """Response of z' = p z + u after u = 1 was held for so long."""
+    """Response of z' = p z + u to u = 1 held for a time, from z = 0."""
     return (cmath.exp(pole * seconds) - 1.0) / pole
 
 
 def adc_code(level: float) -> int:
-    """The 12-bit code of a level in full scales, clipped at the ends."""
+    """Convert a fraction of full scale to a 12-bit code, clipped at the ends."""
     return min(max(math.floor(level * 2048.0 + 2048.5), 0), 4095)
 
 
 def dac_level(code: int) -> float:
-    """The level of a 12-bit code in full scales."""
+    """Convert a 12-bit code to a fraction of full scale."""
     return (code - 2048) / 2047.0

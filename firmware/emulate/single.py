@@ -1,4 +1,4 @@
-"""The single-mode image on the emulated board, joined to a simulated plate by ADC and DAC."""
+"""The single-mode image on the emulated board, connected to a simulated plate by ADC and DAC."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ OVERRUN = 1 << 5
 
 
 class EmulatedSingle(EmulatedBoard):
-    """A board whose application object is in view as `app`; reports holds (measured, drive, reference) a window."""
+    """Board with the application as `app`; reports holds (measured, drive, reference) for each window."""
 
     WORLD = ("plate",)
 
     def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
         self.plate = PlateSimulation(plate, seed)
         self.codes: list[int] | None = None
-        self.stalls: list[tuple[bool, int]] = []  # flash memory busy: was the timer on, what was the DAC told
+        self.stalls: list[tuple[bool, int]] = []  # while the flash memory is busy: timer on, DAC code
         self.reports: list[tuple[complex, complex, float]] = []
         super().__init__(image, plate.sample_rate_hz, Chip(**options))
         ffi, _ = load()
@@ -31,28 +31,28 @@ class EmulatedSingle(EmulatedBoard):
         self.dac, self.adc, self.timer = self.word(DAC_RD), self.word(ADC_DR), self.word(TIM2)
 
     def sense(self) -> float:
-        """What reaches the converter; a test may put a broken sensor here."""
+        """Return the signal at the converter; a test may substitute a failed sensor."""
         return self.plate.sense()
 
     @property
     def at_rest(self) -> bool:
-        """Both DAC channels in the middle."""
+        """True while both DAC channels are at mid-scale."""
         return self.dac.value == 2048 | 2048 << 16
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
-        """Starts as the button or a host would."""
+        """Start as the button or a host would."""
         return self.call("an_single_start", self.symbol("app"), reference, detuning_hz) == 1
 
     def _exchange(self) -> bool:
         if not self.timer.value & 1:
-            raise RuntimeError("the image stopped its timer: nothing will ever wake it")
+            raise RuntimeError("the image stopped its timer, so that no interrupt can wake it")
         sample = adc_code(self.sense())
         code = self.dac.value & 0xFFF
         self.plate.drive(dac_level(code))
         if self.codes is not None:
             self.codes.append(code)
         self.adc.value = sample
-        if self.fast_lost:  # nobody takes this sample before the next one is there
+        if self.fast_lost:  # the next sample overwrites this one before it is read
             self.word(ADC_SR).value |= OVERRUN
         return True
 

@@ -1,7 +1,8 @@
-"""The single-mode application against a plate in C: a second of the board's time in some ten milliseconds of this machine's.
+"""The single-mode application with a plate simulated in C: a second of the board's time takes some ten milliseconds.
 
-For what needs many runs: the table of docs/bring-up.md, fault injection, fingers and drifting plates. Where host and board are
-compared bit for bit, tests/helpers/hosted_boards.py and the emulated board share one plate in Python instead.
+The rig serves studies with many runs: the tables of docs/bring-up.md, fault injection, fingers and drifting plates.
+Where host and board are compared bit for bit, tests/helpers/hosted_boards.py and the emulated board share a plate in
+Python instead.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ FIELDS = ("measured_re", "measured_im", "drive_re", "drive_im", "reference", "mo
 
 
 class SingleRig(Supervised):
-    """an_single and a Plate in lock step; windows() gives what each window ended with."""
+    """an_single and a Plate in lock step; windows() returns the values at the end of each window."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
         self.ffi, self.lib = load()
@@ -36,11 +37,11 @@ class SingleRig(Supervised):
 
     @property
     def pointer(self) -> Any:
-        """The application, for calls."""
+        """Pointer to the application, for calls."""
         return self.ffi.addressof(self.app)
 
     def set_plate(self, plate: Plate) -> None:
-        """The plate as it is from now on; what moves goes on moving."""
+        """Replace the coefficients of the plate; its motion continues."""
         simulation, target = PlateSimulation(plate), self.rig.plate
         target.count = len(plate.resonances)
         target.whole = len(simulation.line) - 2
@@ -57,11 +58,17 @@ class SingleRig(Supervised):
         self.plate = plate
 
     def run(self, seconds: float) -> None:
-        """Advances by a time."""
+        """Advance by a time."""
         self.lib.rig_run(self.rig, round(seconds * self.plate.sample_rate_hz), self.ffi.NULL, 0)
 
     def windows(self, seconds: float) -> dict[str, NDArray[Any]]:
-        """Advances by a time; one entry a window: measured and drive (complex), reference, motion, state, limited."""
+        """Advance by a time and record every window.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (windows,)
+            measured and drive (complex), reference and motion as fractions of full scale, state, limited.
+        """
         ticks = round(seconds * self.plate.sample_rate_hz)
         room = ticks // self.lib.AN_PERIOD + 2
         buffer = self.ffi.new("rig_window []", room)
@@ -75,5 +82,5 @@ class SingleRig(Supervised):
         }
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
-        """Starts as the application's user would."""
+        """Start as a user of the application would."""
         return bool(self.lib.an_single_start(self.pointer, reference, detuning_hz))

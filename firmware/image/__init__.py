@@ -1,1 +1,1 @@
-"""What a built image holds: its contents, its registers for debuggers, its longest paths."""
+"""Analysis of a built image: its contents, its registers for debuggers, its longest paths."""

@@ -1,7 +1,8 @@
-"""The longest path through a routine of an image, in instructions: what no test can exceed, whatever it makes the board do.
+"""Longest path through a routine of an image, in instructions: an upper bound for every possible execution.
 
-`python -m firmware.image.bounds FILE.elf an_fast_tick ...` reads the control flow from the Thumb-2 code itself: branches, calls
-(their own longest path added), returns; other instructions count as one each. A routine with a loop has no bound.
+`python -m firmware.image.bounds FILE.elf an_fast_tick ...` derives the control flow from the Thumb-2 code: branches,
+calls (whose own longest paths are added) and returns. Every instruction counts as one. A routine with a loop has no
+bound.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from firmware.image.elf import Elf
 
 
 class Step(NamedTuple):
-    """An instruction: bytes it takes, where it may go on besides the next one, whether it may go on there, what it calls."""
+    """Instruction: size in bytes, branch targets, whether it can fall through, and the routine it calls."""
 
     size: int
     targets: tuple[int, ...] = ()
@@ -24,7 +25,7 @@ class Step(NamedTuple):
 
 
 class Unbounded(ValueError):
-    """The routine has a loop, or a jump that only the running program knows."""
+    """The routine has a loop, or a jump whose target depends on data."""
 
 
 def _signed(value: int, bits: int) -> int:
@@ -67,7 +68,7 @@ def _wide(high: int, low: int, at: int, in_block: bool) -> Step:
 
 
 class Code:
-    """The instructions of an image."""
+    """Instructions of an image."""
 
     def __init__(self, elf: Elf) -> None:
         self.elf = elf
@@ -79,14 +80,14 @@ class Code:
         return int.from_bytes(self.text.data[offset : offset + 2], "little")
 
     def step(self, at: int, in_block: bool) -> Step:
-        """The instruction at an address; in_block, under the condition of an IT block."""
+        """Decode the instruction at an address; in_block means that an IT block makes it conditional."""
         high = self._half(at)
         if high >> 11 in (0b11101, 0b11110, 0b11111):
             return _wide(high, self._half(at + 2), at, in_block)
         return _narrow(high, at, in_block)
 
     def block_left(self, at: int, left: int) -> int:
-        """How many of the next instructions are conditional, given how many were before this one."""
+        """Return how many of the following instructions are conditional, given the number before this one."""
         high = self._half(at)
         if high & 0xFF00 == 0xBF00 and high & 0xF:
             return 4 - (high & -high).bit_length() + 1
@@ -118,13 +119,32 @@ class Code:
 
 
 def bound(image: Path, routine: str) -> int:
-    """Instructions from the routine's entry to its return on the longest path, calls included. Raises Unbounded, KeyError."""
+    """Count the instructions on the longest path from a routine's entry to its return, including calls.
+
+    Parameters
+    ----------
+    image : Path
+        ELF file.
+    routine : str
+        Name of the routine.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    Unbounded
+        If the routine has a loop or a computed jump.
+    KeyError
+        If the image has no such routine.
+    """
     elf = Elf.read(image)
     return Code(elf).longest(elf.symbols[routine].address)
 
 
 def main(arguments: list[str]) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     if len(arguments) < 2:
         print("usage: python -m firmware.image.bounds FILE.elf ROUTINE ...", file=sys.stderr)
         return 2

@@ -1,4 +1,4 @@
-"""What building and emulating the image needs of its ELF file: what is loaded where, and what it is called."""
+"""ELF file of an image, as needed for building and emulating it: segments, sections and symbols."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-ALLOCATED = 2  # of a section's flags: it takes memory
+ALLOCATED = 2  # section flag: occupies memory
 SYMBOLS = "SHT_SYMTAB"
 
 
 class Segment(NamedTuple):
-    """Bytes and where they go: address is where they run, load_address where they are stored."""
+    """Loadable segment: address at run time, load_address in flash memory."""
 
     address: int
     load_address: int
@@ -21,7 +21,7 @@ class Segment(NamedTuple):
 
 
 class Named(NamedTuple):
-    """A section of the image, or a symbol (Thumb bit cleared): where it runs, and how many bytes it takes."""
+    """Section or symbol (without the Thumb bit): name, address at run time and size in bytes."""
 
     name: str
     address: int
@@ -29,7 +29,15 @@ class Named(NamedTuple):
 
 
 class Elf:
-    """A little-endian 32-bit file. Raises ValueError when it is none, ImportError where pyelftools is missing."""
+    """Little-endian 32-bit ELF file.
+
+    Raises
+    ------
+    ValueError
+        If the data is no such file.
+    ImportError
+        If pyelftools is missing.
+    """
 
     def __init__(self, data: bytes) -> None:
         from elftools.common.exceptions import ELFError
@@ -44,18 +52,18 @@ class Elf:
 
     @classmethod
     def read(cls, path: Path) -> Elf:
-        """The file at a path."""
+        """Read the file at a path."""
         return cls(path.read_bytes())
 
     @cached_property
     def segments(self) -> list[Segment]:
-        """What is loaded, in the file's order, empty ones included when they take memory."""
+        """Segments that occupy memory, in the order of the file, including those without data."""
         loaded = [one for one in self.file.iter_segments("PT_LOAD") if one["p_memsz"]]
         return [Segment(one["p_vaddr"], one["p_paddr"], one.data(), one["p_memsz"]) for one in loaded]
 
     @cached_property
     def symbols(self) -> dict[str, Named]:
-        """Objects and functions that have a home, by name."""
+        """Defined objects and functions by name."""
         homes = [one for one in self.all_symbols if one["st_shndx"] != "SHN_UNDEF"]
         thumb = [int(one["st_info"]["type"] == "STT_FUNC") for one in homes]
         return {
@@ -65,19 +73,19 @@ class Elf:
 
     @cached_property
     def sections(self) -> list[Named]:
-        """The parts that take memory, by address."""
+        """Sections that occupy memory, by address."""
         parts = [one for one in self.file.iter_sections() if one["sh_flags"] & ALLOCATED and one["sh_size"]]
         return sorted((Named(one.name, one["sh_addr"], one["sh_size"]) for one in parts), key=lambda one: one.address)
 
     @cached_property
     def all_symbols(self) -> list[Any]:
-        """Of the file as pyelftools has them, undefined ones included."""
+        """All named symbols of the file, including undefined ones, as pyelftools objects."""
         tables: list[Any] = list(self.file.iter_sections(SYMBOLS))
         return [symbol for table in tables for symbol in table.iter_symbols() if symbol.name]
 
 
 def map_text(elf: Elf) -> str:
-    """What lies where: each section that takes memory, and below it its functions and objects by address and size."""
+    """List the sections that occupy memory, each with its functions and objects by address and size."""
     lines = ["address     bytes  what"]
     for section in elf.sections:
         lines.append(f"0x{section.address:08x} {section.size:6d}  {section.name}")
@@ -91,7 +99,7 @@ def map_text(elf: Elf) -> str:
 
 
 def flash_image(elf: Elf, start: int, fill: int = 0xFF) -> bytes:
-    """The stored bytes from start on, gaps filled with what erased flash reads as."""
+    """Return the contents of the flash memory from start onwards, with gaps filled like erased flash."""
     stored = [segment for segment in elf.segments if segment.data and segment.load_address >= start]
     end = max(segment.load_address + len(segment.data) for segment in stored)
     image = bytearray([fill]) * (end - start)

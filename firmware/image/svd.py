@@ -1,6 +1,6 @@
-"""The registers that the firmware touches, for debuggers: a CMSIS-SVD description made from firmware/board/f446/registers.h.
+"""CMSIS-SVD description of the registers in firmware/board/f446/registers.h, for debuggers.
 
-The chip's maker has a whole one, under a licence that does not let it be passed on here.
+The manufacturer's complete description has a licence that does not permit redistribution here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,13 @@ Register = tuple[str, int, int]  # name, offset, bytes
 
 
 def structs(header: str) -> dict[str, list[Register]]:
-    """The registers of each struct type of a C header, arrays and structs within resolved. Raises ValueError."""
+    """Return the registers of each struct type in a C header, with nested arrays and structs expanded.
+
+    Raises
+    ------
+    ValueError
+        If a member has an unknown type.
+    """
     result: dict[str, list[Register]] = {}
     for body, name in STRUCT.findall(re.sub(r"/\*.*?\*/", "", header, flags=re.S)):
         result[name] = list(_members(body, result))
@@ -45,7 +51,7 @@ def _inside(kind: str, known: dict[str, list[Register]]) -> list[Register]:
 
 
 def svd_text(header: str) -> str:
-    """The description as XML; places without a name are left out. Raises ValueError."""
+    """Return the description as XML, without unused registers. Raises ValueError for an unknown type."""
     types = structs(header)
     device = ElementTree.Element("device", schemaVersion="1.3")
     about = {"name": "STM32F446", "version": "1.0", "description": "Registers that Antinode's firmware touches"}
