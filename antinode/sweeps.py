@@ -23,7 +23,7 @@ from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
 from pipeline.records.outputs import csv_bytes, dataset, frame, html_table, write_file
-from pipeline.records.part import Frozen
+from pipeline.records.part import DOCUMENT_SCHEMA, Frozen
 from pipeline.records.record import first_fault
 from pipeline.records.store import BadRecord
 from pipeline.records.study import read_study
@@ -266,8 +266,9 @@ def open(path: str | Path) -> Result | SweepTable:
         document = store.read_json(Path(path))
     except store.BadRecord as error:
         raise InputError(f"{path}: cannot be read: {error}") from error
+    store.refuse_earlier(path, document)
     kind = _kind(document) if isinstance(document, dict) else None
-    if kind is None or document.get("schema") != 1:
+    if kind is None or document.get("schema") != DOCUMENT_SCHEMA:
         raise InputError(
             f"{path}: holds no result: must be a JSON document of modes, bands, attenuation, response, ..."
         )
@@ -298,6 +299,8 @@ def read_table(file: Path, swept: Sequence[str] | None = None) -> SweepTable:
     except (OSError, ValueError, csv.Error) as error:
         raise InputError(f"{file}: cannot be read: {error}") from error
     names = list(rows[0]) if rows else []
+    if "wanted_status" in names:
+        raise InputError(f"{file}: {store.EARLIER}")
     if "case" not in names:
         raise InputError(f"{file}: holds no table of a study: it has no column `case`")
     return SweepTable(rows, file.parent, [name for name in names if "." in name] if swept is None else swept)

@@ -1,12 +1,12 @@
-"""The single-mode build's closed loop against a plate in C: plates unlike the table, and fingers that leave.
+"""Closed loop of the single-mode build with a plate simulated in C: plates unlike the mode table, fingers that lift off.
 
-A second of the board's time takes some ten milliseconds of this machine's on the rig, for what needs many runs: the tables of
-docs/bring-up.md, fault injection, fingers and drifting plates. Where host and board are compared bit for bit,
-tests/helpers/hosted_boards.py and the emulated board share one plate in Python instead.
+A second of the board's time takes some ten milliseconds. The rig serves studies with many runs: the tables of docs/bring-up.md,
+fault injection, fingers and drifting plates. Where host and board are compared bit for bit, tests/helpers/hosted_boards.py and
+the emulated board share a plate in Python instead.
 
-`python -m firmware.closed_loop unlike` (or `lifts`) prints a table of docs/bring-up.md in Markdown; --write puts it there,
-between the marks that name this command. An entry of the first is a second from rest. In the second a finger makes the damping
-six times the plate's own, the loop has followed it, and the damping falls evenly to the plate's own.
+`python -m firmware.closed_loop unlike` (or `lifts`) prints a table of docs/bring-up.md in Markdown; --write inserts it there,
+between the marks that name this command. Each entry of the first is a second from rest. In the second a finger multiplies the
+damping of the plate by six, the loop adapts, and the damping then falls linearly to that of the free plate.
 """
 
 from __future__ import annotations
@@ -32,29 +32,29 @@ FIELDS = ("measured_re", "measured_im", "drive_re", "drive_im", "reference", "mo
 
 TRUE_HZ, GAIN, DELAY_S, RATE_HZ = 31437.3, 0.8, 7.3e-6, 250e3
 QUALITIES = (50, 100, 200, 300, 400, 600, 1000, 1500, 2000)
-SHARE = 0.2  # of what full drive holds
+SHARE = 0.2  # of the amplitude at full drive
 SLOW_S, UNSTEADY = 5e-3, 0.05
 PAGE = Path(__file__).parent.parent / "docs" / "bring-up.md"
 END = "<!-- end -->\n"
 
 ROWS = (
-    ("plate off the table, Hz", "off_hz", (-300.0, -100.0, -30.0, 30.0, 100.0, 300.0), 1.0),
-    ("asked away from resonance, Hz", "detuning_hz", (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0), 1.0),
-    ("sensor shows so many times the motion", "sensitivity", (0.3, 0.5, 0.7, 1.3, 2.0, 3.0), 1.0),
-    ("delay that the table does not know, us", "late_s", (-6.0, -4.0, 4.0, 6.0, 7.0, 8.0), 1e-6),
-    ("neighbour at +200 Hz that it does not know, times the mode", "neighbour", (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0), 1.0),
-)  # title, what differs, values, their unit
+    ("resonance offset from the table, Hz", "off_hz", (-300.0, -100.0, -30.0, 30.0, 100.0, 300.0), 1.0),
+    ("requested detuning, Hz", "detuning_hz", (-500.0, -300.0, -100.0, 100.0, 300.0, 500.0), 1.0),
+    ("sensor sensitivity, times nominal", "sensitivity", (0.3, 0.5, 0.7, 1.3, 2.0, 3.0), 1.0),
+    ("delay missing from the table, us", "late_s", (-6.0, -4.0, 4.0, 6.0, 7.0, 8.0), 1e-6),
+    ("unknown neighbour at +200 Hz, times the mode", "neighbour", (-1.0, -0.5, -0.2, 0.2, 0.5, 1.0), 1.0),
+)  # title, field of Case, values, unit
 
 LIFTED_QUALITIES = (30, 100, 300, 600, 1000, 2000)
 LIFTS_S = (2e-3, 5e-3, 10e-3, 20e-3, 50e-3)
-SHARES = (0.05, 0.1, 0.2, 0.4)  # of what full drive holds without a finger
-PHASES = range(0, 50, 10)  # ticks of a window at which the finger begins to leave
-TOUCHED = 6.0  # times the plate's own damping
+SHARES = (0.05, 0.1, 0.2, 0.4)  # of the free plate's amplitude at full drive
+PHASES = range(0, 50, 10)  # tick of the window at which the finger starts to lift
+TOUCHED = 6.0  # times the damping of the free plate
 SETTLES_S, AFTER_S, STEP_S = 0.3, 15e-3, 40e-6
 
 
 class SingleRig(Supervised):
-    """an_single and a Plate in lock step; windows() gives what each window ended with."""
+    """an_single and a Plate in lock step; windows() returns the values at the end of each window."""
 
     def __init__(self, table: bytes, plate: Plate, seed: int = 1, faults: int = 0) -> None:
         self.ffi, self.lib = load()
@@ -71,11 +71,11 @@ class SingleRig(Supervised):
 
     @property
     def pointer(self) -> Any:
-        """The application, for calls."""
+        """Pointer to the application, for calls."""
         return self.ffi.addressof(self.app)
 
     def set_plate(self, plate: Plate) -> None:
-        """The plate as it is from now on; what moves goes on moving."""
+        """Replace the coefficients of the plate; its motion continues."""
         simulation, target = PlateSimulation(plate), self.rig.plate
         target.count = len(plate.resonances)
         target.whole = len(simulation.line) - 2
@@ -92,11 +92,17 @@ class SingleRig(Supervised):
         self.plate = plate
 
     def run(self, seconds: float) -> None:
-        """Advances by a time."""
+        """Advance by a time."""
         self.lib.rig_run(self.rig, round(seconds * self.plate.sample_rate_hz), self.ffi.NULL, 0)
 
     def windows(self, seconds: float) -> dict[str, NDArray[Any]]:
-        """Advances by a time; one entry a window: measured and drive (complex), reference, motion, state, limited."""
+        """Advance by a time and record every window.
+
+        Returns
+        -------
+        dict of str to ndarray, shape (windows,)
+            measured and drive (complex), reference and motion as fractions of full scale, state, limited.
+        """
         ticks = round(seconds * self.plate.sample_rate_hz)
         room = ticks // self.lib.AN_PERIOD + 2
         buffer = self.ffi.new("rig_window []", room)
@@ -110,13 +116,13 @@ class SingleRig(Supervised):
         }
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
-        """Starts as the application's user would."""
+        """Start as a user of the application would."""
         return bool(self.lib.an_single_start(self.pointer, reference, detuning_hz))
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is unlike the table; neighbour, its gain at +200 Hz over the mode's own."""
+    """Deviations of the plate from the table; neighbour is the relative gain of a mode at +200 Hz."""
 
     off_hz: float = 0.0
     detuning_hz: float = 0.0
@@ -126,7 +132,7 @@ class Case:
 
 
 def mode_table(quality_factor: float) -> bytes:
-    """A table with one measured mode."""
+    """Make a table with one measured mode."""
     gain, delay_s = -1j * GAIN * abs(hold(TRUE_HZ, RATE_HZ)), DELAY_S + 0.5 / RATE_HZ
     measured = {"gain": gain, "delay_s": delay_s, "tau_identified": True, "frequency_identified": True}
     mode = Mode.from_quality_factor(TRUE_HZ, quality_factor, amplitude_limit=0.9, **measured)
@@ -134,13 +140,17 @@ def mode_table(quality_factor: float) -> bytes:
 
 
 def held_plate(quality_factor: float, noise: float = 1e-4) -> tuple[bytes, Plate]:
-    """A table and the plate that it describes."""
+    """Make a table and the plate that it describes."""
     own = Resonance(TRUE_HZ, quality_factor / math.pi / TRUE_HZ, GAIN)
     return mode_table(quality_factor), Plate((own,), delay_s=DELAY_S, noise=noise)
 
 
 def entry(quality_factor: float, case: Case) -> str:
-    """Such as "1.9" (ms to 95 % of the envelope), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms after the step)."""
+    """Simulate one case and return its entry in the table.
+
+    Examples: "1.9" (ms until the envelope stays within 5 %), "slow 12", "at limit 0.6", "unsteady", or "trip 20" (ms
+    after the step).
+    """
     table, plate = held_plate(quality_factor)
     own = replace(plate.resonances[0], frequency_hz=TRUE_HZ + case.off_hz)
     tau_s = plate.resonances[0].tau_s
@@ -157,7 +167,7 @@ def entry(quality_factor: float, case: Case) -> str:
 
 
 def table_of_unlike_plates() -> str:
-    """All tables."""
+    """Return all tables."""
     lines = []
     for title, name, values, unit in ROWS:
         lines += [f"| {title} | " + " | ".join(f"Q {quality_factor}" for quality_factor in QUALITIES) + " |"]
@@ -170,7 +180,7 @@ def table_of_unlike_plates() -> str:
 
 
 def write_into_page(command: str, text: str) -> None:
-    """Replaces what docs/bring-up.md shows between the mark that names the command and the next end."""
+    """Replace the part of docs/bring-up.md between the mark that names the command and the next end mark."""
     mark = f"<!-- {command} -->\n"
     before, rest = PAGE.read_text().split(mark, 1)
     PAGE.write_text(before + mark + "\n" + text.rstrip() + "\n" + rest[rest.index(END) :])
@@ -178,16 +188,34 @@ def write_into_page(command: str, text: str) -> None:
 
 
 def damped(plate: Plate, times: float) -> Plate:
-    """A plate whose first resonance has so many times its damping, force and mass as they were."""
+    """Multiply the damping of a plate's first resonance, at constant modal force and mass."""
     own = plate.resonances[0]
     touched = replace(own, tau_s=own.tau_s / times, gain=own.gain / times)
     return replace(plate, resonances=(touched, *plate.resonances[1:]))
 
 
 def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-3) -> Iterator[float]:
-    """Return the largest motion over the reference for each phase of the window.
+    """Simulate lift-offs and yield the peak motion over the reference for each phase of the window.
 
-    Raises RuntimeError where the application stops.
+    Parameters
+    ----------
+    quality_factor : float
+        Of the free plate.
+    share : float
+        Reference as a fraction of the free plate's amplitude at full drive.
+    lift_s : float
+        Duration of the lift-off, in s.
+    noise : float, optional
+        RMS noise of the sensor, as a fraction of full scale.
+
+    Yields
+    ------
+    float
+
+    Raises
+    ------
+    RuntimeError
+        If the application stops with a fault.
     """
     table, plate = held_plate(quality_factor, noise)
     rig = SingleRig(table, plate)
@@ -206,7 +234,7 @@ def peaks(quality_factor: float, share: float, lift_s: float, noise: float = 1e-
 
 
 def table_of_lifts() -> str:
-    """The table: the worst of all levels and phases."""
+    """Return the table, with the worst case over all levels and phases."""
     lines = [
         "| the finger leaves within, ms | "
         + " | ".join(f"Q {quality_factor}" for quality_factor in LIFTED_QUALITIES)
@@ -252,7 +280,7 @@ TABLES = {"unlike": table_of_unlike_plates, "lifts": table_of_lifts}
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m firmware.closed_loop", description=__doc__)
     parser.add_argument("table", choices=TABLES, help="plates unlike the mode table, or fingers that leave")
     parser.add_argument("--write", action="store_true", help="put what is printed into docs/bring-up.md")

@@ -1,9 +1,10 @@
-"""What a built image holds: its contents, its registers for debuggers, its longest paths.
+"""Analysis of a built image: its ELF contents, a register description for debuggers, and its longest paths.
 
-The chip's maker has a whole one, under a licence that does not let it be passed on here.
+The CMSIS-SVD description is made from firmware/board/f446/registers.h: the manufacturer's complete one has a licence that does
+not permit redistribution here.
 
-`python -m firmware.image FILE.elf an_fast_tick ...` reads the control flow from the Thumb-2 code itself: branches, calls
-(their own longest path added), returns; other instructions count as one each. A routine with a loop has no bound.
+`python -m firmware.image FILE.elf an_fast_tick ...` derives the control flow from the Thumb-2 code: branches, calls (whose own
+longest paths are added) and returns. Every instruction counts as one. A routine with a loop has no bound.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-ALLOCATED = 2  # of a section's flags: it takes memory
+ALLOCATED = 2  # section flag: occupies memory
 SYMBOLS = "SHT_SYMTAB"
 
 STRUCT = re.compile(r"typedef struct \{(.*?)\}\s*(\w+);", re.S)
@@ -27,7 +28,7 @@ Register = tuple[str, int, int]  # name, offset, bytes
 
 
 class Segment(NamedTuple):
-    """Bytes and where they go: address is where they run, load_address where they are stored."""
+    """Loadable segment: address at run time, load_address in flash memory."""
 
     address: int
     load_address: int
@@ -36,7 +37,7 @@ class Segment(NamedTuple):
 
 
 class Named(NamedTuple):
-    """A section of the image, or a symbol (Thumb bit cleared): where it runs, and how many bytes it takes."""
+    """Section or symbol (without the Thumb bit): name, address at run time and size in bytes."""
 
     name: str
     address: int
@@ -44,7 +45,15 @@ class Named(NamedTuple):
 
 
 class Elf:
-    """A little-endian 32-bit file. Raises ValueError when it is none, ImportError where pyelftools is missing."""
+    """Little-endian 32-bit ELF file.
+
+    Raises
+    ------
+    ValueError
+        If the data is no such file.
+    ImportError
+        If pyelftools is missing.
+    """
 
     def __init__(self, data: bytes) -> None:
         from elftools.common.exceptions import ELFError
@@ -59,18 +68,18 @@ class Elf:
 
     @classmethod
     def read(cls, path: Path) -> Elf:
-        """The file at a path."""
+        """Read the file at a path."""
         return cls(path.read_bytes())
 
     @cached_property
     def segments(self) -> list[Segment]:
-        """What is loaded, in the file's order, empty ones included when they take memory."""
+        """Segments that occupy memory, in the order of the file, including those without data."""
         loaded = [one for one in self.file.iter_segments("PT_LOAD") if one["p_memsz"]]
         return [Segment(one["p_vaddr"], one["p_paddr"], one.data(), one["p_memsz"]) for one in loaded]
 
     @cached_property
     def symbols(self) -> dict[str, Named]:
-        """Objects and functions that have a home, by name."""
+        """Defined objects and functions by name."""
         homes = [one for one in self.all_symbols if one["st_shndx"] != "SHN_UNDEF"]
         thumb = [int(one["st_info"]["type"] == "STT_FUNC") for one in homes]
         return {
@@ -80,19 +89,19 @@ class Elf:
 
     @cached_property
     def sections(self) -> list[Named]:
-        """The parts that take memory, by address."""
+        """Sections that occupy memory, by address."""
         parts = [one for one in self.file.iter_sections() if one["sh_flags"] & ALLOCATED and one["sh_size"]]
         return sorted((Named(one.name, one["sh_addr"], one["sh_size"]) for one in parts), key=lambda one: one.address)
 
     @cached_property
     def all_symbols(self) -> list[Any]:
-        """Of the file as pyelftools has them, undefined ones included."""
+        """All named symbols of the file, including undefined ones, as pyelftools objects."""
         tables: list[Any] = list(self.file.iter_sections(SYMBOLS))
         return [symbol for table in tables for symbol in table.iter_symbols() if symbol.name]
 
 
 class Step(NamedTuple):
-    """An instruction: bytes it takes, where it may go on besides the next one, whether it may go on there, what it calls."""
+    """Instruction: size in bytes, branch targets, whether it can fall through, and the routine it calls."""
 
     size: int
     targets: tuple[int, ...] = ()
@@ -101,11 +110,11 @@ class Step(NamedTuple):
 
 
 class Unbounded(ValueError):
-    """The routine has a loop, or a jump that only the running program knows."""
+    """The routine has a loop, or a jump whose target depends on data."""
 
 
 class Code:
-    """The instructions of an image."""
+    """Instructions of an image."""
 
     def __init__(self, elf: Elf) -> None:
         self.elf = elf
@@ -117,14 +126,14 @@ class Code:
         return int.from_bytes(self.text.data[offset : offset + 2], "little")
 
     def step(self, at: int, in_block: bool) -> Step:
-        """The instruction at an address; in_block, under the condition of an IT block."""
+        """Decode the instruction at an address; in_block means that an IT block makes it conditional."""
         high = self._half(at)
         if high >> 11 in (0b11101, 0b11110, 0b11111):
             return _wide(high, self._half(at + 2), at, in_block)
         return _narrow(high, at, in_block)
 
     def block_left(self, at: int, left: int) -> int:
-        """How many of the next instructions are conditional, given how many were before this one."""
+        """Return how many of the following instructions are conditional, given the number before this one."""
         high = self._half(at)
         if high & 0xFF00 == 0xBF00 and high & 0xF:
             return 4 - (high & -high).bit_length() + 1
@@ -156,7 +165,7 @@ class Code:
 
 
 def map_text(elf: Elf) -> str:
-    """What lies where: each section that takes memory, and below it its functions and objects by address and size."""
+    """List the sections that occupy memory, each with its functions and objects by address and size."""
     lines = ["address     bytes  what"]
     for section in elf.sections:
         lines.append(f"0x{section.address:08x} {section.size:6d}  {section.name}")
@@ -170,7 +179,7 @@ def map_text(elf: Elf) -> str:
 
 
 def flash_image(elf: Elf, start: int, fill: int = 0xFF) -> bytes:
-    """The stored bytes from start on, gaps filled with what erased flash reads as."""
+    """Return the contents of the flash memory from start onwards, with gaps filled like erased flash."""
     stored = [segment for segment in elf.segments if segment.data and segment.load_address >= start]
     end = max(segment.load_address + len(segment.data) for segment in stored)
     image = bytearray([fill]) * (end - start)
@@ -181,7 +190,13 @@ def flash_image(elf: Elf, start: int, fill: int = 0xFF) -> bytes:
 
 
 def structs(header: str) -> dict[str, list[Register]]:
-    """The registers of each struct type of a C header, arrays and structs within resolved. Raises ValueError."""
+    """Return the registers of each struct type in a C header, with nested arrays and structs expanded.
+
+    Raises
+    ------
+    ValueError
+        If a member has an unknown type.
+    """
     result: dict[str, list[Register]] = {}
     for body, name in STRUCT.findall(re.sub(r"/\*.*?\*/", "", header, flags=re.S)):
         result[name] = list(_members(body, result))
@@ -189,7 +204,7 @@ def structs(header: str) -> dict[str, list[Register]]:
 
 
 def svd_text(header: str) -> str:
-    """The description as XML; places without a name are left out. Raises ValueError."""
+    """Return the description as XML, without unused registers. Raises ValueError for an unknown type."""
     types = structs(header)
     device = ElementTree.Element("device", schemaVersion="1.3")
     about = {"name": "STM32F446", "version": "1.0", "description": "Registers that Antinode's firmware touches"}
@@ -204,13 +219,32 @@ def svd_text(header: str) -> str:
 
 
 def bound(image: Path, routine: str) -> int:
-    """Instructions from the routine's entry to its return on the longest path, calls included. Raises Unbounded, KeyError."""
+    """Count the instructions on the longest path from a routine's entry to its return, including calls.
+
+    Parameters
+    ----------
+    image : Path
+        ELF file.
+    routine : str
+        Name of the routine.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    Unbounded
+        If the routine has a loop or a computed jump.
+    KeyError
+        If the image has no such routine.
+    """
     elf = Elf.read(image)
     return Code(elf).longest(elf.symbols[routine].address)
 
 
 def main(arguments: list[str]) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     if len(arguments) < 2:
         print("usage: python -m firmware.image FILE.elf ROUTINE ...", file=sys.stderr)
         return 2

@@ -1,11 +1,11 @@
-"""Lets go wrong what can while a plate is held, and tells how soon the outputs rest: `python -m firmware.injection`.
+"""Fault injection in a closed loop, and the time until the outputs are at rest: `python -m firmware.injection`.
 
-On the rig of firmware.closed_loop, at every tick of a second: faults that interrupts find, broken sensors (also while the level
-swings between nothing and full), and at each tick one flipped bit of the words of the state, drawn by the tick's number. On
-the emulated board, with the unmodified images of both builds, the interrupts themselves, the sensors and the flipped bits, at
-every 101st tick of a second (six channels: every 17th): numbers without a common divisor with the ticks of a window and of a
-look of the guard, so that each of their phases is met. --stride and --image-stride change that; --write puts the table into
-docs/bring-up.md. It takes some ten minutes of one processor.
+On the rig of firmware.closed_loop, faults are injected at every tick of one second: faults found by interrupts, failed
+sensors (also while the level is modulated between zero and full), and one flipped bit of the state, chosen by the
+number of the tick. On the emulated board, with the unmodified images of both builds, they are lost interrupts, failed
+sensors and flipped bits, at every 101st tick of one second (six channels: every 17th). These numbers are coprime to the
+ticks of a window and of a check of the guard, so that every phase of both occurs. --stride and --image-stride change
+them; --write inserts the table into docs/bring-up.md. A run takes some ten minutes on one processor.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
 SENSORS = ("clipped", "dead", "stuck", "reversed")
 SOON, LATCHED, HORIZON = 25, 200, 10000  # ticks of 4 us: 100 us (RIG_SOON)
-LATER = {"dead": 1250, "stuck": 1250, "reversed": 500}  # while the level swings: 5 ms, 2 ms
+LATER = {"dead": 1250, "stuck": 1250, "reversed": 500}  # while the level is modulated: 5 ms, 2 ms
 LEVEL, SWING_HZ = 0.15, 100.0
-# The plate may move so many times as far as in the sound run: what that one's drive adds in 100 us; until the drive that moves
-# nothing exceeds what noise and a heavy hand hide; until the loop has followed a turned phase.
+# Largest motion over that of the run without a fault: what its drive adds within 100 us; until a drive without effect
+# exceeds what noise and a heavy hand can hide; until the loop has followed a phase jump.
 FURTHER, HIDDEN_FURTHER, FLIPPED_FURTHER = 1.05, 2.0, 1.3
 SWINGS = {"level swings": (LEVEL, FURTHER), "low level swings": (LEVEL / 3.0, HIDDEN_FURTHER)}
 SAFE_S, FOLLOWED_S, STOPPED_S = 100e-6, 5e-3, 3e-3
-WATCHED = 100  # ticks, two windows and more of either build
+WATCHED = 100  # ticks, at least two windows of either build
 SHARED = [
     "base.supervisor.state",
     "base.supervisor.inverse",
@@ -69,16 +69,16 @@ SIX_WORDS = [
     "probe",
 ]
 HEAD = (
-    "| what goes wrong | moments | at rest and latched | held as before | longest, us | allowed, us "
-    "| most drive, of `drive_limit` (sound run) | most motion, of the sound run's |"
+    "| fault | injections | at rest and latched | amplitude held | longest time to rest, us | allowed, us "
+    "| peak drive over `drive_limit` (without fault) | peak motion over that without fault |"
 )
 
 
 class Row(NamedTuple):
-    """Of the table: moments, how many ended at rest and latched, and held as before; longest time to rest and allowed, s.
+    """Row of the table: injections, how many ended at rest and latched or held, and times to rest in s.
 
-    On the rig also the largest drive from then on and that of the run without the fault, over drive_limit; and the largest
-    motion over that run's.
+    On the rig, extent holds the peak drive with and without the fault, over drive_limit, and the peak motion over that
+    without the fault.
     """
 
     what: str
@@ -91,12 +91,12 @@ class Row(NamedTuple):
 
     @property
     def is_sound(self) -> bool:
-        """True when no moment ended otherwise, and none too late."""
+        """True if every injection ended in one of the two ways, and in time."""
         return self.latched + self.held == self.moments and self.longest_s <= self.allowed_s
 
     @property
     def text(self) -> str:
-        """As a row of Markdown."""
+        """Row in Markdown."""
         late = "" if self.is_sound else f" (NOT SAFE: {self.moments - self.latched - self.held})"
         times = f"{1e6 * self.longest_s:.0f} | {1e6 * self.allowed_s:.0f}"
         extent = "{:.2f} ({:.2f}) | {:.2f}".format(*self.extent) if self.extent else "|"
@@ -104,7 +104,7 @@ class Row(NamedTuple):
 
 
 def held(level: float = LEVEL, swings: bool = False) -> SingleRig:
-    """A rig that holds a plate, or lets its level swing between nothing and full. Raises NoCompiler."""
+    """Make a rig in closed loop, with the level constant or modulated between zero and full. Raises NoCompiler."""
     rig = SingleRig(*held_plate(300.0, noise=1e-3))
     rig.run(5e-3)
     rig.start(level)
@@ -118,20 +118,42 @@ def held(level: float = LEVEL, swings: bool = False) -> SingleRig:
 
 
 def bits_of(ffi: Any, application: str, words: list[str]) -> list[int]:
-    """The places of all bits of some 32-bit words of an application's state."""
+    """Return the bit offsets of some 32-bit words of an application's state."""
     starts = [ffi.offsetof(application, *word.split(".")) for word in words]
     return [8 * start + bit for start in starts for bit in range(32)]
 
 
 def drawn(bits: list[int], moment: int) -> int:
-    """One of them by the moment's number, as rig_inject draws."""
+    """Choose one bit by the number of the tick, as rig_inject does."""
     return bits[(moment * 2654435761 % 2**32 >> 8) % len(bits)]
 
 
 def inject(
     rig: SingleRig, kind: int, details: list[int], seconds: float, stride: int, most: int, further: float
 ) -> Any:
-    """A rig_outcome: something goes wrong at each so-many-th tick."""
+    """Inject a fault every stride ticks.
+
+    Parameters
+    ----------
+    rig : SingleRig
+    kind : int
+        RIG_SENSOR, RIG_TRIP or RIG_FLIP.
+    details : list of int
+        Sensor failures, fault bits or bit offsets to choose from.
+    seconds : float
+        Length of the run, in s.
+    stride : int
+        Ticks between two injections.
+    most : int
+        Ticks until the output must be at rest.
+    further : float
+        Largest motion over that without a fault.
+
+    Returns
+    -------
+    rig_outcome
+        Structure of firmware/host/rig.h.
+    """
     given = rig.ffi.new("uint32_t []", details)
     ticks = round(seconds * rig.sample_rate_hz)
     trial = rig.ffi.new("rig_trial *", [kind, given, len(details), ticks, stride, most, LATCHED, further])
@@ -139,7 +161,7 @@ def inject(
 
 
 def rig_rows(seconds: float, stride: int) -> Iterator[Row]:
-    """What the rig shows."""
+    """Yield the rows measured on the rig."""
     lib = held().lib
     kinds = [(fault_names(fault)[0], lib.RIG_TRIP, int(fault)) for fault in TRIPS]
     kinds += [(f"sensor {name}", lib.RIG_SENSOR, getattr(lib, f"RIG_{name.upper()}")) for name in SENSORS]
@@ -188,7 +210,7 @@ def _damage(board: Any) -> None:
 
 
 def _lose_slow_step(board: Any) -> None:
-    """Until its next one is due: before, nothing is amiss."""
+    """Suppress the slow step until the next one is due, when its absence first matters."""
     board.slow_stuck = True
     due = board.app.fast.window.count + 1
     while board.app.fast.window.count != due:
@@ -196,7 +218,7 @@ def _lose_slow_step(board: Any) -> None:
 
 
 def break_single(board: Any, how: str) -> None:
-    """One mode: what reaches the converter is from now on that of a broken sensor."""
+    """Replace the sensor signal of the single-mode board by that of a failed sensor."""
     shown, noise = board.adc.value / 2048.0 - 1.0, board.plate.plate.noise
     board.sense = {
         "dead": lambda: board.plate.random.gauss(0.0, noise),
@@ -207,7 +229,7 @@ def break_single(board: Any, how: str) -> None:
 
 
 def break_one_of_six(board: Any, how: str) -> None:
-    """Six channels: one sensor, each in turn."""
+    """Replace the signal of one sensor of the six-channel board, each in turn."""
     which = int(board.app.fast.tick) % len(board.samples)
     shown, noise = board.samples[which] / 2048.0 - 1.0, board.beam.beam.noise
 
@@ -225,14 +247,14 @@ def break_one_of_six(board: Any, how: str) -> None:
 
 
 def sensor_kinds(broken: Callable[..., None]) -> dict[str, Break]:
-    """A broken sensor of each kind."""
+    """Return the sensor failures of each kind."""
     return {f"sensor {how}": partial(broken, how=how) for how in SENSORS}
 
 
 BOARD_KINDS: dict[str, Break] = {
     "samples cease": _stop_samples,
-    "an interrupt lost, from the next one": _lose_interrupt,
-    "slow step lost, from being due": _lose_slow_step,
+    "interrupt lost, timed from the next one": _lose_interrupt,
+    "slow step lost, timed from when it is due": _lose_slow_step,
     "supply falls": _lower_supply,
     "clock dies": lambda board: board.interrupt_unexpectedly(),
     "tick damaged": _damage,
@@ -240,25 +262,26 @@ BOARD_KINDS: dict[str, Break] = {
 
 
 def _unsafe(board: Any, ticks: int) -> list[int]:
-    """Of the next ticks, those that something is driven in."""
+    """Return those of the next ticks in which an output is driven."""
     return [tick for tick in range(1, ticks + 1) if not (board.tick() or board.at_rest)]
 
 
 class Ending(NamedTuple):
-    """Of one moment: whether it ended at rest and latched, or held as before; ticks until the outputs rested."""
+    """Outcome of one injection: at rest and latched, or amplitude held; ticks until the outputs were at rest."""
 
     latched: bool
     held: bool
     late: int
 
 
-Trial = Callable[[Any, int], Ending]  # of a board, at the moment of a number
+Trial = Callable[[Any, int], Ending]  # of a board and the number of the tick
 
 
 def breaking(go_wrong: Break) -> Trial:
-    """Something goes wrong, the main loop busy until the outputs have to rest.
+    """Make a trial of a fault during which the main loop is busy until the outputs must be at rest.
 
-    Latched: nothing is driven afterwards, when the main loop goes on, and its state is the fault; or the chip stands still.
+    The fault is latched if nothing is driven after the main loop resumes and the state is FAULT, or if the chip has
+    halted.
     """
 
     def trial(board: Any, _: int) -> Ending:
@@ -274,7 +297,7 @@ def breaking(go_wrong: Break) -> Trial:
 
 
 def flipping(bits: list[int]) -> Trial:
-    """A bit of the state is flipped, drawn by the moment's number."""
+    """Make a trial that flips a bit of the state, chosen by the number of the tick."""
 
     def trial(board: Any, moment: int) -> Ending:
         _flip(board, drawn(bits, moment))
@@ -285,7 +308,7 @@ def flipping(bits: list[int]) -> Trial:
 
 
 def image_rows(board: Any, trials: dict[str, Trial], seconds: float, stride: int) -> Iterator[Row]:
-    """An emulated board that drives; at each so-many-th tick each of the trials, undone afterwards."""
+    """Run all trials on a driving emulated board every stride ticks, undoing each, and yield their rows."""
     endings: dict[str, list[Ending]] = {what: [] for what in trials}
     for moment in range(0, round(seconds / board.sample_s), stride):
         board.run(stride * board.sample_s)
@@ -303,7 +326,7 @@ def _flip(board: Any, bit: int) -> None:
 
 
 def _rests_when_stopped(board: Any) -> bool:
-    """True when the job that runs can be ended."""
+    """True if the running job can be stopped."""
     ran = board.state == RUN
     board.app.base.supervisor.stopping = True
     board.run(STOPPED_S)
@@ -311,7 +334,7 @@ def _rests_when_stopped(board: Any) -> bool:
 
 
 def _late(board: Any) -> int | None:
-    """Ticks until the last at which something is driven; none, when that ends in no fault."""
+    """Return the last tick at which an output is driven, or None if the board does not end in a fault."""
     last = tick = 0
     while tick < round(FOLLOWED_S / board.sample_s) and tick - last < WATCHED:
         tick += 1
@@ -321,7 +344,7 @@ def _late(board: Any) -> int | None:
 
 
 def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
-    """What the images of both builds show. Raises BuildError."""
+    """Yield the rows measured on the images of both builds. Raises BuildError."""
     from firmware.emulate.images import EmulatedSingle, EmulatedSix
     from firmware.emulate.plant import Beam, measured_table
 
@@ -348,15 +371,20 @@ def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m firmware.injection", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=1.0, help="length of the run")
-    parser.add_argument("--stride", type=int, default=1, help="ticks between two moments on the rig")
+    parser.add_argument("--seconds", type=float, default=1.0, help="length of the run, s")
+    parser.add_argument("--stride", type=int, default=1, help="ticks between two injections on the rig")
     parser.add_argument(
-        "--image-stride", type=int, nargs=2, default=(101, 17), metavar=("ONE", "SIX"), help="on the images"
+        "--image-stride",
+        type=int,
+        nargs=2,
+        default=(101, 17),
+        metavar=("ONE", "SIX"),
+        help="ticks between two injections on the images",
     )
-    parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/bring-up.md")
+    parser.add_argument("--image-seconds", type=float, default=1.0, help="length of the run on the images, s")
+    parser.add_argument("--write", action="store_true", help="write the table to docs/bring-up.md")
     chosen = parser.parse_args(arguments)
     rows: list[Row] = []
     lines = [HEAD, "|---" * 8 + "|"]

@@ -1,4 +1,4 @@
-"""The images of both builds on the emulated board, joined by their converters to a simulated plate and a simulated beam."""
+"""The images of both builds on the emulated board, connected by their converters to a simulated plate and a simulated beam."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ CR1, DIER, SR, ARR, CCR1, BDTR = 0x00, 0x0C, 0x10, 0x2C, 0x34, 0x44
 BREAK_LINES = {TIM1: 24, TIM8: 43}
 BREAK_HANDLERS = {TIM1: "TIM1_BRK_TIM9_IRQHandler", TIM8: "TIM8_BRK_TIM12_IRQHandler"}
 DMA_FLAGS, DMA_CLEAR = 0x40026400, 0x40026408  # DMA2
-SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # its stream 0
+SCAN_LEFT, SCAN_MEMORY = 0x40026410 + 0x04, 0x40026410 + 0x0C  # stream 0 of DMA2
 HALF_WAY, COMPLETE = 1 << 4, 1 << 5  # of the stream's two scans
 GATES, BREAK_SEEN = 1 << 15, 1 << 7
-SWING = 1080 / 1125  # of the supply, at a duty of full drive
+SWING = 1080 / 1125  # of the supply, at full drive
 
 
 class EmulatedSingle(EmulatedBoard):
-    """A board whose application object is in view as `app`; reports holds (measured, drive, reference) a window."""
+    """Board with the application as `app`; reports holds (measured, drive, reference) for each window."""
 
     WORLD = ("plate",)
 
     def __init__(self, image: Path, plate: Plate, seed: int = 1, **options: Any) -> None:
         self.plate = PlateSimulation(plate, seed)
         self.codes: list[int] | None = None
-        self.stalls: list[tuple[bool, int]] = []  # flash memory busy: was the timer on, what was the DAC told
+        self.stalls: list[tuple[bool, int]] = []  # while the flash memory is busy: timer on, DAC code
         self.reports: list[tuple[complex, complex, float]] = []
         super().__init__(image, plate.sample_rate_hz, Chip(**options))
         ffi, _ = load()
@@ -54,28 +54,28 @@ class EmulatedSingle(EmulatedBoard):
         self.dac, self.adc, self.timer = self.word(DAC_RD), self.word(ADC_DR), self.word(TIM2)
 
     def sense(self) -> float:
-        """What reaches the converter; a test may put a broken sensor here."""
+        """Return the signal at the converter; a test may substitute a failed sensor."""
         return self.plate.sense()
 
     @property
     def at_rest(self) -> bool:
-        """Both DAC channels in the middle."""
+        """True while both DAC channels are at mid-scale."""
         return self.dac.value == 2048 | 2048 << 16
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> bool:
-        """Starts as the button or a host would."""
+        """Start as the button or a host would."""
         return self.call("an_single_start", self.symbol("app"), reference, detuning_hz) == 1
 
     def _exchange(self) -> bool:
         if not self.timer.value & 1:
-            raise RuntimeError("the image stopped its timer: nothing will ever wake it")
+            raise RuntimeError("the image stopped its timer, so that no interrupt can wake it")
         sample = adc_code(self.sense())
         code = self.dac.value & 0xFFF
         self.plate.drive(dac_level(code))
         if self.codes is not None:
             self.codes.append(code)
         self.adc.value = sample
-        if self.fast_lost:  # nobody takes this sample before the next one is there
+        if self.fast_lost:  # the next sample overwrites this one before it is read
             self.word(ADC_SR).value |= OVERRUN
         return True
 
@@ -96,28 +96,28 @@ class EmulatedSingle(EmulatedBoard):
 
 
 class SixView:
-    """What is seen of a six-channel application `app` on a simulated `beam`, wherever it runs."""
+    """View of a six-channel application `app` with a simulated `beam`, on the host or on the emulated board."""
 
     app: Any
     beam: BeamSimulation
 
     def sense(self) -> np.ndarray:
-        """What reaches the converters; a test may put broken sensors here."""
+        """Return the signals at the converters; a test may substitute failed sensors."""
         return self.beam.sense()
 
     @property
     def measured(self) -> np.ndarray:
-        """The six phasors of the last window."""
+        """Six phasors of the last window."""
         return np.array([complex(z.re, z.im) for z in self.app.slow.measured])
 
     @property
     def drives(self) -> np.ndarray:
-        """The six drives commanded last."""
+        """Six drives of the last command."""
         return np.array([complex(z.re, z.im) for z in self.app.slow.drive])
 
 
 class EmulatedSix(SixView, EmulatedBoard):
-    """A board whose application object is in view as `app`; open bridges drive nothing."""
+    """Board with the application object accessible as `app`; open bridges drive nothing."""
 
     FAST_HANDLER = "DMA2_Stream0_IRQHandler"
     BUILD = "an_six_build"
@@ -127,7 +127,7 @@ class EmulatedSix(SixView, EmulatedBoard):
         self.beam = BeamSimulation(beam, seed)
         self.history: list[list[int]] | None = None
         self.pulled = dict.fromkeys(BREAK_LINES, 0)
-        self.stalls: list[bool] = []  # while the flash memory was busy: were the bridges driving
+        self.stalls: list[bool] = []  # while the flash memory is busy: bridges driving
         super().__init__(image, beam.sample_rate_hz, Chip(**options))
         ffi, _ = load()
         self.app = ffi.cast("an_six *", self.pointer("app"))
@@ -135,7 +135,7 @@ class EmulatedSix(SixView, EmulatedBoard):
         self.gates = [self.word(timer + BDTR) for timer in (TIM1, TIM8)]
         self.timer, self.top = self.word(TIM1 + CR1), self.word(TIM1 + ARR)
         self.stream = [self.word(at) for at in (SCAN_LEFT, DMA_FLAGS, DMA_CLEAR, SCAN_MEMORY)]
-        self.samples = [2048] * CHANNELS  # of the last scan
+        self.samples = [2048] * CHANNELS  # last scan
 
     @property
     def driving(self) -> bool:
@@ -144,17 +144,18 @@ class EmulatedSix(SixView, EmulatedBoard):
 
     @property
     def at_rest(self) -> bool:
-        """All twelve switches open."""
+        """True while all twelve switches are open."""
         return not any(gate.value & GATES for gate in self.gates)
 
     def start(self, pattern: int = 0, reference: float = 0.0) -> bool:
-        """Starts as the button or a host would."""
+        """Start as the button or a host would."""
         return self.call("an_six_start", self.symbol("app"), pattern, reference) & 0xFF == 1
 
     def pull_break(self, timer: int = TIM1, ticks: int = 1) -> None:
-        """What the power stage does when it sees too much current: this timer opens its gates by itself, at once.
+        """Assert a break line, as the power stage does at overcurrent; the timer opens its gates at once.
 
-        The line stays pulled for so many ticks; until then neither the flag can be cleared nor the gates be closed.
+        The line stays asserted for the given ticks, during which the flag cannot be cleared and the gates cannot be
+        closed.
         """
         self.pulled[timer] = ticks
         self._serve_breaks()
@@ -180,7 +181,7 @@ class EmulatedSix(SixView, EmulatedBoard):
 
     def _exchange(self) -> bool:
         if not self.timer.value & 1:
-            raise RuntimeError("the image never started its timers: nothing will ever wake it")
+            raise RuntimeError("the image never started its timers, so that no interrupt can wake it")
         sensed = self.sense()
         duties = [word.value for word in self.compare]
         middle = self.top.value / 2.0
@@ -191,7 +192,7 @@ class EmulatedSix(SixView, EmulatedBoard):
         return self._scan(adc_codes(sensed))
 
     def _scan(self, codes: list[int]) -> bool:
-        """The next half of the stream's buffer, unless ADC and DMA stand still."""
+        """Fill the next half of the stream's buffer, unless ADC and DMA have stalled."""
         left, flags, clear, memory = self.stream
         if left.value not in (CHANNELS, 2 * CHANNELS):
             return False

@@ -410,7 +410,7 @@ def run_study(
         store.sweep_leftovers(folder)
         planned = plan(jobs, folder, options.force)
         listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
-        store.write_sealed(folder / CASES, {"schema": 1, "about": about or {}, "cases": listed})
+        store.write_sealed(folder / CASES, {"schema": store.DOCUMENT_SCHEMA, "about": about or {}, "cases": listed})
         return _Run(jobs, compute, folder, options, progress, planned).go()
 
 

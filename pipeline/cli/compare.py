@@ -221,6 +221,7 @@ def read(place: Path, solve: bool, quiet: bool) -> Design:
         raise InputError(
             f"{file}: cannot be read as a case (.toml), a record or a JSON result: {error}{near}"
         ) from error
+    store.refuse_earlier(file, document)
     if not isinstance(document, dict):
         raise InputError(f"{file}: holds no record and no JSON result")
     bands = document if {"points", "gaps"} <= document.keys() else document.get("bands")

@@ -8,6 +8,7 @@ from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, load_case
 from pipeline.logs import TerminalLog
 from pipeline.questions.command import Answer, emit, of_case
+from pipeline.records.part import DOCUMENT_SCHEMA
 
 SOLIDS = tuple(f"export {form}" for form in ("stl", "step", "3mf"))  # of any number of zones
 
@@ -21,7 +22,9 @@ def export(arguments: Namespace) -> int:
     if (arguments.part, arguments.format) != ("plate", "phonopy"):  # bands need a cell alone
         _require_part(case, arguments.part, f"export {arguments.format}")
     written = exports.write(case, arguments.format, arguments.output, log, arguments.part, arguments.force)
-    answer = Answer({"schema": 1, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written])
+    answer = Answer(
+        {"schema": DOCUMENT_SCHEMA, "files": [str(path) for path in written]}, [f"wrote {path}" for path in written]
+    )
     return emit(arguments, "export", answer)
 
 

@@ -148,9 +148,7 @@ def glossary(arguments: Namespace) -> int:
             entries[cells[0]] = re.sub(r" ?\[[^]]*\]\([^)]*\)\.?", "", cells[1])  # links lead nowhere in a terminal
     names = {words: [name.strip() for name in words.split(",")] for words in entries}
     word = arguments.word and arguments.word.lower()
-    chosen = {
-        words: text for words, text in entries.items() if word is None or word in map(str.lower, names[words])
-    }
+    chosen = {words: text for words, text in entries.items() if word is None or word in map(str.lower, names[words])}
     if not chosen:
         known = [name for each in names.values() for name in each]
         raise InputError(f"{arguments.word}: not in the glossary{nearest(arguments.word, known)}")

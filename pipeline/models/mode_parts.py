@@ -100,6 +100,9 @@ class TargetRecord(Part):
     confinement_db: float | None = column(CONFINEMENT, "dB", error="confinement_error_db")
     zone_share: float | None = column(SHARE, error="zone_share_error", default=None)
     symmetry: str | None = column("symmetry class of the target mode", default=None)
+    shape: Literal["free-free"] = column(
+        "target shape along x: both ends of the zone are ends of the plate", default="free-free"
+    )
     driven_confinement_db: float | None = column(
         "always None: `response` has the driven one at its target_peak", "dB", default=None
     )

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
 from pipeline.questions.late import Axes, FloatArray, ReportFigure, np, outputs, style
-from pipeline.records.part import Axis, Part, part_of, rows_of
+from pipeline.records.part import DOCUMENT_SCHEMA, Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
     from pipeline.records.record import DesignRecord
 
-SCHEMA = 1  # of JSON documents
 T = TypeVar("T")
 # of a figure's error bar: the property, the place of the field, or a function of the result; relative for a frequency, else in
 # the figure's unit
@@ -212,10 +211,10 @@ class Result(Part):
         """Return the JSON document that --json writes: the declared fields, and the case and the version that they answer."""
         about = self.origin
         if about is None:
-            return {"schema": SCHEMA, "kind": self.question, **self.values()}
+            return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **self.values()}
         head = {"case": about.case, "with_defaults": deepcopy(about.with_defaults), "version": about.version}
         more = {"options": dict(about.options), "warnings": list(about.warnings), "seconds": about.seconds}
-        return {"schema": SCHEMA, "kind": self.question, **head, **self.values(), **more}
+        return {"schema": DOCUMENT_SCHEMA, "kind": self.question, **head, **self.values(), **more}
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any]) -> Self:

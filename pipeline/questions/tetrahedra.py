@@ -51,7 +51,9 @@ class TetModes(
         why = ("a cross-check by another mesh",)
         return plans.plan_of(
             case,
-            plans.Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the target mode", why, demand=demand),
+            plans.Step(
+                self.name, name, "solid tet2", mesh, (), "the modes nearest the target mode", why, demand=demand
+            ),
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TetModesResult:

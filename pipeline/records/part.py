@@ -14,6 +14,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any, ClassVar, Self, dataclass_transform, get_args, get_type_hints
 
+DOCUMENT_SCHEMA = 2  # of JSON documents and of a study's list of cases
 ABOUT = "about"
 BAR = "half-width of the error bar of {}; None without an estimate"  # what the column of an error bar means
 Axis = tuple[str, ...]

@@ -205,7 +205,7 @@ class Record(Checked):
     `other` holds plain values by name: of measures without a class here, and of studies that are scripts.
     """
 
-    schema_version: Literal[4] = Field(default=4, alias="schema")
+    schema_version: Literal[5] = Field(default=5, alias="schema")
     case_id: str
     name: str = ""
     status: Literal["OK", "WARNING", "FAILED", "MISSING"]

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from geometry import files
 from pipeline.errors import CommandError
 from pipeline.paths import ROOT
-from pipeline.records.part import plain
+from pipeline.records.part import DOCUMENT_SCHEMA, plain
 
 if TYPE_CHECKING:
     import numpy as np
@@ -42,7 +42,8 @@ INPUT, RECORD, ARRAYS = "input.json", "record.json", "arrays.npz"
 TIMING, MANIFEST, RUN_LOG = "timing.json", "files.json", "run.mess"
 TEMPORARY = files.PART
 UNLISTED = {RECORD, TIMING, MANIFEST, RUN_LOG}
-SCHEMA = 4  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
+SCHEMA = 5  # of record.json: raised with every change of pipeline.records.record that an older record does not fit
+EARLIER = "written by an earlier version: run it again"
 PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
@@ -130,6 +131,13 @@ def package_versions() -> dict[str, str]:
 def current_fingerprint() -> Fingerprint:
     """The fingerprint of this process, taken once: what was imported does not change with the files."""
     return Fingerprint(code_hash(), package_versions())
+
+
+def refuse_earlier(place: Path | str, document: Any, schema: int = DOCUMENT_SCHEMA) -> None:
+    """Raise BadRecord for a document whose schema is below this version's."""
+    found = document.get("schema") if isinstance(document, dict) else None
+    if isinstance(found, int) and found < schema:
+        raise BadRecord(f"{place}: {EARLIER}")
 
 
 def case_folder(study: Path, case_id: str) -> Path:
@@ -236,6 +244,7 @@ def write_sealed(path: Path, value: dict[str, Any], listed: Any = None) -> None:
 def read_sealed(path: Path) -> dict[str, Any]:
     """Read what `write_sealed` wrote. Raises BadRecord for a missing, torn or edited file."""
     value = read_json(path)
+    refuse_earlier(path, value)
     if not isinstance(value, dict) or value.pop(PROOF, None) != _proof(value, None):
         raise BadRecord(f"{path}: not what a run of this version wrote; run the study again")
     return value
@@ -307,6 +316,7 @@ def _proven(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     record = read_json(folder / RECORD)
     if not isinstance(record, dict) or not isinstance(record.get("case_id"), str):
         raise BadRecord(f"{RECORD} is unreadable (not a case's record)")
+    refuse_earlier(RECORD, record, SCHEMA)
     if record.get("schema") != SCHEMA:
         raise BadRecord(f"{RECORD} has schema {record.get('schema')!r}, this version reads {SCHEMA}")
     if record["case_id"] != folder.name:

@@ -66,7 +66,7 @@ class Tracked:
     """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
 
     tracking: "start" (where the target mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
-    target one here), "lost".
+    target mode here), "lost".
     """
 
     frequency_hz: float | None

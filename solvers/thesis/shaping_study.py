@@ -160,9 +160,7 @@ class ShapingStudy:
         """One confinement by its names."""
         key = (beam, signal, frequency, region, target)
         return next(
-            one
-            for one in self.confinements
-            if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == key
+            one for one in self.confinements if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == key
         )
 
     def wave(self, beam: str, signal: str, frequency: float) -> Travelling:

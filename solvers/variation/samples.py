@@ -152,7 +152,7 @@ class ChangedPlate:
 
     @property
     def tracked(self) -> Verdict:
-        """Which mode the nominal plate's target one has become (`solvers.measures.target_mode`): that which holds most of it,
+        """Which mode the nominal plate's target mode has become (`solvers.measures.target_mode`): that which holds most of it,
         among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
         """
         inside, outside = np.diag(self.inside), np.diag(self.outside)

@@ -110,14 +110,14 @@ def test_the_client_writes_them_into_a_file(boards, tmp_path: Path) -> None:
     rows = list(csv.reader(file.open()))
     assert rows[0] == ["time_s", "input_1", "output_1"] and len(rows) == 1025
     assert float(rows[-1][0]) == pytest.approx(1023 * 8e-6, rel=1e-9) and {row[2] for row in rows[1:]} == {"2048"}
-    assert "1024 rows, one each 8 us" in said
+    assert "1024 rows, one every 8 us" in said
 
 
 def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(actions, "CAPTURE_S", 0.05)
     client = Client(FakePort())
     client.captured = lambda start: Captured(2, 2048, 2, (2048, 2048)[start:])
-    with pytest.raises(BoardError, match="stands at 2 of 2048"):
+    with pytest.raises(BoardError, match="stalled at 2 of 2048"):
         actions.capture(client, Namespace(file=tmp_path / "x.csv", every=1))
     assert not (tmp_path / "x.csv").exists()
 

@@ -129,7 +129,7 @@ def test_identity_and_health_are_told(board, capsys) -> None:
     assert f"build single, protocol {PROTOCOL}, table version 1: 1 modes" in capsys.readouterr().out
     assert command_line.main(["COM7", "health"]) == 0
     out = capsys.readouterr().out
-    assert "clock 180 MHz, resets by the watchdog in a row 0" in out and "exception" not in out
+    assert "clock 180 MHz, consecutive watchdog resets 0" in out and "exception" not in out
 
 
 def test_identify_measures_again_until_it_is_stopped(board) -> None:

@@ -73,7 +73,7 @@ def test_refusals_say_why(talk) -> None:
         client.reference(0.1)
     with pytest.raises(BoardError, match="present state"):
         client.clear()
-    with pytest.raises(BoardError, match="does not know"):
+    with pytest.raises(BoardError, match="does not support"):
         client.request(Kind.PATTERN)
 
 

@@ -406,5 +406,5 @@ def put_study(study: Path, pitches: tuple[float, ...] = (0.004, 0.006), rows: tu
             listed.append(put_case(study, name, sweep, count, pitch, 6.0 + 5.0 * count - 800 * (pitch - 0.004)))
     listed.append(put_failure(study, "pitch_mm=12,rows=1", {"array.pitch_mm": 12, "array.rows": 1}))
     about = {"name": "rows", "case": "three-rows.toml", "measure": ["modes", "confinement", "bands"]}
-    store.write_sealed(study / "cases.json", {"schema": 1, "about": about, "cases": listed})
+    store.write_sealed(study / "cases.json", {"schema": 2, "about": about, "cases": listed})
     return study

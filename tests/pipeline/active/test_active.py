@@ -49,7 +49,7 @@ def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: 
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
     text = capsys.readouterr().out
     document = json.loads((tmp_path / f"active_{model}.json").read_text())
-    assert document["schema"] == 1 and site_fields.differing(f"active_{model}", document) == []
+    assert document["schema"] == 2 and site_fields.differing(f"active_{model}", document) == []
     for entry in document["comparison"]:
         assert set(entry) == {"quantity", "thesis", "ours", "agreement"}
         assert entry["ours"] in text and entry["agreement"] in text
@@ -64,7 +64,7 @@ def test_json_on_standard_output_is_alone_beside_a_table_and_a_picture(tmp_path:
     places = ["--csv", str(tmp_path / "dq.csv"), "--plot", str(tmp_path / "dq.png")]
     assert run("dq", "--json", "-", *places) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == 1 and (tmp_path / "dq.png").read_bytes().startswith(b"\x89PNG")
+    assert document["schema"] == 2 and (tmp_path / "dq.png").read_bytes().startswith(b"\x89PNG")
     with (tmp_path / "dq.csv").open() as file:
         assert [row["ours"] for row in csv.DictReader(file)] == [each["ours"] for each in document["comparison"]]
 

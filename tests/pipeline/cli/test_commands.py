@@ -121,7 +121,7 @@ def test_json_on_standard_output_is_alone_and_holds_the_pillar(capsys: pytest.Ca
     arguments = ("modes", CASE, "--part", "pillar", "--count", "2", "--json", "-", "--set", "solve.accuracy=0.02")
     assert run(*arguments) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == 1
+    assert document["schema"] == 2
     assert document["count_check"]["expected"] == document["count_check"]["found"] == 2
     first, second = (mode["frequency_hz"] for mode in document["modes"])
     assert first == pytest.approx(second, rel=1e-6)  # a square pillar bends alike both ways
@@ -208,7 +208,7 @@ def test_a_report_names_the_cases_that_it_does_not_believe(
     monkeypatch.setattr(case_study, "conclude", lambda study, folder, all_pictures: [])
     (tmp_path / "rows/a").mkdir(parents=True)
     store.seal(tmp_path / "rows/a", {"schema": store.SCHEMA, "case_id": "a", "status": "OK"})
-    store.write_sealed(tmp_path / "rows/cases.json", {"schema": 1, "about": {}, "cases": [{"case_id": "a"}]})
+    store.write_sealed(tmp_path / "rows/cases.json", {"schema": 2, "about": {}, "cases": [{"case_id": "a"}]})
     assert run("report", "rows") == 0 and capsys.readouterr().err == ""
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)

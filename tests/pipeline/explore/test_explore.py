@@ -9,7 +9,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +21,7 @@ from geometry.tiling import Panel
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
-from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_design
+from pipeline.explore.answer import BATCH, PLATES, Bar, Candidate, Explorer, apart, compute, read_design
 from pipeline.explore.server import Beside, Server
 from pipeline.logs import WarningLog
 from pipeline.models import parametric
@@ -155,15 +155,25 @@ def detuned(frequency_hz: list[float], strength: list[float], level_db: list[flo
     return live.verdict()
 
 
-def test_modes_whose_weights_may_change_places_are_inside_the_bar() -> None:
+def test_modes_whose_weights_may_change_places_are_named_each_with_its_bars() -> None:
     """Of weights 0.30, 0.29 and 0.15 the best leads the second by less than half as much: they may change places."""
     own = detuned([30e3, 44e3, 48e3], [0.29, 0.30, 0.15], [3.0, 8.0, 20.0])
     assert own.verdict.index == 1 and own.tied == (1, 0)
     bar = Bar.over([own], own, 0.02)
-    assert bar.frequency == pytest.approx(14.0 / 44.0 + 0.02) and bar.status == "split"
-    assert bar.confinement.half_db == pytest.approx(5.0 + TIED) and bar.extension.half_db is None
+    assert bar.frequency == pytest.approx(0.02) and bar.status == "split"
+    assert bar.confinement.half_db == pytest.approx(TIED) and bar.extension.half_db is None
+    (other,) = bar.others
+    assert astuple(other) == pytest.approx((30e3, 0.02, 3.0, TIED))
+    assert "may also be that at 30.0 kHz" in bar.warnings([other])[-1]
+
+
+def test_what_one_mode_becomes_under_changes_is_one_candidate() -> None:
+    assert [list(group) for group in apart(np.array([44e3, 30e3, 43.5e3, 30.2e3, 44.4e3]), 0.02)] == [[1, 3], [0, 2, 4]]
+    other = Candidate.over(np.array([29e3, 31e3]), np.array([3.0, 5.0]), 0.02)
+    assert astuple(other) == pytest.approx((30e3, 1.0 / 30.0 + 0.02, 4.0, 1.0 + TIED))
     alone = detuned([30e3, 44e3, 48e3], [0.10, 0.60, 0.10], [3.0, 8.0, 20.0])
-    assert alone.tied == (1,) and Bar.over([alone], alone, 0.02).frequency == 0.02
+    single = Bar.over([alone], alone, 0.02)
+    assert alone.tied == (1,) and single.frequency == 0.02 and single.others == ()
 
 
 def test_the_live_mode_is_searched_where_every_commands_is() -> None:

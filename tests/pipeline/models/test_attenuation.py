@@ -50,7 +50,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
 
 
 def test_the_fields_of_the_document(document: dict) -> None:
-    assert document["schema"] == 1 and document["kx_per_m"] == pytest.approx(7.5 * pi / 0.1155)
+    assert document["schema"] == 2 and document["kx_per_m"] == pytest.approx(7.5 * pi / 0.1155)
     assert len(document["points"]) == 41
     point = document["points"][0]
     assert set(point) >= {"frequency_hz", "waves", "db_per_row"}

@@ -62,7 +62,7 @@ def document(case: Path) -> dict:
 
 
 def test_the_fields_of_the_document(document: dict) -> None:
-    assert document["schema"] == 1
+    assert document["schema"] == 2
     count = len(document["frequency_hz"])
     assert count >= 101
     for key in ("zone_rms_m_per_V", "passive_rms_m_per_V", "sensor_V_per_V"):

@@ -132,7 +132,7 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
 @pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])
 def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     text = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
-    assert text["schema"] == 1 and text["case"] == "small" and text["version"]
+    assert text["schema"] == 2 and text["case"] == "small" and text["version"]
     assert text["with_defaults"] == case("array.rows=2").to_dict()
 
 

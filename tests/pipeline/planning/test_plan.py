@@ -324,7 +324,7 @@ def test_explain_computes_nothing(
     assert text.startswith("plan for three-rows") and "because" in text and "boxes: CAD and tetrahedra" in text
     assert main([command, CASE, "--explain", "--json", "-"]) == 0
     document = json.loads(capsys.readouterr().out)
-    assert document["schema"] == 1 and document["steps"][0]["measure"] == command
+    assert document["schema"] == 2 and document["steps"][0]["measure"] == command
     assert {"rule", "what", "why"} == set(document["left_out"][0])
 
 

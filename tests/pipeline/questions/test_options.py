@@ -71,7 +71,7 @@ def test_modes_go_through_a_record_and_back(target: Any) -> None:
 
 def test_a_record_of_the_version_before_is_read() -> None:
     """Its sizes held the number of their document's form."""
-    sizes = {"schema": 1, "zone": None, "pillar": None, "limits": []}
+    sizes = {"schema": 2, "zone": None, "pillar": None, "limits": []}
     assert record.answer_of("predesign", sizes).limits == []  # type: ignore[attr-defined]
 
 

@@ -106,7 +106,7 @@ def test_the_step_file_of_a_pillar_is_an_input(case: Path, capsys: pytest.Captur
 @pytest.mark.parametrize("place", ["-", "/dev/stdout"])
 def test_json_on_standard_output_is_alone(case: Path, place: str) -> None:
     done = command("predesign", "c.toml", "--json", place)
-    assert json.loads(done.stdout)["schema"] == 1 and done.returncode == 0
+    assert json.loads(done.stdout)["schema"] == 2 and done.returncode == 0
     assert [path.name for path in Path().iterdir()] == ["c.toml"]
 
 

@@ -45,7 +45,7 @@ def study(tmp_path: Path) -> Path:
         put(tmp_path, "cell", {"array.rows": 0}, bands=bands),
         {"case_id": "gone", "sweep": {"array.rows": 4}},
     ]
-    store.write_sealed(tmp_path / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+    store.write_sealed(tmp_path / "cases.json", {"schema": 2, "about": {}, "cases": listed})
     return tmp_path
 
 
@@ -60,7 +60,7 @@ def test_a_key_that_changes_no_figure_is_told(tmp_path: Path) -> None:
                 put(tmp_path / name, f"c{number}", {"array.rows": rows, "damping.quality": quality_factor}, modes=modes)
             )
         listed.append(put(tmp_path / name, "f", {"array.rows": 1, "damping.quality": 9.0}, status="FAILED"))
-        store.write_sealed(tmp_path / name / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+        store.write_sealed(tmp_path / name / "cases.json", {"schema": 2, "about": {}, "cases": listed})
         study = read_study(tmp_path / name)
         return tables.without_effect(study, asked.columns_of(study))
 
@@ -98,7 +98,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
     put(study, "formula", {"name": text}, status="FAILED", diagnosis=text)
     listed = store.read_json(study / "cases.json")["cases"]
     listed.append({"case_id": "formula", "sweep": {"name": text, "array.rows": -1}})
-    store.write_sealed(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+    store.write_sealed(study / "cases.json", {"schema": 2, "about": {}, "cases": listed})
     row = read(asked.write_table(study))[-1]
     assert row["name"] == row["diagnosis"] == f"'{text}"
     assert row["array.rows"] == "-1"  # numbers stay numbers
@@ -106,7 +106,7 @@ def test_a_swept_text_is_no_formula_of_a_spreadsheet(study: Path, text: str):
 
 def test_a_return_in_a_swept_text_ends_no_row(study: Path):
     listed = [{"case_id": "gone", "sweep": {"name": "a\rb"}}]
-    store.write_sealed(study / "cases.json", {"schema": 1, "about": {}, "cases": listed})
+    store.write_sealed(study / "cases.json", {"schema": 2, "about": {}, "cases": listed})
     assert [row["name"] for row in read(asked.write_table(study))] == ["a\\rb"]
 
 

@@ -291,7 +291,7 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
         (tmp_path / f"c{number}").mkdir()
         store.seal(tmp_path / f"c{number}", case.record.to_dict())
         listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
-    store.write_sealed(tmp_path / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+    store.write_sealed(tmp_path / "cases.json", {"schema": 2, "about": {"name": "long"}, "cases": listed})
     study = read_study(tmp_path)
     picked = report_page.chosen(study, 12)
     levels = sorted(case.record.confinement_db for case in study.cases)
@@ -314,7 +314,7 @@ def test_a_thousand_cases_stay_a_light_page(tmp_path: Path):
             own = record.with_parts(case_id=name, sweep={"n": number}, modes=forty)
             store.seal(folder / name, own.to_dict())
         listed = [{"case_id": name, "sweep": {"n": number}} for number, name in enumerate(names)]
-        store.write_sealed(folder / "cases.json", {"schema": 1, "about": {"name": "long"}, "cases": listed})
+        store.write_sealed(folder / "cases.json", {"schema": 2, "about": {"name": "long"}, "cases": listed})
         sizes.append(report_page.build(folder, max_figures=1).stat().st_size)
     each = (sizes[1] - sizes[0]) / 40
     fixed = html.EMBEDDED_BYTES + 1.2e6  # pictures; viewer, shapes and diagrams
@@ -359,7 +359,7 @@ def test_the_vendored_viewer_is_the_one_its_readme_names():
     "harm",
     [
         {"schema": 0},
-        {"schema": 1},
+        {"schema": 2},
         {"target": [1, 2]},
         {"modes": {"modes": [{"hz": 1.0}]}},
         {"bands": {"gaps": [{"from": 1.0}]}},

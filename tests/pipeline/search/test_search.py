@@ -430,7 +430,7 @@ def searched(coarsest_cells: None, tmp_path_factory: pytest.TempPathFactory) -> 
 
 def test_a_search_ends_with_the_best_of_what_it_solved(searched: tuple[dict, dict, Path]) -> None:
     document, _, folder = searched
-    assert document["schema"] == 1 and document["best"]["fidelity"] == PLATE
+    assert document["schema"] == 2 and document["best"]["fidelity"] == PLATE
     plates = [e for e in document["evaluations"] if e["fidelity"] == PLATE and not e["violations"]]
     assert document["best"]["confinement_db"] >= document["base"]["confinement_db"] - 0.1
     assert document["best"]["confinement_db"] == pytest.approx(max(e["confinement_db"] for e in plates), abs=0.2)
