@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from antinode.sweeps import SweepTable, open, sweep
     from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
-    from pipeline.models.mode_parts import ModeRecord as Mode
-    from pipeline.models.mode_parts import TargetRecord as Target
+    from pipeline.models.answer_parts import ModeRecord as Mode
+    from pipeline.models.answer_parts import TargetRecord as Target
     from pipeline.questions.attenuation import AttenuationResult as Attenuation
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
@@ -44,7 +44,7 @@ HOMES = {  # where each public name stands, and by which name
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
     **dict.fromkeys(TABLES, "pipeline.case.schema"),
     **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
-    **{name: f"pipeline.models.mode_parts:{name}Record" for name in ("Mode", "Target")},
+    **{name: f"pipeline.models.answer_parts:{name}Record" for name in ("Mode", "Target")},
     "InputError": "pipeline.errors",
     "SolverError": "solvers.errors",
 }

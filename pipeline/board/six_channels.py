@@ -36,7 +36,7 @@ from pipeline.board import export
 from pipeline.board.export import design_hash, write
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.travel_parts import PlayedPattern, PlayFault
+from pipeline.models.answer_parts import PlayedPattern, PlayFault
 from pipeline.models.travelling import Travelling
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import operating_frequencies, scan

@@ -37,8 +37,7 @@ from solvers.accuracy.mesh import largest
 from solvers.accuracy.reduction import MeshErrors, ModeErrors, mesh_error, truncation_bars, waves_of
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
-from solvers.superelement.lattice import ReducedLattice
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (

@@ -17,7 +17,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
-from pipeline.models.mode_parts import CountRecord, TargetRecord
+from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import foresight, refinement, simplifications

@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
-from pipeline.models.wave_parts import AttenuationPoint
+from pipeline.models.answer_parts import AttenuationPoint
 from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, with_bar
 from pipeline.questions.bands import plan_of_cell
 from pipeline.questions.late import (

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import nan
 
 from pipeline.case.limits import MAX_FREQUENCIES
-from pipeline.models.wave_parts import BroadbandPoint
+from pipeline.models.answer_parts import BroadbandPoint
 from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.attenuation import over

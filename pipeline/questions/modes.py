@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
-from pipeline.models.mode_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
+from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
 from pipeline.quantity import HZ, KHZ, frequency_figure, interval
 from pipeline.questions.late import (
     Axes,

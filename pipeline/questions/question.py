@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.logs import Log
-    from pipeline.models.mode_parts import TargetMode
+    from pipeline.models.answer_parts import TargetMode
     from pipeline.records.record import MeshRecord
 
 T = TypeVar("T")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.mode_parts import CountRecord
+from pipeline.models.answer_parts import CountRecord
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
 from pipeline.questions.question import Question, Run, Unanswered, ask

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.models.answer_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
 from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, signed, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.late import Axes, Case, Plan, ReportFigure, fields, np, plans, simplifications, style

@@ -8,7 +8,7 @@ from math import pi
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.models.answer_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
 from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, percent, with_bar
 from pipeline.quantity import figure as in_digits
 from pipeline.questions.late import Axes, Case, ComplexArray, Plan, ReportFigure, fields, np, plans, style
@@ -274,7 +274,7 @@ class Travel(
         from pipeline.board import six_channels
         from pipeline.models import travelling
 
-        values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
+        values, wave = travelling.solve_travelling(case, run, hz(self.band_kHz), self.others, run.meshes)
         outcome = six_channels.board_outcome(wave, run, run.folder, is_played)
         result = TravelResult(**values, **outcome, others=self.others)
         run.report(result)

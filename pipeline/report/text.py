@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline import quantity
 from pipeline.case.reading import toml_text
-from pipeline.models.mode_parts import ModeRecord, TargetMode
+from pipeline.models.answer_parts import ModeRecord, TargetMode
 from pipeline.paths import REFERENCE, RESULTS, ROOT, STUDIES
 from pipeline.quantity import KHZ, MM, Unit, frequency_figure, level
 from pipeline.questions import study as asked

@@ -22,7 +22,7 @@ from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
-from pipeline.models.driven_zones import check_zones
+from pipeline.models.forced import check_zones
 from pipeline.planning import simplifications
 from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import figure, frequency

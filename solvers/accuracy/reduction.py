@@ -48,8 +48,7 @@ from solvers.superelement.reduction import CellBuilder, SymmetryClass
 from solvers.threads import one_thread
 
 if TYPE_CHECKING:
-    from solvers.superelement.lattice import ReducedLattice, Waves
-    from solvers.superelement.periodic import BlochPlate, Periodic
+    from solvers.superelement.lattice import BlochPlate, Periodic, ReducedLattice, Waves
 
 WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
 MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive

@@ -36,7 +36,7 @@ from solvers.measures.confinement import (
 )
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 

@@ -20,7 +20,7 @@ from tests.helpers.exploring import small_explorer
 ROOT = Path(__file__).resolve().parents[2]
 HOMES = [*(f"antinode.{name}" for name in ("plate", "sweeps")),
          *sorted({each.__module__ for each in registered().values()}),
-         "pipeline.case.schema", "pipeline.models.mode_parts",
+         "pipeline.case.schema", "pipeline.models.answer_parts",
          "pipeline.records.outputs", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]

@@ -29,7 +29,7 @@ from pipeline.search.terms import mass_kg
 from solvers.accuracy.reduction import MARGIN, waves_of
 from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.waves.bloch import BlochCell
 from solvers.waves.complex_bands import Row, chain
 from solvers.waves.gaps import complete_gaps, sampled_extreme, zone_gaps

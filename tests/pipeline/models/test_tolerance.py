@@ -13,7 +13,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.models import tolerance
-from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.models.answer_parts import SampleRecord
 from solvers.variation.samples import PlateSpace
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.models.answer_parts import SampleRecord
 from pipeline.quantity import KHZ, NM
 from pipeline.questions.tolerance import ToleranceResult
 from tests.helpers import synthetic

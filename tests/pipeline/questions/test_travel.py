@@ -17,8 +17,8 @@ from pipeline.board import six_channels
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models import shear, travelling
-from pipeline.models.travel_parts import PlayedPattern, ShearRecord
+from pipeline.models import travelling
+from pipeline.models.answer_parts import PlayedPattern, ShearRecord
 from pipeline.models.travelling import Travelling
 from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
@@ -62,7 +62,7 @@ def core() -> None:
 
 @pytest.fixture(scope="module")
 def solved(coarsest_cells: None) -> tuple[TravelResult, Travelling]:
-    values, wave = travelling.solve(case_of(), QUIET, None, 0.0, [])
+    values, wave = travelling.solve_travelling(case_of(), QUIET, None, 0.0, [])
     return TravelResult(**values, others=0.0), wave
 
 
@@ -169,8 +169,8 @@ def fingered(
     given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
     volts = wave.forced.signs.astype(complex) if drive == "standing" else wave.all_volts(wave.drives[drive])
-    driven = shear.Driven(record.drive_V_at_1um * volts, record.frequency_hz)
-    shear_record = shear.solve(case, wave.forced, driven, record.wavenumber_per_m, QUIET, varied)
+    driven = travelling.Driven(record.drive_V_at_1um * volts, record.frequency_hz)
+    shear_record = travelling.solve_shear(case, wave.forced, driven, record.wavenumber_per_m, QUIET, varied)
     assert shear_record is not None
     return shear_record
 
@@ -255,11 +255,11 @@ def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
 ) -> None:
     """Drives louder by a tenth raise the crest by as much; the same drive again by what the contact misses, and no more."""
     record, wave = solved
-    monkeypatch.setattr(shear, "missing_at_ends", lambda places: 1e-9)
+    monkeypatch.setattr(travelling, "missing_at_ends", lambda places: 1e-9)
     volts = record.drive_V_at_1um * wave.all_volts(wave.drives["pair+"])
     at = {"impedance": {"stiffness_N_m": 1e3, "damping_N_s_m": 0.01}}
     same, loud = (
-        fingered(record, wave, varied=[(shear.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
+        fingered(record, wave, varied=[(travelling.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
         for factor in (1.0, 1.1)
     )
     low, high = (getattr(same, f"shear_{end}_error") for end in ("low", "high"))
@@ -319,7 +319,7 @@ def test_the_board_is_a_question_of_its_own(
     steps = [[step.name for step in kind().plan(case_of()).steps] for kind in (Travel, PlayedTravel)]
     assert steps[1][:1] == steps[0] and "emulated board" in steps[1][1]
     values = {name: getattr(record, name) for name in record.declared if name not in ("others", "board", "tables")}
-    monkeypatch.setattr(travelling, "solve", lambda *given: (values, wave))
+    monkeypatch.setattr(travelling, "solve_travelling", lambda *given: (values, wave))
     pattern = PlayedPattern(name="pair+", twr=0.9, twr_target=0.91, error=0.01)
     monkeypatch.setattr(six_channels, "_played", lambda *given: [pattern])
     plain, on_board = (ask(case_of(), kind(), Run(QUIET, folder=tmp_path)) for kind in (Travel, PlayedTravel))

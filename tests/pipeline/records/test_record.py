@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from pipeline.batch import runner
-from pipeline.models.mode_parts import TargetMode
+from pipeline.models.answer_parts import TargetMode
 from pipeline.questions.modes import ModesResult
 from pipeline.questions.response import PeakRecord
 from pipeline.records import record, store

@@ -15,8 +15,7 @@ from solvers.analytic.plates import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import ReducedLattice
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.waves.branches import Label, label_of, pillar_share
 from tests.helpers.lattice_waves import shear_hz
 
