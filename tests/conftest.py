@@ -24,7 +24,11 @@ if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own
 
 
 def pytest_configure() -> None:
-    """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here."""
+    """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here.
+
+    Nothing that imports and collecting make is garbage: it is not searched for.
+    """
+    gc.disable()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -37,6 +41,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What was imported stays: the search for garbage leaves it out, and comes less often."""
     gc.freeze()
+    gc.enable()
     gc.set_threshold(20_000, 20, 20)
 
 

@@ -8,7 +8,6 @@ holds the modules that most of them compute and draw with.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field, fields
 from functools import cache
@@ -363,7 +362,7 @@ def announce(plan: Plan, run: Run) -> None:
         foresight.announce(name, demand, run)
 
 
-_hints: Callable[[type], dict[str, Any]] = cache(get_type_hints)
+_hints: Any = cache(get_type_hints)
 
 
 def kind_of(question: type[Question[Any]], name: str) -> Any:

@@ -29,7 +29,7 @@ SLOW = {  # a second and more, run by `make test-all`
     *(f"antinode.plate.Plate.{name}"
       for name in ("explore",)),
     *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Touch", "Travel")),
-    "pipeline.questions.active.ActiveShaping",
+    *(f"pipeline.questions.active.Active{name}" for name in ("Beam", "Shaping")),
     "pipeline.questions.tolerance.Tolerance",
     "pipeline.questions.tolerance.AlikeTolerance",
     *(f"pipeline.questions.response.{name}Response" for name in ("", "Measured", "Synthetic")),

@@ -638,6 +638,7 @@ def test_the_gates_open_within_100_us_of_what_an_interrupt_can_see(make_six, wha
     assert row.moments == 5 and row.is_sound, row.text
 
 
+@pytest.mark.slow
 def test_the_gates_open_within_100_us_of_a_sensor_that_fails(make_six) -> None:
     """Any of the six, each kind of failure, at each of twelve ticks of a window; what else rings has rung out."""
     board = make_six(table(matrix=seen_matrix()))

@@ -41,6 +41,7 @@ def zone(accuracy: float) -> np.ndarray:
     return every_class(SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True), 15e3, 67e3)
 
 
+@pytest.mark.slow
 def test_zone_coarse_settings_meet_the_accuracy_they_promise() -> None:
     error = zone(0.01)[:14] / ZONE_HZ - 1.0
     assert np.abs(error).max() < 0.01

@@ -43,7 +43,16 @@ def run(*arguments: str) -> int:
         return int(end.code or 0)
 
 
-@pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", pytest.param("shaping", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "model",
+    [
+        "mason",
+        "pillar",
+        pytest.param("beam", marks=pytest.mark.slow),
+        "dq",
+        pytest.param("shaping", marks=pytest.mark.slow),
+    ],
+)
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:
     figures = collected(monkeypatch)
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
@@ -327,7 +336,7 @@ def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
     assert plant_of(mode, True, sensor).gain == pytest.approx(real)
 
 
-@pytest.mark.parametrize("displacement", [True, False])
+@pytest.mark.parametrize("displacement", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: Path, capsys) -> None:
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
     truth = ModePlant.from_quality_factor(31_437.3, 260.0, 0.6)

@@ -249,6 +249,7 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     assert parametric.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
 
+@pytest.mark.slow
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
     """One corner against a plain reduction, whose own bar is part of what is told."""
     cell, bases = explorer.model.cell, explorer.model.bases
@@ -528,6 +529,7 @@ def reported(server: Server, until: Callable[[dict[str, Any]], bool]) -> dict[st
     raise AssertionError(state)
 
 
+@pytest.mark.slow
 def test_one_full_plate_at_a_time_and_it_can_be_stopped(server: Server) -> None:
     """In a process of its own: the second solve never ends, and is ended."""
     path, body = f"/{server.token}/full", json.dumps(OWN).encode()
@@ -589,6 +591,7 @@ def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: E
         assert {name: point[name] for name in own} == own
 
 
+@pytest.mark.slow
 def test_a_second_process_computes_parts_of_the_cloud_and_its_loss_is_made_up_for(explorer: Explorer) -> None:
     beside = Beside(explorer)
     try:

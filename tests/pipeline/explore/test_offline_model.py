@@ -150,6 +150,7 @@ def require_same_answers(whole_boxes: list[Explorer], count: int, most_rows: int
             require_same(one, given, other)
 
 
+@pytest.mark.slow
 @needs_node
 def test_drawn_designs_have_pythons_numbers(whole_boxes: list[Explorer], tmp_path: Path) -> None:
     """Every frequency, level and bar, to a millionth: both solve the same stored matrices in double precision."""
@@ -162,6 +163,7 @@ def test_many_drawn_designs_have_pythons_numbers(whole_boxes: list[Explorer], tm
     require_same_answers(whole_boxes, DRAWN, int(LIMITS["rows"].high), tmp_path / "worker.js")
 
 
+@pytest.mark.slow
 @needs_node
 def test_the_ends_of_every_slider_have_pythons_answer(whole_boxes: list[Explorer], tmp_path: Path) -> None:
     """Beyond them, and between them what does not fit, is refused in Python's words."""
@@ -180,6 +182,7 @@ def test_the_ends_of_every_slider_have_pythons_answer(whole_boxes: list[Explorer
     assert all(isinstance(text, str) for text in told[len(ends) :])
 
 
+@pytest.mark.slow
 @needs_node
 def test_designs_of_the_cloud_have_pythons_numbers(whole_boxes: list[Explorer], tmp_path: Path) -> None:
     first = 400

@@ -96,6 +96,7 @@ def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
     assert np.abs(result.detail.velocity[1:-1, :, 1]).max() < 1e-3 * np.abs(slope).max()  # along the line by symmetry
 
 
+@pytest.mark.slow
 def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
     coarse_path, _ = solved("bands.points=3", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
     fine, _ = solved("bands.points=12", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
@@ -116,6 +117,7 @@ def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the lowest bands: those that change places with bands not asked for may be others."""
     settings = HexSettings(2, 4e-3, 1, 0.15)
@@ -166,6 +168,7 @@ def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
         assert pilot.is_thick and pilot.lattice(thicker).cell.interface == Interface(4, through)
 
 
+@pytest.mark.slow
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy, *most_hz: poor(accuracy))
     result, log = solved("bands.points=1", "bands.count=8")
@@ -189,6 +192,7 @@ def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytes
 SOFT = "pillar.material={young_GPa=0.7,density_kg_m3=1000.0,poisson=0.4}"
 
 
+@pytest.mark.slow
 def test_slow_pillars_keep_the_modes_that_the_bands_asked_for_need() -> None:
     """The plate's shear waves would keep those up to 1.2 MHz, hundreds of them; a decay at higher frequencies keeps more."""
     result, log = solved(SOFT, "bands.points=1", "bands.count=8")
@@ -224,6 +228,7 @@ def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> Non
     assert "waves are marked as flexural, shear, longitudinal" in report_figure.alt
 
 
+@pytest.mark.slow
 def test_what_only_documents_tell_is_not_computed_for_a_study(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither gaps of one direction or polarisation, nor the attenuation's own cell beside that of the bands."""
 

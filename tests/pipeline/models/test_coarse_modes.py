@@ -28,6 +28,7 @@ def modes_of(query: Request, log: RecordingLog | None = None) -> list[tuple[str 
     return [(row.symmetry, row.computed_hz or 0.0) for row in result.rows]
 
 
+@pytest.mark.slow
 def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_once() -> None:
     log, coarse = RecordingLog(), coarse_modes(CASE, ZONE, choice(ZONE))
     highest = modes_of(ZONE, log)[-1][1]

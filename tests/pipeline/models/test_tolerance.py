@@ -86,7 +86,11 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
 
 @pytest.mark.parametrize(
     "shape",
-    ["shape='round'\ndiameter_mm=2.0", "shape='hexagonal'\nside_mm=2.0", "shape='tapered'\nbase_mm=2.0\ntip_mm=1.6"],
+    [
+        pytest.param("shape='round'\ndiameter_mm=2.0", marks=pytest.mark.slow),
+        pytest.param("shape='hexagonal'\nside_mm=2.0", marks=pytest.mark.slow),
+        "shape='tapered'\nbase_mm=2.0\ntip_mm=1.6",
+    ],
 )
 def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None:
     """Heights alone: a lone pillar's frequency goes as the inverse square of its height, and the plate's follows it."""

@@ -60,6 +60,7 @@ def test_the_wanted_mode_is_the_same_from_every_window(window: tuple[float, floa
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("near_hz", "count"), [(32.0, 20), pytest.param(1e3, 20, marks=pytest.mark.slow)])
 def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(near_hz: float, count: int) -> None:
     """A window of 64 Hz or 2 kHz once made a model without a single fixed-interface mode: 15 % wrong, and "0.97 %" said."""
@@ -83,6 +84,7 @@ def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.Capt
     assert text["wanted"]["confinement_db"] is None and text["error_bar"] is None
 
 
+@pytest.mark.slow
 def test_the_document_names_the_wanted_mode_and_its_rivals(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,6 +89,7 @@ def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) 
     assert wanted["quality_factor"] == pytest.approx(document["quality_factor_given"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
     """A patch that listens is open and stiffens its mode by more than the half-power width: the short one's is no peak."""
     file = tmp_path / "r.json"

@@ -270,6 +270,7 @@ def peak_is_foreseen(name: str) -> bool:
     return low < took.peak_bytes / took.foreseen_bytes < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["zone small", pytest.param("plate small", marks=pytest.mark.slow)])
 def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
     assert peak_is_foreseen(name)

@@ -251,9 +251,13 @@ def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
     ("overrides", "request_"),
     [
         ((), Request("plate", symmetry="AS")),
-        (("solve.model='solid'", "solve.accuracy=0.1"), Request("plate", near_hz=30e3, count=3, symmetry="SS")),
-        ((), Request("zone", count=2)),
-        ((), Request("pillar")),
+        pytest.param(
+            ("solve.model='solid'", "solve.accuracy=0.1"),
+            Request("plate", near_hz=30e3, count=3, symmetry="SS"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param((), Request("zone", count=2), marks=pytest.mark.slow),
+        pytest.param((), Request("pillar"), marks=pytest.mark.slow),
         (("array.rows=0",), Request("plate", band_hz=(20e3, 30e3))),
     ],
 )
@@ -291,6 +295,7 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
     assert [crossed.points[0].frequency_hz, crossed.points[-1].frequency_hz] == step.numbers["band_hz"]
 
 
+@pytest.mark.slow
 def test_a_response_couples_the_classes_that_were_planned() -> None:
     for centres in ("[[-6.0,0.0],[6.0,0.0]]", "[[-6.0,1.0],[6.0,0.0]]"):
         scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), RecordingLog()

@@ -59,6 +59,7 @@ def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
     assert "empty" in fault and rendering.image_fault(images[0]) == ""
 
 
+@pytest.mark.slow
 def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     rendering.render([PLAIN])  # the child is there
     (child,) = rendering._child()._processes.values()

@@ -49,6 +49,7 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
         {"band_kHz": (28.0, 36.0)},
     ),
 }
+SLOW = {"search", "crosstalk", "active_shaping"}
 ASKED |= {f"active_{model}": (SMALL, {}, {}) for model in ("mason", "pillar", "beam", "dq", "shaping")}
 
 
@@ -65,7 +66,7 @@ def test_every_question_is_asked_here() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "active_shaping" else name for name in ASKED]
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in ASKED]
 )
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_command_frame_and_record_hold_one_table(

@@ -35,6 +35,7 @@ def test_a_study_of_a_cell_that_the_bases_cannot_follow_has_none(tmp_path: Path)
     assert explorer.put(tmp_path, case, log) == [] and [each[0] for each in log.warnings] == ["NO_EXPLORER"]
 
 
+@pytest.mark.slow
 def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`antinode run --explorer` after the report, once: what is beside it already is not made again."""
     from pipeline.batch import case_study

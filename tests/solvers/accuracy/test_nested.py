@@ -105,6 +105,7 @@ def test_the_matrices_without_what_was_taken_are_those_of_the_mesh_itself(monkey
         assert np.abs(ours - theirs).max() < 1e-12 * np.abs(theirs).max()
 
 
+@pytest.mark.slow
 def test_almost_massless_combinations_keep_their_mass() -> None:
     """A pillar of tungsten on a thick plate: the coarser mesh's shapes carry other masses by more than r could take."""
     assert DESIGN.pillar
