@@ -123,7 +123,8 @@ def test_the_first_page_answers_on_coarse_plates(
 
 
 @pytest.mark.parametrize(
-    "script", [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem == "dispersion" else []) for s in SCRIPTS]
+    "script",
+    [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem == "dispersion" else []) for s in SCRIPTS],
 )
 def test_an_example_answers_on_a_coarse_plate(
     script: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture

@@ -107,6 +107,7 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
     assert coarse_path.frequencies_hz[::3] == pytest.approx(fine.frequencies_hz[::12], rel=1e-9, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
     document = BandsResult.of_solved(result).to_dict()

@@ -109,6 +109,7 @@ def _lowered(basis: GroupModes) -> FloatArray:
     return np.abs(as_meshed / basis.eigenvalue - 1.0)
 
 
+@pytest.mark.slow
 def test_modes_and_responses_mean_one_target_within_their_bars() -> None:
     own, ours = case(0, SPECK), plate_modes(0)
     low, high = mesh_rules.wanted_window_hz(own.design)

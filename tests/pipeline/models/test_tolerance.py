@@ -101,6 +101,7 @@ def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None
     assert 0.0 < result["interpolation_check"]["peak_hz"] < 1e-4 * result["nominal"]["peak_hz"]
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
     more, one = run(case, "--samples", "4"), run(case, "--samples", "1")
     assert more["with_defaults"]["tolerance"]["samples"] == 4

@@ -78,6 +78,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
     return json.loads(file.read_text())
 
 
+@pytest.mark.slow
 def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) -> None:
     """The small plate's response is highest at 26 kHz, which leaks; its wanted mode at 34.5 kHz is confined."""
     wanted, highest = document["wanted_peak"], document["highest_peak"]

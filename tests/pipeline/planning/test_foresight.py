@@ -108,6 +108,7 @@ STOUT = {
 }
 
 
+@pytest.mark.slow
 def test_the_functions_foreseen_are_those_that_coarse_cells_advise() -> None:
     """They raise cut-off and degree of a plan's first reduction, to three times the functions here."""
     case = case_from_dict(STOUT)

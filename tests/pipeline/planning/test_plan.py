@@ -354,6 +354,7 @@ def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str
     assert text.count("interface polynomials of degree") >= cases <= text.count("fixed-interface modes to")
 
 
+@pytest.mark.slow
 def test_a_dry_run_names_what_is_up_to_date(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -79,6 +79,7 @@ def test_without_impedance_nothing_changes(forced: ForcedPlate) -> None:
     assert (nothing.mode.shift_hz, nothing.mode.added_loss, nothing.loop.needed_V) == (0.0, 0.0, 1.0)
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_not_told(forced: ForcedPlate) -> None:
     plain = touch_of(case_of(), QUIET, mapped=False, forced=forced)
     assert plain.map is None and plain.loop and plain.loop.saturates is None

@@ -52,6 +52,7 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
     assert case_study.explored(study, folder, WarningLog()) == [] and len(modelled_cases) == 1
 
 
+@pytest.mark.slow
 def test_a_page_that_is_too_large_to_travel_is_refused_by_its_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -157,6 +157,7 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("blank_pictures")
 def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_path: Path):
     """And nothing of an earlier record stays: plates whose pillars are of another material have the same cell by its sizes, but
@@ -186,6 +187,7 @@ def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_
     assert pictures(best) - pictures(other) == of_best
 
 
+@pytest.mark.slow
 def test_a_long_study_draws_its_best_case(tmp_path: Path):
     """Of several that are confined alike the first is the best, wherever the even spread falls."""
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.005, 0.006, 0.008), rows=(1, 2, 3))

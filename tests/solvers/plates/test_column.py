@@ -144,7 +144,10 @@ def ring_hz(design: Design, reductions: Reductions, kx_per_m: float) -> np.ndarr
     return np.asarray(pencil.scale.frequency(eigh(k, m, eigvals_only=True)))
 
 
-@pytest.mark.parametrize(("rows", "extension_m"), [(2, 0.0), (3, 0.0), (2, 2e-3)])
+@pytest.mark.parametrize(
+    ("rows", "extension_m"),
+    [(2, 0.0), pytest.param(3, 0.0, marks=pytest.mark.slow), pytest.param(2, 2e-3, marks=pytest.mark.slow)],
+)
 def test_a_column_of_staggered_rows_is_a_plate_two_panels_wide_with_its_ends_tied(
     rows: int, extension_m: float
 ) -> None:

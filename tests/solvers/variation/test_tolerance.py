@@ -195,6 +195,7 @@ def test_a_plate_of_unlike_pillars_is_the_one_assembled_whole(seed: int) -> None
     check_as_whole(stand().varied, seed, 0.06, stand())
 
 
+@pytest.mark.slow
 def test_pillars_of_staggered_rows_differ_one_by_one_as_those_in_line() -> None:
     have = stand(staggered=True)
     centres = have.design.pillar_centres()
@@ -246,6 +247,7 @@ def check_alike(have: Stand, varied: VariedPlate, changes: np.ndarray) -> None:
     assert (np.abs(ours.std(axis=0, ddof=1) - spreads) < MOVED * spreads).all()
 
 
+@pytest.mark.slow
 def test_in_a_band_as_narrow_as_one_mode_samples_are_whole_plates() -> None:
     """Frequencies err in second order, fields in first but for the shapes that the changes bring: of 5e-2 dB little is left."""
     have = stand()
