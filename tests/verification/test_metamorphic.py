@@ -265,7 +265,9 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
     assert sorted(commands) == sorted(here)
 
 
-@pytest.mark.parametrize("command", PASSIVE)
+@pytest.mark.parametrize(
+    "command", [pytest.param(c, marks=pytest.mark.slow) if c in ("bands", "broadband") else c for c in PASSIVE]
+)
 def test_a_scaled_scene_gives_scaled_figures(command: str, tmp_path: Path) -> None:
     """Modes of a bare plate: those with pillars take half a minute."""
     compared(tmp_path, command, PASSIVE[command], BARE if command == "modes" else COARSE, OTHER)

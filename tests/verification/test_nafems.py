@@ -215,5 +215,6 @@ def check_drift(levels: tuple[int, ...] = (2, 3, 4)) -> None:
     assert (compliance[1:] > 0.9 * compliance[:-1]).all(), "no limit: the steps do not fade"
 
 
+@pytest.mark.slow
 def test_fv52_line_supports_drift_at_the_rate_of_the_loaded_wedge() -> None:
     check_drift()
