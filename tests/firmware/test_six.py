@@ -112,6 +112,7 @@ def field_of(board, at_m: np.ndarray) -> np.ndarray:
     return np.abs(BEAM.matrix(2400.0, at_m) @ board.drives)
 
 
+@pytest.mark.slow
 def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None:
     """Seen along the whole beam, not at the sensors alone: three times as much inside as outside; a wave goes one way."""
     board = hosted(table(matrix=seen_matrix()), BEAM)

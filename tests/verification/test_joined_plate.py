@@ -97,6 +97,7 @@ GRADED = replace(
 )
 
 
+@pytest.mark.slow
 def test_rows_that_differ_have_the_modes_of_the_whole_mesh() -> None:
     """Heights and pitches by row: two kinds of pillar cells and their strips, against one mesh of all of it."""
     compare(ORDER_3, ("SS",), 3, GRADED)

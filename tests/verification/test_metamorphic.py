@@ -287,7 +287,7 @@ def test_a_scaled_driven_plate_moves_as_much_per_volt(command: str, length: floa
     compared(tmp_path, command, DRIVEN[command], COARSE + PATCHED, Scaling(length))
 
 
-@pytest.mark.parametrize("command", ["predesign", "bands"])
+@pytest.mark.parametrize("command", ["predesign", pytest.param("bands", marks=pytest.mark.slow)])
 def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
     """Frequencies of options in kHz, too."""
     case = tomllib.loads(COARSE)

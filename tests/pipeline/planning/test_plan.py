@@ -280,6 +280,7 @@ def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Reque
         assert all(mesh.order == step.numbers["order"] for mesh in result.meshes)
 
 
+@pytest.mark.slow
 def test_bands_and_attenuation_are_solved_as_planned() -> None:
     scene, heard = small("bands.points=2", "bands.count=6"), RecordingLog()
     planned = Bands().plan(scene)

@@ -290,6 +290,7 @@ def across_the_mirror() -> PlateModel:
     return plate_of(300e3, 5e-3)
 
 
+@pytest.mark.slow
 def test_a_contact_feels_what_the_faces_nodes_show_on_every_panel() -> None:
     made = across_the_mirror()
     for symmetry in (*CLASSES, WHOLE):
