@@ -284,6 +284,7 @@ def warmed(structure, share: float):
     return dataclasses.replace(structure, angular=structure.angular * (1.0 - 0.0024 * share))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [pressed, warmed])
 def test_neither_a_finger_nor_warmth_is_a_fault(hosted, change) -> None:
     """Within 50 ms; the integrals bring every sensor back to where it is wanted."""
@@ -542,6 +543,7 @@ def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_si
     assert board.resets == 1 and board.app.base.supervisor.first == Fault.WATCHDOG
 
 
+@pytest.mark.slow
 def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core) -> None:
     from tests.helpers.board_probes import count_instructions
 

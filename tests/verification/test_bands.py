@@ -95,6 +95,7 @@ def test_bands_at_gamma_are_the_known_ones() -> None:
     assert np.abs(result[3:] / known - 1.0).max() < 0.005
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("design", [CELL, pytest.param(OBLONG, marks=pytest.mark.slow)], ids=["square", "oblong"])
 def test_the_reduced_cell_has_the_bands_of_the_full_cell(design: Design) -> None:
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)

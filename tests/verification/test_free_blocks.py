@@ -90,6 +90,7 @@ def test_turning_a_block_over_changes_no_frequency() -> None:
     np.testing.assert_allclose(*together, rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_mm", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_slabs_are_inside_their_bars(thickness_mm: float) -> None:
     size = (*SLAB_MM, thickness_mm)
@@ -115,6 +116,7 @@ def test_a_block_misses_no_mode() -> None:
     check(solved(case, high), exact)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_mm", [4.0, 14.0])
 def test_slabs_meshed_whole_are_inside_their_bars(thickness_mm: float) -> None:
     """Of thin ones edges and their layers make most of the error, and one element across hides half of it."""

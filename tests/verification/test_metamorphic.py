@@ -266,7 +266,8 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", [pytest.param(c, marks=pytest.mark.slow) if c in ("bands", "broadband") else c for c in PASSIVE]
+    "command",
+    [pytest.param(c, marks=pytest.mark.slow) if c in ("bands", "attenuation", "broadband") else c for c in PASSIVE],
 )
 def test_a_scaled_scene_gives_scaled_figures(command: str, tmp_path: Path) -> None:
     """Modes of a bare plate: those with pillars take half a minute."""

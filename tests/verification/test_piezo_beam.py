@@ -165,6 +165,7 @@ def test_open_it_is_stiffer_by_the_laminates_share(pair: Pair) -> None:
     assert shift.coupling == pytest.approx(1.0 - (exact[0] / exact[1]) ** 2, rel=pair.apart)
 
 
+@pytest.mark.slow
 def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     """Against the whole pencil with theta theta'/C added to it."""
     forced = covered(REAL)

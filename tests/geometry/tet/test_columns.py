@@ -62,6 +62,7 @@ def test_columns_make_the_quarter_that_the_cad_says(length_m: float, columns: in
     assert area == pytest.approx(length_m / 2.0 * own.half_span_m, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_straight_edges_stay_straight_in_the_stretched_end() -> None:
     mesh = tet_plate(design(11.2e-3), 2e-3, True)
     ends = mesh.nodes[mesh.cells[:, [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]]].mean(axis=2)

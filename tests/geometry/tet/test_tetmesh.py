@@ -214,6 +214,7 @@ def test_zone_side_faces_are_named_and_finer():
     assert clamped > 1.5 * free
 
 
+@pytest.mark.slow
 def test_lone_pillar_stands_on_its_foot():
     mesh = tet_pillar(design().pillar, 2e-3)
     assert area(mesh, "foot") / MM2 == pytest.approx(4.0)
@@ -274,7 +275,9 @@ def in_two_parts() -> Mesh:
     return tet_mesh(solids.cell_solid(design(material=BRASS)), 1.5e-3)
 
 
-@pytest.mark.parametrize(("loser", "gainer"), [("pillar", "plate"), ("plate", "pillar")])
+@pytest.mark.parametrize(
+    ("loser", "gainer"), [pytest.param("pillar", "plate", marks=pytest.mark.slow), ("plate", "pillar")]
+)
 def test_a_part_that_has_not_its_volume_is_refused(loser, gainer):
     """A tenth of a part's elements counted to the other side of the bond is far beyond what is allowed of either."""
     body = solids.cell_solid(design(material=BRASS))

@@ -46,7 +46,7 @@ def run(*arguments: str) -> int:
 @pytest.mark.parametrize(
     "model",
     [
-        "mason",
+        pytest.param("mason", marks=pytest.mark.slow),
         "pillar",
         pytest.param("beam", marks=pytest.mark.slow),
         "dq",
@@ -116,6 +116,7 @@ def test_options_reach_the_model(capsys) -> None:
     assert dq["comparison"][0]["agreement"].startswith("differs, 3 ms were asked for")
 
 
+@pytest.mark.slow
 def test_the_case_gives_material_pillar_mode_and_losses(capsys) -> None:
     one = ("--frequency", "3kHz", "--gain", "3e6", "--delay", "10us")
     assert run("beam", CASE, *one, "--set", "material=steel", "--set", "damping.quality=150", "--json", "-") == 0
@@ -140,6 +141,7 @@ def test_staggered_rows_meet_a_straight_wave_as_those_in_line_do(capsys) -> None
     assert passed[0] == passed[1]
 
 
+@pytest.mark.slow
 def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     bare = tmp_path / "pillar.toml"
     text = Path(CASE).read_text().replace("[damping]\nquality = 300.0\n", "")
@@ -153,6 +155,7 @@ def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     assert absorbed[0] < 1e-10 and absorbed[2] < 1e-10 and absorbed[3] > 2.0 * absorbed[1] > 1e-3
 
 
+@pytest.mark.slow
 def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, capsys) -> None:
     """What `attenuation` returns is compared and drawn; None (too steep to keep) counts as stopped."""
     query = {}

@@ -120,6 +120,7 @@ def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_p
     assert high == pytest.approx([design.length_m / 2, design.half_span_m, 8.3e-3], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_path: Path) -> None:
     reader = vtkHDFReader()
     reader.SetFileName(str(shapes))

@@ -187,7 +187,7 @@ def test_a_mode_of_the_passive_plate_near_the_wanted_one_is_said(explorer: Explo
     assert said == {True, False}
 
 
-@pytest.mark.parametrize("name", ["rows", "extension"])
+@pytest.mark.parametrize("name", ["rows", pytest.param("extension", marks=pytest.mark.slow)])
 def test_the_ends_of_the_sliders_answer(explorer: Explorer, name: str) -> None:
     """A last row cut by the plate's edge, no rows, no extension: `antinode modes` solves these plates, too."""
     limit = explorer.scene.limits[name]
@@ -225,6 +225,7 @@ def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> 
         assert table.overestimate(sizes)[0] == pytest.approx(0.5 * error(*sizes), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     explorer: Explorer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -281,6 +282,7 @@ class OwnMesh(LiveReductions):
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
 
 
+@pytest.mark.slow
 def test_an_estimate_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
     case = load_case(SMALL)
     answer = explorer.estimate(case)
@@ -579,6 +581,7 @@ def test_a_port_in_use_is_said(server: Server) -> None:
         served_module.listening(server.port)
 
 
+@pytest.mark.slow
 def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: Explorer) -> None:
     """Four plates have one cell: whatever is kept from one to the next, each is what it is by itself."""
     points = explorer.cloud(0, BATCH)

@@ -199,7 +199,7 @@ def test_designs_of_the_cloud_have_pythons_numbers(whole_boxes: list[Explorer], 
 def test_a_page_of_round_pillars_has_pythons_numbers(explorer: Explorer, tmp_path: Path) -> None:
     """Designs with and without a mode of the passive plate near the wanted one, without rows, and cut by the plate's edge."""
     own = explorer.scene.own()
-    designs = [own | {"extension": float(extension)} for extension in (0, 5, 12)] + [own | {"rows": 0.0}]
+    designs = [own | {"extension": float(extension)} for extension in (0, 12)] + [own | {"rows": 0.0}]
     (told,) = answers([(explorer, [("answer", given) for given in designs])], tmp_path / "worker.js")
     for given, theirs in zip(designs, told, strict=True):
         require_same(explorer, given, theirs)
@@ -222,6 +222,7 @@ def test_levels_are_of_the_zone_itself(explorer: Explorer, change: Design) -> No
     require_areas(explorer.plate(explorer.scene.at(given)), explorer, given, 1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", [0.0, 0.5])
 def test_round_feet_at_the_plates_edge_have_an_answer(explorer: Explorer, extension: float) -> None:
     """An edge that touches the feet leaves elements no room: it is moved, and the bar holds what that may change."""

@@ -87,6 +87,7 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: 
     assert len(json.dumps(document)) < 19 * 8 * 200
 
 
+@pytest.mark.slow
 def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
     result, _ = solved("bands.points=40", "bands.count=4", "bands.path=GX")
     assert result.detail
@@ -131,6 +132,7 @@ def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.Monke
     assert (result.frequencies_hz[1, :3] < (1.0 - 1e-4) * whole[:3]).all()
 
 
+@pytest.mark.slow
 def test_a_grid_checks_the_gaps_over_the_zone() -> None:
     result, log = solved("bands.points=4", "bands.count=8", "bands.grid=6")
     assert result.zone_gaps and "ZONE" not in log.warnings
@@ -160,6 +162,7 @@ def poor(accuracy: float) -> ReductionSettings:
     return ReductionSettings(Interface(2, 3), 3e5, coarse_cells.COARSEST)
 
 
+@pytest.mark.slow
 def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
     """Stiff pillars that fill a soft plate ask for degree 6 through its thickness, and the next one tells what is left."""
     design = case("plate.thickness_mm=3", "array.pitch_mm=3.5").design
@@ -215,6 +218,7 @@ def made() -> BandsResult:
     return bands_of(replace(case("bands.points=4", "bands.count=8")), log)
 
 
+@pytest.mark.slow
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
     stored = synthetic.case("cell", bands=made(), design=synthetic.design(1, 4e-3, 5e-3))
     with style.style():

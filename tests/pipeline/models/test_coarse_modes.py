@@ -46,6 +46,7 @@ def test_modes_asked_class_by_class_are_those_of_asking_every_class_for_all(monk
     assert [tone for _, tone in few] == pytest.approx([tone for _, tone in every], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_class_asked_for_too_few_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     truth, log, coarse = modes_of(PILLAR), RecordingLog(), coarse_modes(CASE, PILLAR, choice(PILLAR))
     assert coarse

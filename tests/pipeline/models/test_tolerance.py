@@ -84,6 +84,7 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
     assert off["confinement_db"] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape",
     [

@@ -131,13 +131,16 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
     assert 1e3 * text == pytest.approx(lowest, rel=0.05)
 
 
-@pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])
+@pytest.mark.parametrize(
+    "command", [("predesign",), pytest.param(("modes", "--part", "pillar", "--count", "1"), marks=pytest.mark.slow)]
+)
 def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     text = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
     assert text["schema"] == 1 and text["case"] == "small" and text["version"]
     assert text["with_defaults"] == case("array.rows=2").to_dict()
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_lowest_modes_holds_them(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

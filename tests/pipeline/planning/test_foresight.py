@@ -89,6 +89,7 @@ SQUAT = {
 }
 
 
+@pytest.mark.slow
 def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
     monkeypatch.setenv(machine.STATED, "4")
@@ -309,6 +310,7 @@ def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None
     assert 0.5 < took.processor_s / took.foreseen_s < 2.0
 
 
+@pytest.mark.slow
 def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
     """The cell's own modes are counted on a coarse mesh; a smeared mass had 6000 where 20 lie below the cut-off."""
     (demand,) = Bands().plan(load_case(SMALL, CELLS["neck and tip"].split()[3::2])).demands.values()

@@ -34,6 +34,7 @@ def doze(surfaces: list[Surface]) -> None:
     time.sleep(60.0)
 
 
+@pytest.mark.slow
 def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rendering, "_draw_all", crash)
     images, fault = rendering.render([PLAIN])

@@ -218,6 +218,7 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     assert ours == pytest.approx(exact, abs=0.03 * np.abs(exact).max())  # means over the contact: (k R)^2/8
 
 
+@pytest.mark.slow
 def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:

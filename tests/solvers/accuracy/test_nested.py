@@ -85,6 +85,7 @@ def test_the_bar_holds_a_finer_computation_and_most_of_the_error_goes(pair: tupl
     assert np.median(bar) < 0.9 * np.median(before)  # the bar is worth having
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [PAIRS[0], pytest.param(PAIRS[1], marks=pytest.mark.slow)])
 def test_what_was_taken_is_what_the_finer_mesh_lies_above(pair: tuple[str, str]) -> None:
     one = cell(*pair, 3)

@@ -143,6 +143,7 @@ def test_patches_on_a_mirror_line_cannot_drive_what_is_antisymmetric_about_it(mo
     assert patched(aside).undriven == []
 
 
+@pytest.mark.slow
 def test_a_patch_in_the_middle_is_no_load_of_classes_odd_about_it() -> None:
     """Where others drive the class, rounding would stand for its load, and be a direction of the space of `tolerance`."""
     groups = {
@@ -316,6 +317,7 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     assert np.abs(every[0] / every[1] - 1.0).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thick_m", "size_m"),
     [
@@ -473,6 +475,7 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSetti
     assert most[1][-1] < most[0][-1]
 
 
+@pytest.mark.slow
 def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second run computes nothing and has the same digits; another thickness or material is not taken for this one."""
     made, kept = plate_of(300e3, 4e-3), KeptMatrices()

@@ -93,6 +93,7 @@ def test_driven_at_its_wanted_mode_the_zone_is_confined_as_the_mode() -> None:
     )
 
 
+@pytest.mark.slow
 def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     """Equal rows listed one by one are equal rows to the last bit; another height in the second row alone is not."""
     assert DESIGN.pillar
@@ -187,6 +188,7 @@ def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
     assert levels[0][0] > levels[1][0] and levels[0][1] > levels[1][1]
 
 
+@pytest.mark.slow
 def test_a_bare_column_of_two_zones_is_the_column_of_one_as_wide() -> None:
     """Borders that nothing marks: every even mode of the halved column is one of the whole column's, which has odd ones too;
     both are polynomials of a bare plate, whose cuts lie elsewhere.

@@ -294,6 +294,7 @@ def peak_hz(source: object, low: float, high: float) -> float:
     return float(tones[np.argmax(source.curve(tones).zone_rms_m_per_v)])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_all_pillars_higher_is_the_plate_designed_so() -> None:
     """A plate with higher pillars of its own, meshed and reduced anew: the peak moves by the same."""
     have, more = stand(), 0.15e-3
