@@ -24,7 +24,7 @@ HOMES = [*(f"antinode.{name}" for name in ("plate", "sweeps")),
          "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
-SLOW = {  # a second and more, run by `make test-all`
+SLOW = {  # a second and more, run by `make slow`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
       for name in ("explore",)),
