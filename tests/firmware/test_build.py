@@ -49,6 +49,7 @@ def test_binary_starts_with_stack_and_reset_and_holds_the_table_in_its_sector(im
     assert binary[at : at + len(data)] == data
 
 
+@pytest.mark.slow
 def test_image_is_repeatable_from_another_folder(image: builder.Image, tmp_path: Path) -> None:
     copy = tmp_path / "elsewhere"
     root = Path(builder.__file__).parent

@@ -164,6 +164,7 @@ def test_open_it_is_stiffer_by_the_laminates_share(pair: Pair) -> None:
     assert shift.coupling == pytest.approx(1.0 - (exact[0] / exact[1]) ** 2, rel=pair.apart)
 
 
+@pytest.mark.slow
 def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     """Against the whole pencil with theta theta'/C added to it."""
     forced = covered(REAL)
@@ -198,7 +199,7 @@ def test_a_voltage_peaks_at_the_short_and_a_charge_at_the_open_frequency(circuit
 
 @pytest.mark.parametrize(
     ("fault", "seen"),
-    [({"d31": 0.95 * D31}, "size"), ({"s11": 1.1 * CERAMIC.s11}, "stiffness")],
+    [({"d31": 0.95 * D31}, "size"), pytest.param({"s11": 1.1 * CERAMIC.s11}, "stiffness", marks=pytest.mark.slow)],
     ids=["d31 a twentieth too small", "a patch a tenth too soft"],
 )
 def test_a_planted_fault_is_seen(fault: dict, seen: str) -> None:

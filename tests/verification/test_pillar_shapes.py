@@ -99,6 +99,7 @@ def lowest(pillar: Pillar, settings: HexSettings, symmetry: str, high_hz: float)
     return float(modes_in_band(model.pencil(symmetry), 0.0, high_hz).frequency_hz[0])
 
 
+@pytest.mark.slow
 def test_hexahedra_and_tetrahedra_of_a_cross_fall_towards_one_limit() -> None:
     """Quadratic tetrahedra on the same nodes are stiffer; both lie above hexahedra of a higher order, which are graded, too."""
     finest = lowest(CROSS, HexSettings(3, S, 1, 0.15, S), "SA", 60e3)

@@ -106,6 +106,7 @@ def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: 
     assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [2, 3])
 def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take(rows: int) -> None:
     """The column's rows begin with the one or the other panel; the lattice repeats one row, shifted: within both bars.

@@ -86,6 +86,7 @@ def test_a_column_s_zone_ends_at_its_border() -> None:
     assert profile.weights.sum() == pytest.approx(DESIGN.pitch_x_m * DESIGN.half_span_m, rel=AREAS)
 
 
+@pytest.mark.slow
 def test_driven_zones_end_at_their_borders() -> None:
     """Response, tolerance and touch share the Gram matrices of the forced plate, crosstalk has its own of every zone."""
     model = joined(DESIGN)

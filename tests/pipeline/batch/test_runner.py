@@ -114,6 +114,7 @@ def test_fail_fast_stops_and_says_what_is_undone(tmp_path: Path):
     assert outcome.undone == tuple(f"value={i}" for i in range(1, 6)) and outcome.exit_code == 3
 
 
+@pytest.mark.slow
 def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, here: ThreadPoolExecutor):
     run(tmp_path / "a", fake_study.jobs(4))
     run(tmp_path / "b", fake_study.jobs(4), executor=here)
@@ -121,6 +122,7 @@ def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, here: Thread
     assert one == two and one.count(b"\n") == 5
 
 
+@pytest.mark.slow
 def test_threads_share_the_cores(tmp_path: Path):
     cores = workers.default_jobs(10**6)
     run(tmp_path, fake_study.jobs(1), jobs=1)
@@ -149,6 +151,7 @@ def test_only_cases_next_in_line_are_forecast(tmp_path: Path):
     assert asked and {*asked} <= {f"value={i}" for i in range(1 + runner.LOOK_AHEAD)}
 
 
+@pytest.mark.slow
 def test_cases_of_the_same_parts_are_not_begun_side_by_side(tmp_path: Path):
     cases = fake_study.jobs(6, seconds=0.3)
     run(tmp_path, [replace(case, parts="ab"[i // 3]) for i, case in enumerate(cases)])
@@ -266,6 +269,7 @@ def prove_resumption(tmp_path: Path, kills: int, seed: int) -> None:
     assert set(starts(calm).values()) == {1}
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_goes_on_and_ends_the_same(tmp_path: Path):
     prove_resumption(tmp_path, kills=1, seed=1)
 
@@ -282,7 +286,14 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
+)
 def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path, number: signal.Signals):
     process = start(tmp_path, "--cases", "4", "--seconds", "60", "--first", "0.1")
     wait_for(lambda: list(tmp_path.glob("*/record.json")) and len(starts(tmp_path)) == 3)

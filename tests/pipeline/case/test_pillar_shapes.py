@@ -177,6 +177,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 def test_a_shape_of_ones_own_is_one_class_and_one_line(tmp_path: Path) -> None:
     """A plank 2 mm along x and 1 mm along y, registered here, goes from the case file to solids, meshes, plans and drawings."""
     done = subprocess.run(

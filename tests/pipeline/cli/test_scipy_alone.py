@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 SMALL = str(Path(__file__).resolve().parents[3] / "examples" / "small.toml")
 COARSE = ("--set", "solve.accuracy=0.1", "--set", "zone.length_mm=28", "--set", "zone.nodal_lines=2")
 BANDS = (*COARSE, "--set", "bands.points=1", "--set", "bands.count=8")
+SLOW = {"zone", "solid", "pillar", "nearest to a frequency far below the first"}
 MODES = {
     "lowest of the free plate": (SMALL, *COARSE, "--count", "3"),
     "nearest to a frequency far below the first": (
@@ -73,7 +74,9 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any
     return result
 
 
-@pytest.mark.parametrize("what", MODES)
+@pytest.mark.parametrize(
+    "what", [pytest.param(what, marks=[pytest.mark.slow] if what in SLOW else []) for what in MODES]
+)
 def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     result = answer(capsys, "modes", *MODES[what])
     count = result["count_check"]
@@ -87,6 +90,7 @@ def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str]) -> 
     assert all(point["db_per_row"] is not None for point in points)
 
 
+@pytest.mark.slow
 def test_a_response_is_found(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     case = tmp_path / "patched.toml"
     case.write_text(three_patches((20.0, 30.0), 0.1))

@@ -40,7 +40,7 @@ def scene(**solve: Any) -> Case:
     return case_from_dict(SCENE | {"solve": SCENE["solve"] | solve})
 
 
-@pytest.fixture(scope="module", params=["hex", "tet"])
+@pytest.fixture(scope="module", params=["hex", pytest.param("tet", marks=pytest.mark.slow)])
 def plate(request: pytest.FixtureRequest) -> Exchange:
     return exchange(scene(), "plate", TerminalLog(True), tetrahedra=request.param == "tet")
 

@@ -120,6 +120,7 @@ def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_p
     assert high == pytest.approx([design.length_m / 2, design.half_span_m, 8.3e-3], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_path: Path) -> None:
     reader = vtkHDFReader()
     reader.SetFileName(str(shapes))
@@ -140,6 +141,7 @@ def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_
     assert sorted(path.name for path in made) == ["modes.vtkhdf", "modes.xdmf"]  # one file each, nothing beside
 
 
+@pytest.mark.slow
 def test_a_universal_file_holds_the_response_and_is_read_back(
     responses: Path, driven: tuple[Case, ForcedPlate]
 ) -> None:
@@ -166,6 +168,7 @@ def test_a_universal_file_holds_the_response_and_is_read_back(
     )  # all nodes peak together, within the line's width
 
 
+@pytest.mark.slow
 def test_a_sweep_is_compared_with_the_peak_that_it_covers(responses: Path, tmp_path: Path) -> None:
     """The highest peak of this plate's response, at 26 kHz, is another mode's."""
     options = [*(word for text in (COARSE[0], PATCH) for word in ("--set", text)), "--points", "51", "--quiet"]

@@ -168,7 +168,7 @@ def test_a_file_of_gmsh_4_is_read_with_its_physical_groups(case_file: str, tmp_p
     assert computed == pytest.approx(frequencies(mesh, ("touch",), 4)[:4], rel=SAME)
 
 
-@pytest.mark.parametrize("tetrahedra", [False, True])
+@pytest.mark.parametrize("tetrahedra", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_exported_med_file_comes_back_with_the_same_modes_and_measures(
     tetrahedra: bool, case_file: str, tmp_path: Path
 ) -> None:

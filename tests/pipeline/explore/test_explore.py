@@ -197,7 +197,7 @@ def test_a_mode_of_the_passive_plate_near_the_target_one_is_said(explorer: Explo
     assert said == {True, False}
 
 
-@pytest.mark.parametrize("name", ["rows", "extension"])
+@pytest.mark.parametrize("name", ["rows", pytest.param("extension", marks=pytest.mark.slow)])
 def test_the_ends_of_the_sliders_answer(explorer: Explorer, name: str) -> None:
     """A last row cut by the plate's edge, no rows, no extension: `antinode modes` solves these plates, too."""
     limit = explorer.scene.limits[name]
@@ -235,6 +235,7 @@ def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> 
         assert table.overestimate(sizes)[0] == pytest.approx(0.5 * error(*sizes), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     explorer: Explorer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -259,6 +260,7 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     assert parametric.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
 
+@pytest.mark.slow
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
     """One corner against a plain reduction, whose own bar is part of what is told."""
     cell, bases = explorer.model.cell, explorer.model.bases
@@ -290,6 +292,7 @@ class OwnMesh(LiveReductions):
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
 
 
+@pytest.mark.slow
 def test_an_estimate_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
     case = load_case(SMALL)
     answer = explorer.estimate(case)
@@ -538,6 +541,7 @@ def reported(server: Server, until: Callable[[dict[str, Any]], bool]) -> dict[st
     raise AssertionError(state)
 
 
+@pytest.mark.slow
 def test_one_full_plate_at_a_time_and_it_can_be_stopped(server: Server) -> None:
     """In a process of its own: the second solve never ends, and is ended."""
     path, body = f"/{server.token}/full", json.dumps(OWN).encode()
@@ -587,6 +591,7 @@ def test_a_port_in_use_is_said(server: Server) -> None:
         served_module.listening(server.port)
 
 
+@pytest.mark.slow
 def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: Explorer) -> None:
     """Four plates have one cell: whatever is kept from one to the next, each is what it is by itself."""
     points = explorer.cloud(0, BATCH)
@@ -599,6 +604,7 @@ def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: E
         assert {name: point[name] for name in own} == own
 
 
+@pytest.mark.slow
 def test_a_second_process_computes_parts_of_the_cloud_and_its_loss_is_made_up_for(explorer: Explorer) -> None:
     beside = Beside(explorer)
     try:

@@ -122,6 +122,7 @@ def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_
     assert short["frequency_hz"] < opened["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
 
 
+@pytest.mark.slow
 def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None:
     file = tmp_path / "r.json"
     assert (

@@ -106,6 +106,7 @@ def test_the_path_is_drawn_to_scale():
     assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
 
 
+@pytest.mark.slow
 def test_the_moving_plate_states_its_factor_truly(case: StoredCase, by_hand):
     arrays, design = case.arrays(), case.record.design
     drawn = {each.name: each for each in rendering.report_figures(case, arrays)}
@@ -175,6 +176,7 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
         assert [4.0, 5.0, 6.0] not in joined
 
 
+@pytest.mark.slow
 def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
     for path in folder.glob("pitch_mm=6*/record.json"):

@@ -98,6 +98,7 @@ def test_pictures_show_every_zone_and_row() -> None:
     assert "2 zones 10 mm wide" in words and "3 rows of 4 square" in words
 
 
+@pytest.mark.slow
 def test_one_zone_is_what_it_was(forced: ForcedPlate) -> None:
     """Not a byte of the understood case differs, and its zone moves as the response says."""
     assert case_of([ZONE]).to_dict() == case_of(ZONE).to_dict() == case_of({**ZONE, "count": 1}).to_dict()

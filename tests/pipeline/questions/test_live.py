@@ -102,6 +102,7 @@ def _waits(folder: Path, order: Any) -> None:
         order.put("second")
 
 
+@pytest.mark.slow
 def test_one_process_at_a_time_makes_a_model(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     order = context.Queue()

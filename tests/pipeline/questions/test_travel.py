@@ -191,6 +191,7 @@ def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
         yield fingered(*solved)
 
 
+@pytest.mark.slow
 def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
@@ -216,6 +217,7 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     assert ours == pytest.approx(exact, abs=0.03 * np.abs(exact).max())  # means over the contact: (k R)^2/8
 
 
+@pytest.mark.slow
 def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
@@ -229,6 +231,7 @@ def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     assert np.abs(np.median(standing)) < 0.1 * np.abs(np.median(forth))
 
 
+@pytest.mark.slow
 def test_soft_and_hard_fingers_bound_the_net_shear(
     solved: tuple[TravelResult, Travelling], free: ShearRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,6 +252,7 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     assert felt.name == "shear" and "mm/s along x" in felt.alt
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("free")
 def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
     solved: tuple[TravelResult, Travelling], monkeypatch: pytest.MonkeyPatch
@@ -270,6 +274,7 @@ def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
     assert (loud.shear_high_error or 0.0) > high
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("free")
 def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelResult, Travelling]) -> None:
     record, wave = solved

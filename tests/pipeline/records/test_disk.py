@@ -120,6 +120,7 @@ def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
     assert not (tmp_path / store.FIELDS).exists() and (tmp_path / store.ARRAYS).exists()
 
 
+@pytest.mark.slow
 def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     part = (
         "modes",

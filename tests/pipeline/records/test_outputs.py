@@ -144,6 +144,7 @@ def test_a_terminal_is_no_place_for_bytes(monkeypatch: pytest.MonkeyPatch) -> No
         pass
 
 
+@pytest.mark.slow
 def test_libraries_say_nothing_where_no_home_can_be_written(case: Path) -> None:
     """matplotlib and ezdxf, which cadquery brings along, warn of folders that they cannot make."""
     (case.parent / "home").write_text("no folder")

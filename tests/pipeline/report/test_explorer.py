@@ -35,6 +35,7 @@ def test_a_study_of_a_cell_that_the_bases_cannot_follow_has_none(tmp_path: Path)
     assert page.put_explorer(tmp_path, case, log) == [] and [each[0] for each in log.warnings] == ["NO_EXPLORER"]
 
 
+@pytest.mark.slow
 def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`antinode run --explorer` after the report, once: what is beside it already is not made again."""
     from pipeline.batch import case_study
@@ -51,6 +52,7 @@ def test_bases_are_made_where_they_are_asked_for(tmp_path: Path, monkeypatch: py
     assert case_study.explored(study, folder, WarningLog()) == [] and len(modelled_cases) == 1
 
 
+@pytest.mark.slow
 def test_a_page_that_is_too_large_to_travel_is_refused_by_its_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

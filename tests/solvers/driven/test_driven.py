@@ -125,6 +125,7 @@ def test_modes_extrapolated_from_two_meshes_lose_what_their_patches_give() -> No
     assert flow.flow_w[-1] == pytest.approx(0.0, abs=1e-9 * flow.lost_w)
 
 
+@pytest.mark.slow
 def test_the_flow_along_a_strip_is_that_of_its_two_waves() -> None:
     """Euler-Bernoulli: P = omega EI k^3 (|a|^2 - |b|^2); shear and the plate's stiffness across are some percent at this k.
 

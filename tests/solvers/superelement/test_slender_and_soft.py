@@ -36,6 +36,7 @@ def rods(height_m: float, top_hz: float, elements: int, face: Interface) -> Redu
     )
 
 
+@pytest.mark.slow
 def test_the_residual_flexibility_of_slender_rods_is_no_rounding() -> None:
     """Slenderness 63: that of the modes left out below 30 kHz is what the modes between 30 and 60 kHz and the rest add."""
     few, many = (rods(400e-3, top_hz, 8, Interface(2, 1)) for top_hz in (30e3, 60e3))

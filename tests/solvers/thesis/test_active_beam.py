@@ -357,6 +357,7 @@ def test_study_holds_what_its_parts_give(study):
     assert study.left_m in antinodes_m(BEAM, LENGTH / 2, OMEGA)
 
 
+@pytest.mark.slow
 def test_force_scales_the_answer_not_its_shape(study):
     few = ActiveBeamData(frequencies_hz=(3000.0,), gains_n_m=(1e7,), delays_s=(), force_n=2.0)
     one, two = study.case("pair", 3000.0, 1e7), active_beam_study(few).case("pair", 3000.0, 1e7)

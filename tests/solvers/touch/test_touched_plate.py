@@ -124,9 +124,9 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
     "tip",
     [
         Fingertip("soft", stiffness_n_m=2e6),
-        Fingertip("stiff", stiffness_n_m=1e8),
-        Fingertip("damper", damping_n_s_m=80.0),
-        HEAVY,
+        pytest.param(Fingertip("stiff", stiffness_n_m=1e8), marks=pytest.mark.slow),
+        pytest.param(Fingertip("damper", damping_n_s_m=80.0), marks=pytest.mark.slow),
+        pytest.param(HEAVY, marks=pytest.mark.slow),
     ],
     ids=lambda tip: tip.name,
 )

@@ -112,7 +112,7 @@ def test_branches_are_numbered_once_at_each_wavevector_from_one_on() -> None:
     assert set(result.number.ravel()) == set(range(1, result.number.max() + 1))
 
 
-@pytest.mark.parametrize("points", [5, 24])
+@pytest.mark.parametrize("points", [pytest.param(5, marks=pytest.mark.slow), 24])
 def test_waves_of_the_bare_plate_are_followed_through_the_folded_ones(points: int) -> None:
     """A0, SH0 and S0 from near G to near X, over a wide cell in which other waves cross them."""
     pitch = (8e-3, 4e-3)

@@ -215,6 +215,7 @@ def test_directional_gaps_contain_the_complete_ones() -> None:
         assert min(segment.upper_hz for segment in segments) == gap.upper_hz
 
 
+@pytest.mark.slow
 def test_no_wave_of_a_polarisation_lies_in_its_gaps_and_some_lie_at_their_edges() -> None:
     solved, path = Solved(lattice(), 10), Lattice.of_rows(*PITCH).path("GXMYG", 24)
     branches = follow(solved, path.wavevectors)

@@ -66,6 +66,7 @@ def test_folded_waves_are_named_by_their_own_direction() -> None:
     assert [label.name for label in labels(cell(), k, 6)] == exact(k, 6)
 
 
+@pytest.mark.slow
 def test_labels_do_not_depend_on_the_name_of_the_wavevector() -> None:
     k = np.array([310.0, 420.0])
     for turn in ((1, 0), (0, -1), (1, 1)):
