@@ -8,10 +8,14 @@ READY := $(VENV)/.ready
 TABLE := firmware/generated/mode_table.bin
 SIX_TABLE := firmware/generated/six_table.bin
 JOBS ?=
+SHARD ?= 1/1
+STORE ?=
 EXTRAS ?= fast,firmware,client,dev,tables,uff,docs,release
 .DEFAULT_GOAL := help
+# Two workers; one that has finished takes tests from the end of the other's list, so that a file's tests stay together.
+SLOW = $(BIN)/python -m pytest -q -n 2 --dist worksteal --durations-path tests/durations.json $(if $(STORE),--store-durations)
 unexport PYTHONDONTWRITEBYTECODE  # sources are compiled once, not once a process
-.PHONY: help setup study test test-all check-gap firmware image-single image-six flash flash-six bench docs release licences clean
+.PHONY: help setup study test slow durations test-all check-gap firmware image-single image-six flash flash-six bench docs release licences clean
 
 help:  ## what the targets do
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -34,12 +38,16 @@ study: $(READY)  ## the main job, or STUDY=name; ends with where the report is
 test: $(READY)  ## every test not marked slow, firmware and the band-gap check included
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy & types=$$!; \
-	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 3 --dist loadfile --no-loadscope-reorder; \
+	$(BIN)/antinode check-gap --quiet && $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder; \
 	tests=$$?; wait $$types && exit $$tests
 
-test-all: $(READY)  ## the slow proofs too
-	@$(BIN)/antinode check-gap --quiet
-	@$(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder -m ''
+slow: $(READY)  ## the slow proofs, or a share of them: SHARD=k/n; STORE=1 stores their durations
+	@$(SLOW) -m slow --splits $(notdir $(SHARD)) --group $(patsubst %/,%,$(dir $(SHARD)))
+
+durations: $(READY)  ## the slow proofs that took longest, from tests/durations.json
+	@$(BIN)/slowest-tests --durations-path tests/durations.json --count 40
+
+test-all: test slow  ## every test
 
 check-gap: $(READY)  ## recompute the reference cell's band gap
 	@$(BIN)/antinode check-gap
@@ -50,7 +58,7 @@ $(TABLE): $(READY) $(CASE)
 
 $(SIX_TABLE): $(READY)
 	@mkdir -p $(@D)
-	@$(BIN)/python -m pipeline.board.shaping $@ --unmeasured
+	@$(BIN)/python -m pipeline.board.six_channels $@ --unmeasured
 
 firmware: image-single image-six  ## both STM32F446 images from exported mode tables
 

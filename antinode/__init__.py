@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from antinode.plate import Caution, Plate, load
     from antinode.sweeps import SweepTable, open, sweep
-    from pipeline.case.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
+    from pipeline.case.schema import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
-    from pipeline.models.mode_parts import ModeRecord as Mode
-    from pipeline.models.mode_parts import TargetRecord as Target
+    from pipeline.models.answer_parts import ModeRecord as Mode
+    from pipeline.models.answer_parts import TargetRecord as Target
     from pipeline.questions.attenuation import AttenuationResult as Attenuation
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
@@ -42,9 +42,9 @@ ANSWERS = (  # results of questions
 HOMES = {  # where each public name stands, and by which name
     **dict.fromkeys(("Caution", "Plate", "load"), "antinode.plate"),
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
-    **dict.fromkeys(TABLES, "pipeline.case.tables"),
+    **dict.fromkeys(TABLES, "pipeline.case.schema"),
     **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
-    **{name: f"pipeline.models.mode_parts:{name}Record" for name in ("Mode", "Target")},
+    **{name: f"pipeline.models.answer_parts:{name}Record" for name in ("Mode", "Target")},
     "InputError": "pipeline.errors",
     "SolverError": "solvers.errors",
 }

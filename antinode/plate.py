@@ -10,11 +10,10 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.case import tables
-from pipeline.case.diagnostics import nearest
+from pipeline.case import schema
 from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, case_from_dict
-from pipeline.case.reading import apply_overrides, read_toml
+from pipeline.case.reading import apply_overrides, nearest, read_toml
 from pipeline.case.schema import TABLES
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
@@ -24,9 +23,9 @@ from pipeline.questions.active_dq import ActiveDq
 from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands
 from pipeline.questions.broadband import Broadband
+from pipeline.questions.command import asks, numpydoc
 from pipeline.questions.crosstalk import Crosstalk
 from pipeline.questions.hybrid import Hybrid
-from pipeline.questions.method import asks, numpydoc
 from pipeline.questions.modes import MeshModes, Modes
 from pipeline.questions.predesign import Predesign
 from pipeline.questions.question import ask
@@ -56,18 +55,18 @@ class Plate(Frozen):
         self,
         *,
         name: str = "plate",
-        material: tables.Material = "aluminium",
+        material: schema.GivenMaterial = "aluminium",
         thickness_mm: float | None = None,
-        zone: tables.Zone | dict[str, Any] | None = None,
-        pillar: tables.Pillar | dict[str, Any] | None = None,
-        tip: tables.Tip | dict[str, Any] | None = None,
-        array: tables.Array | dict[str, Any] | None = None,
-        solve: tables.Solve | dict[str, Any] | None = None,
-        bands: tables.BandPath | dict[str, Any] | None = None,
-        damping: tables.Damping | dict[str, Any] | None = None,
-        patches: tables.Patches | dict[str, Any] | None = None,
-        tolerance: tables.Scatter | dict[str, Any] | None = None,
-        touch: tables.Finger | dict[str, Any] | None = None,
+        zone: schema.Zone | dict[str, Any] | None = None,
+        pillar: schema.Pillar | dict[str, Any] | None = None,
+        tip: schema.Tip | dict[str, Any] | None = None,
+        array: schema.Array | dict[str, Any] | None = None,
+        solve: schema.Solve | dict[str, Any] | None = None,
+        bands: schema.BandPath | dict[str, Any] | None = None,
+        damping: schema.Damping | dict[str, Any] | None = None,
+        patches: schema.Patches | dict[str, Any] | None = None,
+        tolerance: schema.Scatter | dict[str, Any] | None = None,
+        touch: schema.Finger | dict[str, Any] | None = None,
     ) -> None:
         plate = {"thickness_mm": thickness_mm} if thickness_mm else None
         given: dict[str, Any] = {"name": name, "material": material, "plate": plate}

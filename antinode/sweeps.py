@@ -22,8 +22,7 @@ from pipeline.process import terminable
 from pipeline.questions import registered
 from pipeline.questions.result import Result
 from pipeline.records import store
-from pipeline.records.frames import dataset, frame, html_table
-from pipeline.records.outputs import csv_bytes, write_file
+from pipeline.records.outputs import csv_bytes, dataset, frame, html_table, write_file
 from pipeline.records.part import DOCUMENT_SCHEMA, Frozen
 from pipeline.records.record import first_fault
 from pipeline.records.store import BadRecord
@@ -201,7 +200,7 @@ def sweep(
     ([6.0, 6.3], [7, 7])
     """
     from pipeline.batch import case_study, runner
-    from pipeline.batch.progress import Progress
+    from pipeline.batch.runner import Progress
     from pipeline.questions import study as asked
 
     if not values:

@@ -1,4 +1,4 @@
-"""Builds the STM32F446 image: `python -m firmware.build [--table FILE | --header FILE]`."""
+"""Build the STM32F446 image: `python -m firmware.build [--table FILE | --header FILE]`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware import mode_table
-from firmware.image.elf import Elf, flash_image, map_text
-from firmware.image.svd import svd_text
+from firmware.image import Elf, flash_image, map_text, svd_text
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -34,10 +33,10 @@ LANGUAGE = (
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fomit-frame-pointer",
-    "-fno-short-enums",  # an enumeration lies in memory as it does on the host
+    "-fno-short-enums",  # enumerations have the same size as on the host
     "-g",
 )
-# What runs in the interrupts is compiled for speed, all else for size: the six-channel image would not fit otherwise.
+# Interrupt code is compiled for speed, the rest for size; otherwise the six-channel image would not fit.
 FAST = (
     "an_fast",
     "an_slow",
@@ -51,7 +50,7 @@ FAST = (
     "an_capture",
 )
 SPEED, SIZE = "-O2", "-Os"
-TABLE = BOARD / "table.c"  # compiled alone: with another table, or in another folder, all else stays (zig keeps it)
+TABLE = BOARD / "table.c"  # compiled separately: another table or folder leaves the rest in zig's cache
 SECTIONS = ("-ffunction-sections", "-fdata-sections", "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")
 WARNINGS = (
     "-Wall",
@@ -69,7 +68,7 @@ LINK = ("-nostdlib", "-Wl,--gc-sections", "-Wl,--build-id=none", "-Wl,--entry=Re
 
 
 class BuildError(RuntimeError):
-    """The image cannot be built here; exit_code as for the whole program."""
+    """The image cannot be built; exit_code is the exit code of the program."""
 
     def __init__(self, message: str, exit_code: int) -> None:
         super().__init__(message)
@@ -78,9 +77,16 @@ class BuildError(RuntimeError):
 
 @dataclass(frozen=True)
 class Image:
-    """A built image: its files, their sizes in bytes (gaps not counted, stack included in ram), the compiler used.
+    """Built image: its files, sizes and compiler.
 
-    elf has debug information, binary is flash memory from its start, map lists what lies where, svd names the registers.
+    Attributes
+    ----------
+    elf, binary, map, svd : Path
+        ELF file with debug information, contents of the flash memory from its start, list of symbols by address, and
+        description of the registers.
+    flash_bytes, ram_bytes : int
+        Sizes without gaps; the RAM includes the stack.
+    compiler : str
     """
 
     elf: Path
@@ -93,12 +99,20 @@ class Image:
 
 
 def toolchain() -> tuple[str, list[str]]:
-    """(name, command) of a compiler for the Cortex-M4F: arm-none-eabi-gcc when on PATH, zig from pip otherwise.
+    """Find a compiler for the Cortex-M4F: arm-none-eabi-gcc if on PATH, otherwise zig from pip.
 
-    Raises BuildError when none is here, nor pyelftools, which reads what it builds.
+    Returns
+    -------
+    tuple of str and list of str
+        Name and command.
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler, or pyelftools, which reads its output, is missing.
     """
     if not find_spec("elftools"):
-        raise BuildError("the image cannot be read: install pyelftools by `pip install pyelftools`", 5)
+        raise BuildError("the image cannot be read: install pyelftools with `pip install pyelftools`", 5)
     if shutil.which("arm-none-eabi-gcc"):
         machine = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
         own = ["-fno-tree-loop-distribute-patterns", "-nostartfiles", "-gno-record-gcc-switches"]
@@ -106,11 +120,29 @@ def toolchain() -> tuple[str, list[str]]:
     if find_spec("ziglang"):
         machine = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4+vfp4d16sp"]
         return "zig cc", [sys.executable, "-m", "ziglang", "cc", *machine]
-    raise BuildError("no compiler for the Cortex-M4: install arm-none-eabi-gcc, or zig by `pip install ziglang`", 5)
+    raise BuildError("no compiler for the Cortex-M4: install arm-none-eabi-gcc, or zig with `pip install ziglang`", 5)
 
 
 def build(table: bytes, folder: Path = BUILD, variant: str = "single") -> Image:
-    """Compiles core and board with a mode table and links them: "single" or "six". Raises BuildError."""
+    """Compile core and board with a mode table and link them.
+
+    Parameters
+    ----------
+    table : bytes
+        Mode table to embed.
+    folder : Path, optional
+        Where to write the image.
+    variant : {"single", "six"}, optional
+
+    Returns
+    -------
+    Image
+
+    Raises
+    ------
+    BuildError
+        If there is no compiler, or it fails.
+    """
     name, command = toolchain()
     own = folder.resolve() / variant
     own.mkdir(parents=True, exist_ok=True)
@@ -138,9 +170,9 @@ def _with_its_files(elf: Path, compiler: str) -> Image:
 
 
 def mapped() -> list[str]:
-    """Options that keep this machine's paths out of the debug information; the compiler has to run in the root.
+    """Compiler options that keep this machine's paths out of the debug information; the compiler must run in the root.
 
-    A compiler that lies in the root's own environment names its headers from the root.
+    A compiler installed below the root refers to its headers relative to the root.
     """
     headers = _own_headers()
     places = {ROOT: ".", headers: "compiler"}
@@ -150,7 +182,7 @@ def mapped() -> list[str]:
 
 
 def _own_headers() -> Path:
-    """Where the compiler has its own headers."""
+    """Folder of the compiler's own headers."""
     gcc = shutil.which("arm-none-eabi-gcc")
     if gcc:
         text = subprocess.run([gcc, "-print-file-name=include"], capture_output=True, text=True).stdout
@@ -160,28 +192,31 @@ def _own_headers() -> Path:
 
 
 def optimised(source: Path) -> str:
-    """The level of optimisation that a source is compiled with."""
+    """Optimisation level of a source file."""
     return SPEED if source.stem in FAST else SIZE
 
 
 def run(command: list[str]) -> None:
-    """Runs a compiler in the root; its words become the error's."""
+    """Run a compiler in the root; raise BuildError with its output if it fails."""
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
         raise BuildError(f"the compiler refused:\n{done.stderr.strip()}", 3)
 
 
 def sizes(elf: Elf) -> tuple[int, int]:
-    """(flash, ram) in bytes that the image takes."""
+    """Return the flash memory and RAM used by the image, in bytes."""
     flash = sum(len(segment.data) for segment in elf.segments)
     ram = sum(segment.memory_bytes for segment in elf.segments if segment.address >= RAM_START)
     return flash, ram
 
 
 def choose_table(table: Path | None, header: Path | None, variant: str = "single") -> bytes:
-    """The mode table to build with: of the file named, the C header named, or the last one exported.
+    """Read the mode table to build with: from a file, from a C header, or the last one exported.
 
-    Raises BuildError when there is none, or the build would not take it.
+    Raises
+    ------
+    BuildError
+        If there is no table, or the build cannot use it.
     """
     place = header or GENERATED / "mode_table.h"
     named = f"--table {table}" if table else f"--header {header}" if header else f"{os.path.relpath(place)}"
@@ -198,7 +233,7 @@ def choose_table(table: Path | None, header: Path | None, variant: str = "single
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m firmware.build", description=__doc__)
     source = parser.add_mutually_exclusive_group()
     source.add_argument("--table", type=Path, metavar="FILE", help="mode table as a binary file")

@@ -1,4 +1,4 @@
-"""Puts an image onto a board by the programmer that is here: `python -m firmware.flash single` (or `make flash`)."""
+"""Write an image to a board with an installed programmer: `python -m firmware.flash single` (or `make flash`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from firmware.build import BUILD, FLASH_START, TABLE_START, VARIANTS, BuildError
-from firmware.image.elf import Elf, flash_image
+from firmware.image import Elf, flash_image
 
 CHIP = "STM32F446RETx"
 PLACE = f"0x{FLASH_START:08x}"
@@ -21,19 +21,19 @@ CODE_ONLY = "-code.bin"
 
 
 class FlashError(BuildError):
-    """The image did not get onto the board."""
+    """The image could not be written to the board."""
 
 
 @dataclass(frozen=True)
 class Programmer:
-    """A tool that writes flash memory: its name, how to get it, and its commands for (raw image, probe's serial number)."""
+    """Tool that writes flash memory: name, installation, and commands for a raw image and a probe's serial number."""
 
     name: str
     install: str
     commands: Callable[[Path, str | None], list[list[str]]]
 
     def call(self) -> list[str] | None:
-        """How to call it here, or None."""
+        """Return the command that runs the tool, or None if it is not installed."""
         if shutil.which(self.name):
             return [self.name]
         return [sys.executable, "-m", self.name] if self.name == "pyocd" and find_spec(self.name) else None
@@ -69,61 +69,61 @@ PROGRAMMERS = (
 
 
 def chosen_programmer(name: str | None) -> tuple[Programmer, list[str]]:
-    """The programmer named, or the first that is here, and how to call it. Raises FlashError when there is none."""
+    """Return the named programmer, or the first one installed, and its command. Raises FlashError if there is none."""
     matching = [one for one in PROGRAMMERS if name in (None, one.name)]
     for one in matching:
         call = one.call()
         if call is not None:
             return one, call
     offers = "; ".join(f"{one.name} ({one.install})" for one in matching)
-    raise FlashError(f"no programmer is here: install {offers}; or copy the .bin onto the drive that a Nucleo shows", 5)
+    raise FlashError(f"no programmer found: install {offers}; or copy the .bin file to the drive of the Nucleo", 5)
 
 
 def image_to_write(variant: str, folder: Path, keep_table: bool) -> Path:
-    """The raw image: the whole one, or code alone, so that the table on the board stays. Raises FlashError."""
+    """Return the raw image, or only its code if the table on the board is to be kept. Raises FlashError."""
     elf = folder / f"{VARIANTS[variant]}.elf"
     if not elf.is_file():
-        raise FlashError(f"{elf} is not there: `make firmware` builds it", 2)
+        raise FlashError(f"{elf} not found: build it with `make firmware`", 2)
     if not keep_table:
         return elf.with_suffix(".bin")
     code = elf.with_name(elf.stem + CODE_ONLY)
     try:
         code.write_bytes(flash_image(Elf.read(elf), FLASH_START)[: TABLE_START - FLASH_START])
     except ImportError:
-        raise FlashError("the code cannot be told from the table: `pip install pyelftools`", 5) from None
+        raise FlashError("code and table cannot be separated: `pip install pyelftools`", 5) from None
     return code
 
 
 def flash(image: Path, tool: str | None = None, probe: str | None = None) -> str:
-    """Writes and verifies a raw image; returns the programmer's name. Raises FlashError."""
+    """Write and verify a raw image and return the programmer's name. Raises FlashError."""
     one, call = chosen_programmer(tool)
     for command in one.commands(image, probe):
         done = subprocess.run([*call, *command], capture_output=True, text=True)
         if done.returncode:
-            raise FlashError(f"{one.name} ended with {done.returncode}: {_said(done)}", 3)
+            raise FlashError(f"{one.name} failed with exit code {done.returncode}: {_said(done)}", 3)
     return one.name
 
 
 def _said(done: subprocess.CompletedProcess[str]) -> str:
     lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
     telling = [line for line in lines if re.search("error|warn|fail|could|no probe|not found", line, re.I)]
-    return " / ".join((telling or lines)[-3:]) or "it said nothing"
+    return " / ".join((telling or lines)[-3:]) or "no output"
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware.flash",
-        description="Puts an image from `make firmware` onto a board, its mode table included.",
+        description="Write an image from `make firmware` to a board, including its mode table.",
         epilog="example: python -m firmware.flash six --keep-table",
     )
     parser.add_argument("variant", choices=VARIANTS, help="one mode by DAC, or six channels by PWM")
     parser.add_argument(
-        "--tool", choices=[one.name for one in PROGRAMMERS], help="else the first of these that is here"
+        "--tool", choices=[one.name for one in PROGRAMMERS], help="programmer (default: the first one installed)"
     )
-    parser.add_argument("--probe", metavar="SERIAL", help="which debugger, when several boards are plugged in")
-    parser.add_argument("--keep-table", action="store_true", help="write the code alone: an uploaded table stays")
-    parser.add_argument("--from", dest="folder", type=Path, default=BUILD, metavar="DIR", help="where the image is")
+    parser.add_argument("--probe", metavar="SERIAL", help="debugger, if several boards are plugged in")
+    parser.add_argument("--keep-table", action="store_true", help="write only the code and keep the board's table")
+    parser.add_argument("--from", dest="folder", type=Path, default=BUILD, metavar="DIR", help="folder of the image")
     text = parser.parse_args(arguments)
     try:
         image = image_to_write(text.variant, text.folder, text.keep_table)
@@ -131,7 +131,7 @@ def main(arguments: list[str] | None = None) -> int:
     except FlashError as error:
         print(f"flash: {error}", file=sys.stderr)
         return error.exit_code
-    kept = "the table on the board stays" if text.keep_table else "the table that was on the board is replaced"
+    kept = "the board's table is kept" if text.keep_table else "the board's table is replaced"
     print(f"{image.name} is on the board, written and verified by {name}; {kept}")
     return 0
 

@@ -1,6 +1,6 @@
 """Fault injection in a closed loop, and the time until the outputs are at rest: `python -m firmware.injection`.
 
-On the rig of firmware.host.rig, faults are injected at every tick of one second: faults found by interrupts, failed
+On the rig of firmware.closed_loop, faults are injected at every tick of one second: faults found by interrupts, failed
 sensors (also while the level is modulated between zero and full), and one flipped bit of the state, chosen by the
 number of the tick. On the emulated board, with the unmodified images of both builds, they are lost interrupts, failed
 sensors and flipped bits, at every 101st tick of one second (six channels: every 17th). These numbers are coprime to the
@@ -20,9 +20,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from firmware.build import BuildError, build
-from firmware.control_table import GAIN, held_plate, write_into_page
+from firmware.closed_loop import GAIN, SingleRig, held_plate, write_into_page
 from firmware.host import NoCompiler, load
-from firmware.host.rig import SingleRig
 from firmware.protocol import FAULT, IDLE, RUN, Fault, fault_names
 
 TRIPS = (Fault.CLOCK, Fault.FAST_LATE, Fault.BREAK, Fault.SUPPLY)
@@ -357,9 +356,8 @@ def _late(board: Any) -> int | None:
 
 def board_rows(seconds: float, single_stride: int, six_stride: int) -> Iterator[Row]:
     """Yield the rows measured on the images of both builds. Raises BuildError."""
-    from firmware.emulate.beam import Beam, measured_table
-    from firmware.emulate.single import EmulatedSingle
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSingle, EmulatedSix
+    from firmware.emulate.plant import Beam, measured_table
 
     with TemporaryDirectory() as folder:
         table, plate = held_plate(300.0, noise=1e-3)

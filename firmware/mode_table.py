@@ -1,11 +1,11 @@
-"""The mode table: what it holds, what its values may be, and how it lies in memory for exporter, image and emulated board.
+"""Mode table: contents, allowed values, and byte layout for the exporter, the image and the emulated board.
 
 All amplitudes are fractions of full scale at the converter's pins (1 = the largest swing about mid-scale), so that a gain is
-a plain ratio, sensor over drive. Little-endian, packed, every member on a multiple of its own size:
+the ratio of sensor to drive. The layout is little-endian and packed, with every member at a multiple of its own size:
 
     header | mode x mode_count | shape x shape_count | CRC-32 (zlib) of everything before it
 
-firmware/core/an_table.c states the same offsets and bounds for the C reader; a test compares the two.
+firmware/core/an_table.c has the same offsets and bounds for the reader in C; a test compares the two.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ PATTERNS = 8
 MAX_MODES = 16
 MAX_SHAPES = 2
 RATE_HZ = {"single": 250e3, "six": 40e3}  # of the builds
-MIN_MODE_HZ = 2000.0  # the single-mode board refuses lower ones: too little of a period is in a window
-MIN_SHAPE_HZ = 350.0  # the six-channel board refuses lower tones: two of their periods are too long for its watchdog
+MIN_MODE_HZ = 2000.0  # lower limit of the single-mode build: a window must hold enough of a period
+MIN_SHAPE_HZ = 350.0  # lower limit of the six-channel build: two periods must not exceed its watchdog's time
 
 HEADER = np.dtype(
     [
@@ -82,7 +82,7 @@ MATRIX_IDENTIFIED = 1  # shape flag
 FREQUENCY_LOW_HZ = 20.0
 FREQUENCY_HIGH = 0.4  # of the sample rate
 GAIN = (1e-6, 1e3)
-# What the numbers of header, modes and shapes may be, by their names.
+# Allowed ranges of the numbers in header, modes and shapes, by name.
 ALLOWED = {
     "actuator_count": (1, CHANNELS),
     "sensor_count": (1, CHANNELS),
@@ -97,17 +97,27 @@ MATRIX_HIGH = 1e3
 
 
 class TableError(ValueError):
-    """A mode table that is damaged, of a refused version, or holds a value out of range; one line says which."""
+    """The mode table is damaged, has an unsupported version, or holds a value out of range; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One resonance as the controller sees it: H = gain exp(-j w delay) / (1 + j tau (w - w0)), w0 = 2 pi frequency.
+    """Resonance as seen by the controller: H = gain exp(-j w delay) / (1 + j tau (w - w0)), w0 = 2 pi frequency.
 
-    frequency_hz in Hz; tau_s, the decay time of the amplitude, in s; gain None while nothing has computed or measured
-    it; delay_s, the dead time from the DAC's update to the ADC's sample beyond the mode's own phase, in s; drive_limit
-    and amplitude_limit as fractions of full scale; weights relative to the largest, one for each actuator and sensor.
-    The two flags tell a measured tau or frequency from an assumed or computed one.
+    Attributes
+    ----------
+    frequency_hz, tau_s : float
+        Resonance frequency in Hz and time constant of the amplitude in s.
+    gain : complex or None
+        Sensor over drive at resonance; None if neither computed nor measured.
+    delay_s : float
+        Dead time from the DAC's update to the ADC's sample, in addition to the phase of the mode, in s.
+    drive_limit, amplitude_limit : float
+        Fractions of full scale.
+    actuator_weights, sensor_weights : tuple of complex
+        One weight per actuator and sensor, relative to the largest.
+    tau_identified, frequency_identified : bool
+        Whether the value was measured, as opposed to assumed or computed.
     """
 
     frequency_hz: float
@@ -123,7 +133,7 @@ class Mode:
 
     @classmethod
     def from_quality_factor(cls, frequency_hz: float, quality_factor: float, **rest: Any) -> Mode:
-        """A mode whose time constant follows from an assumed quality factor: tau = Q / (pi f)."""
+        """Make a mode with the time constant of an assumed quality factor: tau = Q / (pi f)."""
         return cls(frequency_hz, quality_factor / (math.pi * frequency_hz), **rest)
 
     @property
@@ -134,7 +144,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A pattern of a six-channel plate: one complex sensor target per sensor, relative to the largest."""
+    """Pattern of a six-channel plate: one complex target per sensor, relative to the largest."""
 
     name: str
     targets: tuple[complex, ...]
@@ -142,10 +152,17 @@ class Pattern:
 
 @dataclass(frozen=True)
 class Shape:
-    """Shaping at one frequency: sensors = matrix @ drives, row by row, and the patterns to be reached.
+    """Patterns at one excitation frequency: sensors = matrix @ drives.
 
-    frequency_hz in Hz; tau_s, the plate's slowest decay time, in s; matrix (sensors, actuators) as full scale over full
-    scale, None while it has not been identified.
+    Attributes
+    ----------
+    frequency_hz, tau_s : float
+        Excitation frequency in Hz and longest time constant of the plate in s.
+    patterns : tuple of Pattern
+    matrix : tuple of tuple of complex, shape (sensors, actuators), or None
+        Full scale over full scale; None if not identified.
+    drive_limit : float
+        Fraction of full scale.
     """
 
     frequency_hz: float
@@ -157,10 +174,19 @@ class Shape:
 
 @dataclass(frozen=True)
 class ModeTable:
-    """Everything the firmware reads: modes, shaping, and where they come from.
+    """Contents of a mode table: modes, shapes and their origin.
 
-    sample_rate_hz in Hz; design_hash, 16 bytes that name the design and code which made the table; target, the index of
-    the mode to be controlled; senses_displacement tells a strain-like sensor from a velocity-like one.
+    Attributes
+    ----------
+    sample_rate_hz : float
+    design_hash : bytes
+        16 bytes that identify the design and the code that made the table.
+    modes : tuple of Mode
+    target : int
+        Index of the mode to be controlled.
+    shapes : tuple of Shape
+    senses_displacement : bool
+        Whether the sensors follow displacement (or strain) rather than velocity.
     """
 
     sample_rate_hz: float
@@ -172,7 +198,7 @@ class ModeTable:
 
     @property
     def channel_counts(self) -> tuple[int, int]:
-        """(actuators, sensors), which all modes and shapes have in common. Raises TableError."""
+        """Numbers of actuators and sensors, the same for all modes and shapes. Raises TableError."""
         counts = {(len(mode.actuator_weights), len(mode.sensor_weights)) for mode in self.modes}
         for shape in self.shapes:
             counts |= {(len(pattern.targets), len(pattern.targets)) for pattern in shape.patterns}
@@ -185,9 +211,15 @@ class ModeTable:
         return found
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what does not fit is refused below
+@np.errstate(over="ignore", invalid="ignore")  # values that do not fit are rejected below
 def to_bytes(table: ModeTable) -> bytes:
-    """The table as a file: little-endian, versioned, lengths given, CRC-32 (zlib) behind. Raises TableError."""
+    """Encode a table as a file: little-endian, versioned, with lengths and a CRC-32 (zlib) at the end.
+
+    Raises
+    ------
+    TableError
+        If a value is out of range.
+    """
     if len(table.design_hash) != 16:
         raise TableError(f"table: design_hash has {len(table.design_hash)} bytes, allowed 16")
     _check_counts(len(table.modes), len(table.shapes), table.target)
@@ -208,7 +240,13 @@ def to_bytes(table: ModeTable) -> bytes:
 
 @np.errstate(invalid="ignore")
 def from_bytes(data: bytes) -> ModeTable:
-    """The table held by a file. Raises TableError: wrong magic, version, length, CRC, or a value out of range."""
+    """Decode the contents of a table file.
+
+    Raises
+    ------
+    TableError
+        If magic number, version, length or CRC is wrong, or a value is out of range.
+    """
     header = _whole_header(data)
     modes = np.frombuffer(data, MODE, int(header["mode_count"]), HEADER.itemsize)
     shapes = np.frombuffer(data, SHAPE, int(header["shape_count"]), HEADER.itemsize + modes.nbytes)
@@ -225,29 +263,29 @@ def from_bytes(data: bytes) -> ModeTable:
 
 
 def crc32(data: bytes) -> int:
-    """CRC-32 as zlib, Ethernet and PNG compute it: crc32(b"123456789") = 0xCBF43926."""
+    """CRC-32 as in zlib, Ethernet and PNG: crc32(b"123456789") = 0xCBF43926."""
     return zlib.crc32(data)
 
 
 def seal(body: bytes) -> bytes:
-    """The body with its CRC-32 behind it."""
+    """Append the CRC-32 to a body."""
     return body + crc32(body).to_bytes(CRC_BYTES, "little")
 
 
 def _whole_header(data: bytes) -> Any:
-    """The header of an undamaged table of this version, as long as it states. Raises TableError."""
+    """Read the header of a table, checking version, lengths and CRC. Raises TableError."""
     if data[:4] != MAGIC:
         raise TableError(f"mode table: starts with {data[:4]!r}, not with {MAGIC!r}: another kind of file")
     if len(data) < HEADER.itemsize + CRC_BYTES:
         raise TableError(f"mode table: truncated, {len(data)} bytes do not hold a header")
     header = np.frombuffer(data, HEADER, 1)[0]
     if header["version"] != VERSION:
-        raise TableError(f"mode table: version {header['version']} is refused, this program reads {VERSION}")
+        raise TableError(f"mode table: version {header['version']} is not supported, this program reads {VERSION}")
     if header["total_bytes"] != len(data):
-        raise TableError(f"mode table: truncated or padded, {len(data)} bytes where it states {header['total_bytes']}")
+        raise TableError(f"mode table: truncated or padded, {len(data)} bytes instead of {header['total_bytes']}")
     stated, result = int.from_bytes(data[-CRC_BYTES:], "little"), crc32(data[:-CRC_BYTES])
     if stated != result:
-        raise TableError(f"mode table: damaged, its CRC-32 is {result:08x} where it states {stated:08x}")
+        raise TableError(f"mode table: damaged, its CRC-32 is {result:08x} instead of {stated:08x}")
     sizes = tuple(int(header[f"{name}_bytes"]) for name in ("header", "mode", "shape"))
     if sizes != (HEADER.itemsize, MODE.itemsize, SHAPE.itemsize):
         expected = (HEADER.itemsize, MODE.itemsize, SHAPE.itemsize)
@@ -268,13 +306,13 @@ def _check_counts(modes: int, shapes: int, target: int) -> None:
 
 
 def _check_values(header: Any, modes: NDArray[np.void], shapes: NDArray[np.void]) -> None:
-    """Raises TableError for the first value out of range, naming where it stands and what is allowed."""
+    """Raise TableError for the first value out of range, with its place and the allowed range."""
     _check_counts(len(modes), len(shapes), int(header["target"]))
     _check_numbers("table", header, ALLOWED)
     _known_flags("mode table", header, SENSES_DISPLACEMENT)
     actuators, sensors = int(header["actuator_count"]), int(header["sensor_count"])
     if len(shapes) and actuators != sensors:
-        raise TableError(f"table: {actuators} actuators and {sensors} sensors, a shape takes as many of both")
+        raise TableError(f"table: {actuators} actuators and {sensors} sensors, a shape needs equal numbers")
     allowed = ALLOWED | {"frequency_hz": (FREQUENCY_LOW_HZ, FREQUENCY_HIGH * float(header["sample_rate_hz"]))}
     for index, mode in enumerate(modes):
         where = f"mode {index}"
@@ -317,7 +355,7 @@ def _larger_part(values: Any) -> Any:
 
 
 def _check_parts(where: str, row: Any, name: str, high: float, *in_use: int) -> None:
-    """Complex numbers in use have parts of at most high, those beyond are zero."""
+    """Check that the parts of elements in use are at most high in magnitude, and that the other elements are zero."""
     values = row[name]
     used = np.zeros(values.shape, bool)
     used[tuple(map(slice, in_use))] = True
@@ -325,7 +363,7 @@ def _check_parts(where: str, row: Any, name: str, high: float, *in_use: int) -> 
     if wrong.size:
         raise TableError(f"{where}: {name} holds {wrong[0]}, allowed parts of at most {high:g}")
     if values[~used].any():
-        raise TableError(f"{where}: {name}: one beyond those in use is not zero")
+        raise TableError(f"{where}: {name}: an element beyond those in use is not zero")
 
 
 def _check_names(where: str, count: int, names: list[str]) -> None:
@@ -396,32 +434,42 @@ def _unpack_shape(row: Any, actuators: int, sensors: int) -> Shape:
 
 
 def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
-    """What holding each sample until the next does to a tone: sin(x)/x, half a sample late."""
+    """Frequency response of a zero-order hold: sin(x)/x with a delay of half a sample.
+
+    Parameters
+    ----------
+    frequency_hz, sample_rate_hz : float
+
+    Returns
+    -------
+    complex
+        Ratio of the held signal at this frequency to the sampled sinusoid.
+    """
     turn = 2j * math.pi * frequency_hz / sample_rate_hz
     return (1.0 - cmath.exp(-turn)) / turn
 
 
 def refusal(table: ModeTable, build: str) -> str:
-    """Why a build ("single" or "six") does not take a sound table; empty when it does."""
+    """Return the reason why a build ("single" or "six") cannot use a valid table, or an empty string."""
     played, what = (table.modes[table.target :][:1], "mode") if build == "single" else (table.shapes, "shape")
     if not played or table.sample_rate_hz != RATE_HZ[build]:
-        return f"no {what} at {RATE_HZ[build]:g} samples a second"
+        return f"no {what} at {RATE_HZ[build]:g} samples per second"
     lowest = min(np.float32(one.frequency_hz) for one in played)
     least = MIN_MODE_HZ if build == "single" else MIN_SHAPE_HZ
-    return "" if lowest >= least else f"a {what} of {lowest:g} Hz, the {build} build takes {least:g} Hz and more"
+    return "" if lowest >= least else f"a {what} at {lowest:g} Hz, the {build} build requires at least {least:g} Hz"
 
 
 def why_not_played(table: ModeTable) -> str:
-    """Why neither build takes a sound table; empty when one does."""
+    """Return the reasons why neither build can use a valid table, or an empty string."""
     reasons = [refusal(table, build) for build in RATE_HZ]
     return "" if "" in reasons else ", ".join(reasons)
 
 
 def header_text(data: bytes) -> str:
-    """A C header that holds the given table, byte for byte."""
+    """Write a table as a C header."""
     rows = [", ".join(f"0x{byte:02x}" for byte in data[at : at + 16]) for at in range(0, len(data), 16)]
     body = ",\n    ".join(rows)
-    return f"""/* A mode table, made by a program: do not edit. */
+    return f"""/* Mode table, generated: do not edit. */
 #ifndef ANTINODE_MODE_TABLE_H
 #define ANTINODE_MODE_TABLE_H
 
@@ -440,7 +488,7 @@ ANTINODE_TABLE_PLACE const uint8_t antinode_mode_table[{len(data)}] = {{
 
 
 def header_bytes(text: str) -> bytes:
-    """The table inside a C header written by header_text. Raises TableError when there is none."""
+    """Read the table from a C header written by header_text. Raises TableError if there is none."""
     start, end = text.find("{"), text.find("}")
     try:
         if start < 0 or end < start:
@@ -451,7 +499,7 @@ def header_bytes(text: str) -> bytes:
 
 
 def describe(table: ModeTable) -> str:
-    """What a table holds, for a reader: one line for each mode, shape and pattern."""
+    """Describe a table for a reader, with one line per mode and shape."""
     actuators, sensors = table.channel_counts
     lines = [
         f"mode table, version {VERSION}, design {table.design_hash.hex()}",
@@ -459,7 +507,7 @@ def describe(table: ModeTable) -> str:
         + ("displacement" if table.senses_displacement else "velocity"),
     ]
     if refused := why_not_played(table):
-        lines.append(f"no board plays it: {refused}")
+        lines.append(f"not usable on any board: {refused}")
     lines += [_describe_mode(index, mode, target=index == table.target) for index, mode in enumerate(table.modes)]
     for index, shape in enumerate(table.shapes):
         matrix = "unidentified" if shape.matrix is None else "identified"

@@ -1,4 +1,4 @@
-"""The serial protocol as the host speaks it: frames, requests and what the replies hold (firmware/core/an_link.h)."""
+"""Serial protocol on the side of the host: frames, requests and replies (firmware/core/an_link.h)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ import numpy as np
 from firmware.mode_table import crc32
 
 PAYLOAD_MAX = 120
-FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the stuffing's first code and the zero that ends a frame
+FRAME_MAX = PAYLOAD_MAX + 8  # kind, sequence, CRC-32, the first COBS code and the final zero
 REPLY = 0x80
 LOG_RECORDS = 0xC0
 BAUD = 921600
-PROTOCOL = 3  # that this side speaks
+PROTOCOL = 3  # version
 
 
 class ProtocolError(ValueError):
-    """Bytes that the protocol does not allow: of a wrong length, or a number that has no name."""
+    """Received bytes violate the protocol: a wrong length or an undefined number."""
 
 
 class Kind(IntEnum):
-    """What a host may ask."""
+    """Kinds of request."""
 
     IDENTITY = 1
     STATUS = 2
@@ -47,7 +47,7 @@ class Kind(IntEnum):
 
 
 class Result(IntEnum):
-    """How a request was received."""
+    """Result of a request."""
 
     OK = 0
     UNKNOWN = 1
@@ -58,7 +58,7 @@ class Result(IntEnum):
 
 
 RESULT_TEXT = {
-    Result.UNKNOWN: "this image does not know the request",
+    Result.UNKNOWN: "this image does not support the request",
     Result.BAD_VALUE: "a value is out of range",
     Result.NOT_NOW: "refused in the present state",
     Result.TABLE_REFUSED: "the table was refused",
@@ -79,7 +79,7 @@ IDLE, IDENTIFY, RUN, FAULT = range(len(STATES))
 
 
 class Fault(IntFlag):
-    """What is latched (firmware/core/an_faults.h)."""
+    """Faults that the board latches (firmware/core/an_faults.h)."""
 
     TABLE = 1 << 0
     CLOCK = 1 << 1
@@ -102,7 +102,7 @@ class Fault(IntFlag):
 
 @dataclass(frozen=True)
 class Message:
-    """One frame's content."""
+    """Content of a frame."""
 
     kind: int
     sequence: int
@@ -110,7 +110,7 @@ class Message:
 
 
 def encode(message: Message) -> bytes:
-    """A message as it goes over the line."""
+    """Encode a message as a frame."""
     from cobs import cobs
 
     body = bytes([message.kind, message.sequence]) + message.payload
@@ -118,7 +118,7 @@ def encode(message: Message) -> bytes:
 
 
 def decode(frame: bytes) -> Message | None:
-    """The message in a frame without its zero; None when it is damaged."""
+    """Decode a frame without its final zero; return None if it is damaged."""
     from cobs import cobs
 
     try:
@@ -137,12 +137,13 @@ C8 = Annotated[complex, "<c8"]
 IDENTIFIED, LIMITED = 1, 8  # flags of a status
 
 
-# The classes below state what is on the line, member by member in its order, in SI units; amplitudes in full scales.
+# The classes below have the layout of the replies, member by member, in SI units; amplitudes are fractions of full
+# scale.
 @dataclass(frozen=True)
 class Status:
-    """The state of either image; of the six-channel one, choice is the present shape and pattern.
+    """Status common to both builds.
 
-    underruns: samples of a stream that came late.
+    choice holds the indices of shape and pattern (six-channel build); underruns counts late samples of a stream.
     """
 
     state_number: U1
@@ -157,33 +158,33 @@ class Status:
 
     @property
     def state(self) -> str:
-        """Its name."""
+        """Name of the state."""
         return STATES[self.state_number]
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Those latched, by name."""
+        """Names of the latched faults."""
         return fault_names(self.fault_bits)
 
     @property
     def first(self) -> tuple[str, ...]:
-        """Those that were found first."""
+        """Names of the faults that were found first."""
         return fault_names(self.first_bits)
 
     @property
     def identified(self) -> bool:
-        """True when the mode or the matrix has been measured."""
+        """True if the mode or the matrix has been measured."""
         return bool(self.flags & IDENTIFIED)
 
     @property
     def limited(self) -> bool:
-        """True when the drive is at its limit, and the plate short of its reference."""
+        """True if the drive is at its limit and the plate does not reach the reference."""
         return bool(self.flags & LIMITED)
 
 
 @dataclass(frozen=True)
 class SingleStatus(Status):
-    """Of the single-mode image. While it runs, frequency, tau and gain are as the board follows them."""
+    """Status of the single-mode build; while it runs, frequency, tau and gain are the tracked ones."""
 
     detuning_hz: F4
     tau_s: F4
@@ -198,7 +199,7 @@ class SingleStatus(Status):
 
 @dataclass(frozen=True)
 class SixStatus(Status):
-    """Of the six-channel image; condition, of T, 0 while it is not known; reachable, the largest reference."""
+    """Status of the six-channel build: condition number of T (0: unknown), largest reference, and sensors."""
 
     condition: F4
     reachable: F4
@@ -207,26 +208,39 @@ class SixStatus(Status):
 
     @property
     def shape(self) -> int:
-        """The number of the present shape."""
+        """Index of the current shape."""
         return self.choice[0]
 
     @property
     def pattern(self) -> int:
-        """The number of the present pattern."""
+        """Index of the current pattern."""
         return self.choice[1]
 
     @property
     def measured(self) -> complex:
-        """The sensor that moves most."""
+        """Phasor of the sensor with the largest amplitude."""
         return max(self.sensors, key=abs)
 
 
 @dataclass(frozen=True)
 class Health:
-    """What the board tells of itself: resets by the watchdog in a row; number, address, return address and status word
-    (CFSR) of the last interrupt that nobody expected, zeros when there was none; its clock, Hz; the longest fast and slow
-    interrupt and main loop pass so far, cycles; bytes of the stack never used (0 in the first second); kept, what became
-    of values measured before a reset (KEPT)."""
+    """Health of the board.
+
+    Attributes
+    ----------
+    watchdog_resets : int
+        Consecutive resets by the watchdog.
+    exception, pc, lr, cfsr : int
+        Number, address, return address and status word (CFSR) of the last unexpected exception; zero if there was none.
+    core_hz : int
+        Frequency of the core clock, in Hz.
+    fast_cycles, slow_cycles, main_cycles : int
+        Longest fast interrupt, slow interrupt and main-loop pass so far, in core cycles.
+    stack_unused : int
+        Bytes of the stack never used (0 during the first second).
+    kept : int
+        Index into KEPT: what became of values measured before a reset.
+    """
 
     watchdog_resets: U4
     exception: U4
@@ -252,7 +266,7 @@ KEPT = (
 
 @dataclass(frozen=True)
 class Record:
-    """One line of the log: window number, measured phasor, drive, reference."""
+    """Record of the log: window number, measured phasor, drive, reference."""
 
     window: U4
     measured: C8
@@ -265,9 +279,9 @@ BUILDS = {1: "single", 6: "six"}
 
 @dataclass(frozen=True)
 class Identity:
-    """What runs on a board: protocol version, build, table version, the table's modes or shapes, its design's hash.
+    """Identity of a board: protocol version, build, table version, number of modes or shapes, and hash of the design.
 
-    count and design are 0 and zeros while the board has no sound table.
+    count and design are zero if the board has no valid table.
     """
 
     protocol: U1
@@ -284,7 +298,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Captured:
-    """Of a capture: words so far, words in the end, words in a row (inputs, then outputs), and some of them."""
+    """Part of a capture: words so far, words in total, words per row (inputs, then outputs), and some of the words."""
 
     used: int
     total: int
@@ -296,37 +310,37 @@ Read = TypeVar("Read", Status, SingleStatus, SixStatus, Health, Record, Identity
 
 
 def layout(kind: type) -> np.dtype[Any]:
-    """How a class lies on the line: its members without gaps."""
+    """Return the packed layout of a class of replies."""
     return np.dtype([(name, *one.__metadata__) for name, one in get_type_hints(kind, include_extras=True).items()])
 
 
 def parse(kind: type[Read], payload: bytes) -> Read:
-    """What a reply's payload behind its result holds. Raises ProtocolError when its length differs."""
+    """Parse the payload of a reply after its result byte. Raises ProtocolError if its length is wrong."""
     members = layout(kind)
     check_length(payload, members.itemsize)
     return kind(*(each.tolist() for each in np.frombuffer(payload, members)[0]))
 
 
 def parse_status(payload: bytes) -> SingleStatus | SixStatus:
-    """A status of either image, told apart by its length. Raises ProtocolError for another, or an unknown state."""
+    """Parse the status of either build, distinguished by its length. Raises ProtocolError if invalid."""
     single, six = (layout(kind).itemsize for kind in (SingleStatus, SixStatus))
     check_length(payload, single, six)
     status = parse(SixStatus, payload) if len(payload) == six else parse(SingleStatus, payload)
     if status.state_number >= len(STATES):
-        raise ProtocolError(f"the state {status.state_number}, known 0 to {len(STATES) - 1}")
+        raise ProtocolError(f"the unknown state {status.state_number} (known: 0 to {len(STATES) - 1})")
     return status
 
 
 def parse_identity(payload: bytes) -> Identity:
-    """An Identity. Raises ProtocolError when its length or its build is unknown."""
+    """Parse an identity. Raises ProtocolError for a wrong length or an unknown build."""
     identity = parse(Identity, payload)
     if identity.build_number not in BUILDS:
-        raise ProtocolError(f"the build {identity.build_number}, known {' and '.join(map(str, BUILDS))}")
+        raise ProtocolError(f"the unknown build {identity.build_number} (known: {' and '.join(map(str, BUILDS))})")
     return identity
 
 
 def parse_log(payload: bytes) -> list[Record]:
-    """The records of a log frame. Raises ProtocolError when its length is not that of whole records."""
+    """Parse the records of a log frame. Raises ProtocolError if its length is not that of whole records."""
     members = layout(Record)
     if len(payload) % members.itemsize:
         raise ProtocolError(f"{len(payload)} bytes of log, expected a multiple of {members.itemsize}")
@@ -334,7 +348,7 @@ def parse_log(payload: bytes) -> list[Record]:
 
 
 def parse_captured(payload: bytes) -> Captured:
-    """A Captured from a reply's payload behind its result. Raises ProtocolError when the length cannot be, or the counts."""
+    """Parse a part of a capture after the result byte. Raises ProtocolError for an invalid length or count."""
     if len(payload) < 5 or len(payload) % 2 == 0:
         raise ProtocolError(f"{len(payload)} bytes, expected 5 and an even number more")
     used, total, row = struct.unpack_from("<HHB", payload)
@@ -344,23 +358,23 @@ def parse_captured(payload: bytes) -> Captured:
 
 
 def check_length(payload: bytes, *allowed: int) -> None:
-    """Raises ProtocolError for a payload of another length."""
+    """Raise ProtocolError unless a payload has one of the allowed lengths."""
     if len(payload) not in allowed:
         raise ProtocolError(f"{len(payload)} bytes, expected {' or '.join(map(str, allowed))}")
 
 
 def nothing(payload: bytes) -> None:
-    """For a reply that holds no more than its result."""
+    """Parse a reply without data."""
     check_length(payload, 0)
 
 
 def one_byte(payload: bytes) -> int:
-    """For a reply that holds a count."""
+    """Parse a reply that holds a count."""
     check_length(payload, 1)
     return payload[0]
 
 
 def fault_names(bits: int) -> tuple[str, ...]:
-    """The names of the faults whose bits are set; a bit without a name is told by its number."""
+    """Return the names of the faults whose bits are set; an undefined bit appears with its number."""
     named = {one.value.bit_length() - 1: one.name.lower().replace("_", " ") for one in Fault if one.name}
     return tuple(named.get(index, f"bit {index}") for index in range(bits.bit_length()) if bits >> index & 1)

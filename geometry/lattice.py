@@ -143,7 +143,7 @@ class Lattice:
         own = [each for each in own if all(self.is_same(each @ b, np.zeros(2)) for b in self.reciprocal_per_m)]
         for known in group:  # grows as long as there are new products
             products = (each @ known for each in own)
-            group += [new for new in products if not any(np.allclose(new, other) for other in group)]
+            group += [new for new in products if all(np.abs(new - other).max() > SAME for other in group)]
         return group
 
     @cached_property

@@ -14,10 +14,8 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.lattice import Lattice
-from geometry.materials import Material, PiezoMaterial
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import shape_of
-from geometry.stack import Stack
+from geometry.materials import Material, PiezoMaterial, Stack
+from geometry.pillar_shapes import PillarShape, shape_of
 
 SHORT = 2.0  # thicknesses in half a wave: there thin-plate theory lies 45 % high, Mindlin's some percent
 ROUNDING = 1e-9  # relative: 4.0 mm seven times is 28 mm, whatever binary fractions say

@@ -1,4 +1,4 @@
-"""Figures as people read them: as many digits as the error bar allows, in a unit that fits.
+"""Units, and figures as people read them: as many digits as the error bar allows, in a unit that fits.
 
 Files keep full precision; terminal, pages and `run.mess` format every computed figure here.
 """
@@ -6,10 +6,16 @@ Files keep full precision; terminal, pages and `run.mess` format every computed 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import floor, isfinite, log10
+from math import floor, isfinite, log10, pi
 from typing import NamedTuple
 
-from pipeline.units import KHZ
+CM, MM, UM, NM = 1e-2, 1e-3, 1e-6, 1e-9  # m
+MS, US = 1e-3, 1e-6  # s
+KHZ = 1e3
+GPA = 1e9
+GRAM = 1e-3  # kg
+GIB = 2.0**30  # bytes
+DEGREE = pi / 180.0  # rad
 
 FEW = 3  # significant digits of a figure without a bar
 MOST = 7  # significant digits of any figure: a bar does not count round-off
@@ -26,6 +32,8 @@ class Unit(NamedTuple):
 
 
 HZ = Unit("Hz", 1.0)
+
+
 FREQUENCY_UNITS = (Unit("GHz", 1e9), Unit("MHz", 1e6), Unit("kHz", KHZ), HZ)
 
 
@@ -58,10 +66,6 @@ def decimals(value: float, bar: float | None) -> int:
     return min((bar / 10.0**last < TWO_DIGITS_BELOW) - last, MOST - 1 - highest)
 
 
-def _exponent(value: float) -> int:
-    return floor(log10(abs(value))) if value else 0
-
-
 def figure(value: float | None, bar: float | None = None) -> str:
     """Format a value with the digits that its bar allows.
 
@@ -88,10 +92,6 @@ def figure(value: float | None, bar: float | None = None) -> str:
         return f"{value:.{places + highest}e}"
     text = _fixed(value, places)
     return text.rstrip("0").rstrip(".") if bar is not None and bar <= 0.0 and "." in text else text
-
-
-def _fixed(value: float, places: int) -> str:
-    return f"{round(value, places):z.{max(places, 0)}f}"
 
 
 def with_bar(value: float | None, bar: float | None, unit: str = "", space: str = " ") -> str:
@@ -137,10 +137,6 @@ def frequency_figure(frequency_hz: float | None, error: float | None, unit: Unit
     if frequency_hz is None or (error is not None and isfinite(error) and error >= 1.0):
         return UNKNOWN
     return figure(frequency_hz / unit.size, _absolute(frequency_hz / unit.size, error))
-
-
-def _absolute(value: float, error: float | None) -> float | None:
-    return None if error is None else abs(value) * error
 
 
 def frequency(frequency_hz: float | None, error: float | None = None, space: str = " ") -> str:
@@ -235,3 +231,15 @@ def percent(error: float | None, space: str = " ") -> str:
         return UNKNOWN
     shown = float(f"{100.0 * error:.1e}")  # two digits, of 0.0996 too: 0.10
     return f"{_fixed(shown, 1 - _exponent(shown))}{space}%"
+
+
+def _exponent(value: float) -> int:
+    return floor(log10(abs(value))) if value else 0
+
+
+def _fixed(value: float, places: int) -> str:
+    return f"{round(value, places):z.{max(places, 0)}f}"
+
+
+def _absolute(value: float, error: float | None) -> float | None:
+    return None if error is None else abs(value) * error

@@ -1,32 +1,33 @@
-"""Threads and memory of this machine that a solve may take; read without numpy, for plans that compute nothing."""
+"""Threads, memory and factorisations of this machine, and the memory of this process; read without numpy, for plans."""
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import importlib.util
 import math
 import os
+import sys
+import threading
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
-# -- threads -----------------------------------------------------------------------------------------------------------
-
 LIMIT = "ANTINODE_THREADS"
+MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
+GROUPS = Path("/sys/fs/cgroup")
+
+GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
+    ("memory.max", "memory.current"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes"),
+)
+
+STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
 
 
 def workers() -> int:
     """ANTINODE_THREADS, or every core."""
     return int(os.environ.get(LIMIT, "0")) or (os.cpu_count() or 1)
-
-
-# -- memory ------------------------------------------------------------------------------------------------------------
-# How much a factorisation may take, beside what its symbolic analysis says that it will.
-
-MEMORY_SHARE = 0.8  # of what is available: the rest is vectors and the matrices themselves
-GROUPS = Path("/sys/fs/cgroup")
-GROUP_FILES = (  # limit and use in a control group's folder, versions 2 and 1
-    ("memory.max", "memory.current"),
-    ("memory.limit_in_bytes", "memory.usage_in_bytes"),
-)
-STATED = "ANTINODE_MEMORY_GIB"  # what may be taken, stated by the user instead of measured
 
 
 def available_bytes() -> float:
@@ -41,6 +42,92 @@ def available_bytes() -> float:
     import psutil  # slow to import
 
     return max(0.0, min([float(psutil.virtual_memory().available), *_group_rooms(), *_process_rooms()]))
+
+
+def room_bytes() -> float:
+    """Bytes a factorisation may take: a share of what is left."""
+    return MEMORY_SHARE * available_bytes()
+
+
+def memory_text(fault: MemoryError, doing: str = "") -> str:
+    """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
+    shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
+    request = ""
+    if shape is not None and kind is not None:
+        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
+    while_doing = f" in the step '{doing}'" if doing else ""
+    return (
+        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
+        "for a narrower band or fewer modes, or take solve.model = 'superelement'"
+    )
+
+
+def foresee(needed_bytes: float, dofs: int) -> int:
+    """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
+    instead = "ask for a coarser mesh, a lower order, or model = superelement"
+    check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
+    return int(needed_bytes)
+
+
+def check_room(needed_bytes: float, what: str, instead: str) -> None:
+    """TooLarge, with the estimate and what to do instead, for what would not fit into memory."""
+    from solvers.errors import TooLarge
+
+    room = room_bytes()
+    if needed_bytes > room:
+        raise TooLarge(f"{what} about {needed_bytes / 2**30:.1f} GiB, {room / 2**30:.1f} GiB are free: {instead}")
+
+
+@lru_cache(maxsize=1)
+def factorisations() -> tuple[str, ...]:
+    """Factorisations of this machine, the preferred one first."""
+    return (*(["rslab"] if importlib.util.find_spec("rslab") else []), "superlu")
+
+
+def restart_peak() -> None:
+    """Begin the high-water mark anew where the system allows it (Linux): a worker serves many cases."""
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+
+
+def give_back() -> None:
+    """Free what only refers to itself, such as a plate and its factorisations, and return the heap's free pages to the system.
+
+    Python looks for such garbage by the number of objects, not by their size. Only the main thread does: rslab's factors are
+    freed where they were made.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    gc.collect()
+    if sys.platform == "linux":
+        with suppress(OSError, AttributeError):  # another C library has no such call
+            ctypes.CDLL(None).malloc_trim(0)
+
+
+def reported_peak_bytes() -> int | None:
+    """Largest resident size since the last restart, by the kernel; None where it does not tell."""
+    with suppress(OSError, StopIteration, ValueError):
+        lines = Path("/proc/self/status").read_text().splitlines()
+        return 1024 * int(next(line for line in lines if line.startswith("VmHWM")).split()[1])
+    return None
+
+
+def peak_bytes() -> int:
+    """The same, or else the process's largest size ever (getrusage, which may begin with the parent's)."""
+    text = reported_peak_bytes()
+    if text is not None:
+        return text
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def resident_bytes() -> int:
+    """Resident size now."""
+    import psutil
+
+    return int(psutil.Process().memory_info().rss)
 
 
 def _group_rooms() -> list[float]:
@@ -76,37 +163,3 @@ def _process_rooms() -> list[float]:
         used = psutil.Process().memory_info().vms
         return [float(limit - used) for limit in limits if limit != resource.RLIM_INFINITY]
     return []
-
-
-def room_bytes() -> float:
-    """Bytes a factorisation may take: a share of what is left."""
-    return MEMORY_SHARE * available_bytes()
-
-
-def memory_text(fault: MemoryError, doing: str = "") -> str:
-    """One line for a MemoryError: what was being done, how much one array asked for where numpy tells, what to change."""
-    shape, kind = getattr(fault, "shape", None), getattr(fault, "dtype", None)
-    request = ""
-    if shape is not None and kind is not None:
-        request = f", {math.prod(shape) * kind.itemsize / 2**30:.3g} GiB were asked for at once"
-    while_doing = f" in the step '{doing}'" if doing else ""
-    return (
-        f"memory ran out{while_doing}{request}, {available_bytes() / 2**30:.3g} GiB are available: raise solve.accuracy, ask "
-        "for a narrower band or fewer modes, or take solve.model = 'superelement'"
-    )
-
-
-def foresee(needed_bytes: float, dofs: int) -> int:
-    """The estimate itself, B; TooLarge, with the estimate and what to do, for what would not fit into memory."""
-    instead = "ask for a coarser mesh, a lower order, or model = superelement"
-    check_room(needed_bytes, f"factorising {dofs} degrees of freedom needs", instead)
-    return int(needed_bytes)
-
-
-def check_room(needed_bytes: float, what: str, instead: str) -> None:
-    """TooLarge, with the estimate and what to do instead, for what would not fit into memory."""
-    from solvers.errors import TooLarge
-
-    room = room_bytes()
-    if needed_bytes > room:
-        raise TooLarge(f"{what} about {needed_bytes / 2**30:.1f} GiB, {room / 2**30:.1f} GiB are free: {instead}")

@@ -1,50 +1,65 @@
-"""Error against run time and memory: every model and mesh of the ladder against a stated finer reference."""
+"""Error against run time and memory, every model and mesh of the ladder against a finer reference; calibration.csv."""
 
 from __future__ import annotations
 
+import json
 import statistics
+import sys
 import time
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import fields
 from functools import cache, partial
 from itertools import product
+from math import floor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geometry.errors import GeometryError, MeshError
-from pipeline.batch import peak_memory
+from pipeline.logs import RunLog
+from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
-from pipeline.records.run_log import RunLog
+from pipeline.records import store
+from pipeline.records.outputs import csv_bytes
+from pipeline.records.store import BadRecord, write_atomic
+from pipeline.records.study import read_study
 from pipeline.report.html import Page, Section, Table
+from solvers import machine
+from solvers.accuracy.calibration import FIELDS, MIXING, TABLE
 from solvers.errors import SolverError
 from studies import ladder
 
 TITLE = "Error against run time"
+
 LEAD = (
     "Parts of the reference design (zone between clamped sides, isolated pillar, cell, plate of one row with a margin of "
     "5 mm), computed with every model, element and order: relative error against a finer computation, wall time (median "
     "of repeats, one process, two threads, including meshing) and peak memory."
 )
+
 REPEAT_BELOW_S = 3.0
+
 ENVELOPE = (
     "Time of each mesh that `solve.accuracy` may choose, divided by that of the fastest model that is at least as accurate. "
     "A ratio of 1 lies on the lower envelope of the pictures. Errors below the reference's uncertainty mean little. The "
     "meshes of the zone are chosen for the mode (0, N); its higher modes show how the error grows with frequency."
 )
+
 CONFINEMENT = "confinement (dB)"
 LINES = {"superelement": "--", ladder.EXTRAPOLATED: ":"}
 CHOSEN = "what solve.accuracy may choose"
 TARGETS = (0.03, 0.01, 0.003, 0.001)
+
 QUANTITIES = {
     "zone": tuple(ladder.ZONE),
     "pillar": ("pillar", "second bending", "third bending"),
     "cell": ("bending at M", "bending at G", "first at X", "gap lower edge", "gap upper edge"),
     "plate": ("plate",),
 }
+
 NAMES = {
     "zone": "Zone, (0, N)",
     "zone two lines up": "Zone, (0, N + 2)",
@@ -59,41 +74,14 @@ NAMES = {
     "gap lower edge": "Cell, lower gap edge (M)",
     "gap upper edge": "Cell, upper gap edge (Γ)",
 }
+
 MESHES = Path(__file__).parent / "data" / "accuracy-meshes.toml"
 
-
-@cache
-def _meshes() -> dict[str, dict[str, list[dict[str, Any]]]]:
-    with MESHES.open("rb") as file:
-        listed = tomllib.load(file)
-    return {
-        role: {part: [one for entry in given for one in _expanded(entry)] for part, given in parts.items()}
-        for role, parts in listed.items()
-    }
-
-
-def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
-    """One mesh for each combination of an entry's lists, or what the planner may choose of a part."""
-    if "degrees" in entry:
-        entry = entry | {"degrees": (entry["degrees"]["sides"], entry["degrees"]["thickness"])}
-    if "planner" in entry:
-        return _planners(**entry)
-    choices = [value if isinstance(value, list) else [value] for value in entry.values()]
-    return [dict(zip(entry, values, strict=True)) for values in product(*choices)]
-
-
-def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
-    """The meshes that an accuracy may choose of a part, or of reduced cells; of lone parts those of order 2 beside them.
-
-    A whole plate's finest is left out: it is expensive.
-    """
-    if planner == "reduced":
-        rows = tuple(mesh_rules.CELL_LEVELS.values())
-    elif planner == "whole":
-        rows = mesh_rules.mesh_levels(planner)[:-1]
-    else:
-        rows = (*(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2)), *mesh_rules.mesh_levels(planner))
-    return [{"model": model, **ladder.of_the_planner(planner, row), **more} for row in rows]
+KINDS = {"hex": "hex", "solid": "hex", "superelement": "hex", "tet": "tet", "superelement tet": "tet"}
+ANALYTIC = "analytic"
+FIRST = 1.0  # growth of what a part's error counts from
+NO_MESH = (0, 0, 0.0, 0.0, 0, 0.0, FIRST)
+SMALLEST_MM = {"zone": 4.0, "pillar": 2.0, "cell": 2.0, "plate": 2.0}  # of the reference design
 
 
 def mesh_levels() -> dict[str, list[dict[str, Any]]]:
@@ -135,15 +123,15 @@ def compute(parameters: dict[str, Any], folder: Path, log: RunLog) -> dict[str, 
     mesh_level = {**mesh_level, "degrees": tuple(mesh_level["degrees"])} if "degrees" in mesh_level else mesh_level
     ladder.design()
     solve = ladder.PARTS[part]
-    peak_memory.restart()
-    before = peak_memory.resident_bytes()
+    machine.restart_peak()
+    before = machine.resident_bytes()
     start = time.perf_counter()
     try:
         values, dof = solve(mesh_level)
     except (SolverError, GeometryError, MeshError, MemoryError) as refusal:
         return {"refused": " ".join(str(refusal).split()), "values": {}, "dof": None}
     seconds = [time.perf_counter() - start]
-    peak = max(peak_memory.peak_bytes() - before, 0)
+    peak = max(machine.peak_bytes() - before, 0)
     while parameters["role"] == "mesh_level" and len(seconds) < 3 and sum(seconds) < REPEAT_BELOW_S:
         start = time.perf_counter()
         solve(mesh_level)
@@ -197,6 +185,78 @@ def conclude(records: list[dict[str, Any]]) -> Page:
     if CONFINEMENT in known:
         sections.append(_confinement_section(records, known[CONFINEMENT]))
     return Page(sections)
+
+
+def calibration_rows(records: list[dict[str, Any]]) -> list[tuple[Any, ...]]:
+    """One row a part, mesh and growth: the worst of its quantities; of a theory the first one."""
+    known, worst = references(records), dict[tuple[Any, ...], float]()
+    for record in records:
+        given, values = record["parameters"], record.get("values") or {}
+        if given["role"] == "mesh_level" and given["mesh_level"]["model"] != ladder.EXTRAPOLATED and values:
+            for key, error in _errors(given["part"], given["mesh_level"], values, known):
+                worst[key] = max(error, worst.get(key, 0.0))
+    share = _mixing(records, known)
+    if share:
+        worst[("plate", MIXING, *NO_MESH)] = share
+    return [(*key, float(f"{error:.2g}")) for key, error in sorted(worst.items())]
+
+
+def growth(quantity: str, reference_hz: float) -> float:
+    """A zone's mode over the frequency up to which the planner calls its mesh good, rounded down; 1 for other parts."""
+    if quantity not in ladder.ZONE:
+        return FIRST
+    return floor(100.0 * reference_hz / mesh_rules.good_to_hz("zone", ladder.design())) / 100.0
+
+
+def main() -> int:
+    """Write the table, or say that the study was not run, or not as it stands."""
+    try:
+        stored = {case.case_id: case.record.other for case in read_study(RESULTS / "accuracy").cases}
+        other = [name for name, given in cases() if name in stored and _query(name) != json.loads(json.dumps(given))]
+    except BadRecord as fault:
+        print(f"calibration: {fault}", file=sys.stderr)
+        return 2
+    records = [{"parameters": given, **stored.get(name, {})} for name, given in cases()]
+    if other:
+        print(f"calibration: {other[0]} was computed with another mesh: run `antinode run accuracy`", file=sys.stderr)
+        return 2
+    write_atomic(TABLE, csv_bytes(FIELDS, calibration_rows(records)))
+    print(f"calibration {TABLE}")
+    return 0
+
+
+@cache
+def _meshes() -> dict[str, dict[str, list[dict[str, Any]]]]:
+    with MESHES.open("rb") as file:
+        listed = tomllib.load(file)
+    return {
+        role: {part: [one for entry in given for one in _expanded(entry)] for part, given in parts.items()}
+        for role, parts in listed.items()
+    }
+
+
+def _expanded(entry: dict[str, Any]) -> list[dict[str, Any]]:
+    """One mesh for each combination of an entry's lists, or what the planner may choose of a part."""
+    if "degrees" in entry:
+        entry = entry | {"degrees": (entry["degrees"]["sides"], entry["degrees"]["thickness"])}
+    if "planner" in entry:
+        return _planners(**entry)
+    choices = [value if isinstance(value, list) else [value] for value in entry.values()]
+    return [dict(zip(entry, values, strict=True)) for values in product(*choices)]
+
+
+def _planners(planner: str, model: str, **more: Any) -> list[dict[str, Any]]:
+    """The meshes that an accuracy may choose of a part, or of reduced cells; of lone parts those of order 2 beside them.
+
+    A whole plate's finest is left out: it is expensive.
+    """
+    if planner == "reduced":
+        rows = tuple(mesh_rules.CELL_LEVELS.values())
+    elif planner == "whole":
+        rows = mesh_rules.mesh_levels(planner)[:-1]
+    else:
+        rows = (*(mesh_rules.MeshLevel(2, layers, 0.15) for layers in (1, 2)), *mesh_rules.mesh_levels(planner))
+    return [{"model": model, **ladder.of_the_planner(planner, row), **more} for row in rows]
 
 
 def _confinement_section(records: list[dict[str, Any]], reference: tuple[float, float]) -> Section:
@@ -335,3 +395,45 @@ def _picture(quantity: str, compared: list[Any], uncertainty: float) -> style.Re
         "shaded: the reference's own uncertainty"
     )
     return style.ReportFigure(f"accuracy_{quantity.replace(' ', '_')}", NAMES[quantity], alt, figure, vector=True)
+
+
+def _errors(
+    part: str, mesh: dict[str, Any], values: dict[str, float], known: dict[str, tuple[float, float]]
+) -> Iterator[tuple[tuple[Any, ...], float]]:
+    """Keys and errors of one mesh; none of hexahedra that the planner does not choose."""
+    names = [name for name in QUANTITIES[part] if name in values and name in known]
+    errors = {name: abs(values[name] / known[name][0] - 1.0) for name in names}
+    if mesh["model"] == ANALYTIC:
+        yield (part, mesh["theory"], *NO_MESH), errors[names[0]]
+        return
+    whole = (part, mesh["model"]) == ("plate", "solid")
+    kind, share, layers = KINDS[mesh["model"]], mesh.get("share", 0.0), int(mesh.get("layers") or 0)
+    across = SMALLEST_MM[part] / mesh["size_mm"] if kind == "tet" else 0.0
+    element = ("whole" if whole else part, kind, mesh["order"], layers, mesh.get("factor", 0.0))
+    key = (*element, share, mesh.get("through", 0), round(across, 2))
+    for quantity, error in errors.items():
+        if kind == "hex" and share:
+            yield (*key, growth(quantity, known[quantity][0])), error
+        elif kind == "tet" and not ladder.ZONE.get(quantity):
+            yield (*key, FIRST), error
+
+
+def _mixing(records: list[dict[str, Any]], known: dict[str, tuple[float, float]]) -> float:
+    """The largest change of a confinement by whole meshes over what their error of the frequency may bring at most."""
+    shares = [0.0]
+    for record in records:
+        given, values = record["parameters"], record.get("values") or {}
+        whole = given["role"] == "mesh_level" and given["mesh_level"]["model"] == "solid" and "mixing (dB)" in values
+        if whole and {CONFINEMENT, "plate"} <= known.keys():
+            error = abs(values["plate"] / known["plate"][0] - 1.0)
+            shares.append(abs(values[CONFINEMENT] - known[CONFINEMENT][0]) / (values["mixing (dB)"] * error))
+    return max(shares)
+
+
+def _query(name: str) -> Any:
+    """The parameters that a stored case was computed with."""
+    return store.read_listed(RESULTS / "accuracy" / name, store.INPUT)["parameters"]
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -19,14 +19,14 @@ from geometry.materials import MATERIALS, Material
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
 from geometry.tiling import Panel
 from pipeline.errors import CommandError
+from pipeline.logs import RunLog
 from pipeline.paths import ROOT
-from pipeline.records.run_log import RunLog
 from pipeline.report.html import Page, Section, Table
-from solvers.analytic.plate_waves import supported_plate_hz
+from solvers.analytic.plates import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import Pencil, constrain, free_mask
 
 TITLE = "Stiff and extreme cases"

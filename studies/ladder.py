@@ -23,8 +23,7 @@ from solvers.analytic.predesign import pillar_frequencies_hz, predesign
 from solvers.fem.assembly import System, assemble
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel, constrain, free_mask
-from solvers.measures.confinement import measure, target_symmetry
-from solvers.measures.mode_mixing import Overlaps
+from solvers.measures.confinement import Overlaps, measure, target_symmetry
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice

@@ -29,7 +29,7 @@ from pipeline.models.parametric import BANDS, CellModel, cell_model, with_sizes
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import ROOT, STUDIES
 from pipeline.planning.model_choice import cell_model_choice
-from pipeline.units import KHZ
+from pipeline.quantity import KHZ
 from solvers.parametric.affine import Sizes, as_sizes
 from solvers.parametric.bands import FLAT
 
@@ -115,10 +115,11 @@ def _whole(explorer: Explorer, case: Case) -> None:
 
 @dataclass(frozen=True)
 class BesidePlate:
-    """A live answer less the assembled plate's, over the live frequency and in dB, both bars together, and whether a rival mode
-    is near.
+    """A live answer minus the assembled plate's, relative to the live frequency and in dB, both bars together, and whether a
+    rival mode is near.
 
-    A plate that lacks the live mode is infinitely far off.
+    Of several modes that the live answer names, the one nearest to the plate's counts. A plate that lacks the live mode is
+    infinitely far off.
     """
 
     frequency: float
@@ -131,11 +132,18 @@ class BesidePlate:
     @classmethod
     def of(cls, live: Document, real: Document) -> BesidePlate:
         """From both answers."""
-        bars, near = (live["frequency_error"], live["confinement_error_db"]), live["near_hz"] is not None
+        near = live["near_hz"] is not None
         if real.get("confinement_db") is None:
-            return cls(np.inf, np.inf, *bars, bars[1], near)
-        ratio = real["frequency_hz"] / live["frequency_hz"]
-        off = 1.0 - ratio, live["confinement_db"] - real["confinement_db"]
+            return cls(np.inf, np.inf, live["frequency_error"], *2 * (live["confinement_error_db"],), near)
+        every = [cls._of_mode(mode, real, near) for mode in (live, *live["others"])]
+        return min(every, key=lambda one: one.ratios[0])
+
+    @classmethod
+    def _of_mode(cls, mode: Document, real: Document, near: bool) -> BesidePlate:
+        """One of the modes that the live answer names against the plate's."""
+        bars = mode["frequency_error"], mode["confinement_error_db"]
+        ratio = real["frequency_hz"] / mode["frequency_hz"]
+        off = 1.0 - ratio, mode["confinement_db"] - real["confinement_db"]
         own = [real.get(name) or 0.0 for name in ("frequency_error", "confinement_error_db")]
         return cls(*off, bars[0] + ratio * own[0], bars[1] + own[1], bars[1], near)
 
@@ -182,7 +190,9 @@ def plates(count: int, path: str) -> int:
 def _line(given: dict[str, float], live: Document, one: BesidePlate) -> str:
     design = ", ".join(f"{name} {value:g}" for name, value in given.items())
     bars = f"+-{live['frequency_error']:.2%}, {live['confinement_db']:.1f} dB +-{live['confinement_error_db']:.1f}"
-    own = f"{design}: {live['frequency_hz']:.0f} Hz {bars}, {live['status']}{', a mode is near' if one.near else ''}"
+    others = "".join(f" or {each['frequency_hz']:.0f} Hz +-{each['frequency_error']:.2%}" for each in live["others"])
+    said = f"{live['status']}{', a mode is near' if one.near else ''}"
+    own = f"{design}: {live['frequency_hz']:.0f} Hz {bars}{others}, {said}"
     if not np.isfinite(one.frequency):
         return f"{own}; the plate has no such mode"
     return f"{own}; off by {one.frequency:+.2%} and {one.level_db:+.2f} dB{'' if one.within else ', OUTSIDE'}"

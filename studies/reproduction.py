@@ -23,6 +23,7 @@ from pipeline.case.model import load_case
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.plots import style
+from pipeline.quantity import UM
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.questions.crosstalk import CrosstalkResult
@@ -35,7 +36,6 @@ from pipeline.records.record import Record
 from pipeline.records.store import BadRecord, write_atomic
 from pipeline.records.study import read_study
 from pipeline.report.text import compare
-from pipeline.units import UM
 from solvers.analytic.predesign import pillar_frequencies_hz
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel

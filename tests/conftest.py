@@ -14,17 +14,21 @@ import pytest
 from pipeline.workers import limit_threads
 
 LONGEST = """
-    test_forced test_runner test_active test_tetmesh test_six test_piezo_beam test_report test_library test_target_mode
-    test_bands test_plan test_interfaces test_lattice test_static test_hybrid test_travel test_emulated_board
-    test_scipy_alone test_offline_model test_varied test_search test_nested test_parts test_docstrings
-""".split()  # noqa: SIM905 eight seconds and more, not a line each
+    test_offline_model test_six test_report test_touch test_active test_docstrings test_one_table test_forced test_explore
+    test_runner test_lattice test_plan test_search test_tutorials test_hybrid test_bands test_extremes test_foresight
+    test_new_and_compare test_line test_travel test_free_blocks test_target_mode test_emulated_board test_column
+""".split()  # noqa: SIM905 five seconds and more, not a line each
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # a worker a core: their libraries' own threads would wait for each other
     limit_threads(1)
 
 
 def pytest_configure() -> None:
-    """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here."""
+    """Ctrl-C is heard: a shell's background job starts with it ignored, and so would every process started here.
+
+    Nothing that imports and collecting make is garbage: it is not searched for.
+    """
+    gc.disable()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -37,6 +41,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish() -> None:
     """What was imported stays: the search for garbage leaves it out, and comes less often."""
     gc.freeze()
+    gc.enable()
     gc.set_threshold(20_000, 20, 20)
 
 

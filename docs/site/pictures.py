@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.records.fingerprint import code_hash
+from pipeline.records.store import code_hash
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]

@@ -21,7 +21,7 @@ from pipeline.questions import known, registered
 from pipeline.questions import study as asked
 from pipeline.records import part as declared
 from pipeline.records import record, tables
-from pipeline.records.frames import unit_of
+from pipeline.records.outputs import unit_of
 
 SITE = Path(__file__).resolve().parent
 ROOT = SITE.parents[1]

@@ -1,1 +1,1 @@
-"""Talks to a board over its serial line; `python -m firmware.client --help` tells what it can be asked."""
+"""Client for a board on the serial line; `python -m firmware.client --help` lists the commands."""

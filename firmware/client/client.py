@@ -1,17 +1,20 @@
-"""Talks to a board over its serial line; `python -m firmware.client --help` tells what it can be asked."""
+"""Client for a board on the serial line: its port, requests, replies and their description for a reader."""
 
 from __future__ import annotations
 
 import math
+import os
 import secrets
 import struct
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from importlib.util import find_spec
 from typing import Any, Protocol
 
 from firmware.protocol import (
+    BAUD,
     FRAME_MAX,
     KEPT,
     LOG_RECORDS,
@@ -40,41 +43,104 @@ from firmware.protocol import (
     parse_status,
 )
 
+ST_LINK = 0x0483  # USB vendor number of the debugger on a Nucleo
+
 READ_BYTES = 256
-BUSY_READS = 300  # full reads in a row, 0.8 s of a line that never rests
-BUSY_S = 2.0  # how long a line that brings something else than the reply is heard
+BUSY_READS = 300  # consecutive full reads, 0.8 s of a line without a pause
+BUSY_S = 2.0  # time-out for the reply on a line that carries other data
+OTHER_VERSION = "image and client may have different versions"
+
+
+class NotHere(RuntimeError):
+    """A port or package is missing; the message says how to provide it."""
+
+
+class SerialPort:
+    """Serial port whose read returns the bytes received, after 20 ms at the latest.
+
+    Raises
+    ------
+    NotHere
+        If the port cannot be opened, or a package is missing.
+    """
+
+    def __init__(self, name: str) -> None:
+        try:
+            from serial import Serial
+        except ImportError:
+            raise NotHere("pyserial is not installed: pip install pyserial") from None
+        if not find_spec("cobs"):
+            raise NotHere("cobs (needed for the frames) is not installed: pip install cobs")
+        name = the_board() if name == "auto" else name
+        try:
+            self.serial = Serial(name, BAUD, timeout=0.02, write_timeout=1.0)
+        except (OSError, ValueError) as error:  # pyserial's SerialException is an OSError
+            number = getattr(error, "errno", None)
+            reason = os.strerror(number) if number else str(error)
+            hint = "check that the board is plugged in, the name of the port, and that no other program uses it"
+            raise NotHere(f"{name}: {reason}; {hint}") from None
+
+    def write(self, data: bytes) -> object:
+        """Send bytes to the board."""
+        return self.serial.write(data)
+
+    def read(self, size: int = 1) -> bytes:
+        """Receive at most size bytes."""
+        first: bytes = self.serial.read(1)
+        waiting = min(self.serial.in_waiting, size - 1) if first else 0
+        return first + self.serial.read(waiting) if waiting else first
+
+    def close(self) -> None:
+        """Close the port."""
+        self.serial.close()
 
 
 class Port(Protocol):
-    """What is asked of a serial port: pyserial's Serial with a time-out has it."""
+    """Interface of a serial port, as of pyserial's Serial with a time-out."""
 
     def write(self, data: bytes, /) -> object: ...
     def read(self, size: int = 1, /) -> bytes: ...
 
 
 class BoardError(RuntimeError):
-    """The board refused, did not answer, or answered something that the protocol does not allow."""
+    """The board refused a request, did not answer, or violated the protocol."""
 
 
 class Refused(BoardError):
-    """The board understood, and said no."""
+    """The board understood a request and refused it."""
 
 
 class Client:
-    """One board on a port. Requests are repeated when nothing comes back; all of them may be repeated safely.
+    """One board on a port; unanswered requests are repeated, which is safe for all of them.
 
-    drives: it may be at work because of what was asked here, and has not been asked to rest since.
+    Attributes
+    ----------
+    drives : bool
+        True if the board may be driving because of a request from here, and has not been stopped since.
     """
 
     def __init__(self, port: Port, attempts: int = 3, reads: int = 50) -> None:
         self.port, self.attempts, self.reads = port, attempts, reads
-        self.sequence = secrets.randbelow(256)  # else its first request might be taken for a repeated one
+        self.sequence = secrets.randbelow(256)  # otherwise the first request might look like a repetition
         self.buffer = b""
         self.records: list[Record] = []
         self.drives = False
 
     def request(self, kind: Kind, payload: bytes = b"", parsed: Callable[[bytes], Any] = nothing) -> Any:
-        """What the reply's payload holds behind its result. Raises BoardError for none, a refusal, or another version's."""
+        """Send a request and return the parsed payload of its reply.
+
+        Parameters
+        ----------
+        kind : Kind
+        payload : bytes, optional
+        parsed : callable, optional
+            Parser of the reply's payload after the result byte.
+
+        Raises
+        ------
+        BoardError
+            If there is no reply, the board refuses, or the reply does not match this protocol version.
+        """
         self.sequence = (self.sequence + 1) % 256
         frame = encode(Message(kind, self.sequence, payload))
         for _ in range(self.attempts):
@@ -85,26 +151,34 @@ class Client:
         raise BoardError(f"no answer to {kind.name.lower()}")
 
     def status(self) -> SingleStatus | SixStatus:
-        """What the board does now; also tells it that the host is alive."""
+        """Read the status, which also counts as contact with the host."""
         return self.request(Kind.STATUS, parsed=parse_status)
 
     def identity(self) -> Identity:
-        """Which build the board runs, and which table it has."""
+        """Read the identity of build and table."""
         return self.request(Kind.IDENTITY, parsed=parse_identity)
 
     def health(self) -> Health:
-        """Clock, longest interrupts, what was unexpected since power-on."""
+        """Read clock, longest interrupts, and the last unexpected exception since power-on."""
         return self.request(Kind.HEALTH, parsed=partial(parse, Health))
 
     def identify(self) -> None:
-        """Measures the plate again, then rests. From then on talk at least twice a second."""
+        """Measure the plate again, then rest; requires contact at least twice per second."""
         self._drive(Kind.IDENTIFY)
 
     def pattern(self, number: int, reference: float = 0.0) -> None:
-        """Six channels: holds a pattern of the present shape; 0 asks for half of what is reachable. Talk on as after start."""
+        """Hold a pattern of the current shape of a six-channel board; requires contact as for start.
+
+        Parameters
+        ----------
+        number : int
+            Index of the pattern.
+        reference : float, optional
+            Amplitude as a fraction of the sensor's full scale; 0 selects half of the reachable one.
+        """
         status = self.status()
         if not isinstance(status, SixStatus):
-            raise Refused("pattern: this board's image is the one for one mode")
+            raise Refused("pattern: this board runs the single-mode image")
         if status.state == "run":
             self.request(Kind.PATTERN, struct.pack("<II", status.choice[0], number))
             if reference > 0.0:
@@ -113,59 +187,67 @@ class Client:
             self._drive(Kind.START, struct.pack("<If", number, reference))
 
     def choose(self, shape: int) -> None:
-        """Six channels: another shape, which is another frequency; only when idle."""
+        """Select another shape of a six-channel board, and with it another frequency; only when idle."""
         if shape != self.shape():
             self.request(Kind.PATTERN, struct.pack("<II", shape, 0))
 
     def shape(self) -> int:
-        """Six channels: the present shape."""
+        """Read the index of the current shape of a six-channel board."""
         status = self.status()
         return status.choice[0] if isinstance(status, SixStatus) else 0
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
-        """Drives the target mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
+        """Drive the target mode; requires contact at least twice per second.
+
+        Parameters
+        ----------
+        reference : float, optional
+            Amplitude as a fraction of the sensor's full scale; 0 selects the lowest useful level.
+        detuning_hz : float, optional
+            Offset of the drive from the resonance, in Hz.
+        """
         self._drive(Kind.START, struct.pack("<ff", reference, detuning_hz))
 
     def stop(self) -> None:
-        """Back to rest."""
+        """Return to rest."""
         self.request(Kind.STOP)
         self.drives = False
 
     def clear(self) -> None:
-        """Leaves the fault state."""
+        """Leave the fault state."""
         self.request(Kind.CLEAR)
 
     def reference(self, level: float) -> None:
-        """A new amplitude while running, in full scales of the sensor."""
+        """Change the amplitude while running, as a fraction of the sensor's full scale."""
         self.request(Kind.REFERENCE, struct.pack("<f", level))
 
     def sine(self, rate_hz: float, depth: float) -> None:
-        """A texture: the amplitude swings between 1 and 1 - depth of the reference."""
+        """Modulate the amplitude sinusoidally between 1 and 1 - depth of the reference."""
         self.request(Kind.SINE, struct.pack("<ff", rate_hz, depth))
 
     def stream(self, every: int) -> None:
-        """A texture of samples that follow, each for so many windows."""
+        """Start a texture from samples that follow, each lasting every windows."""
         self.request(Kind.STREAM, struct.pack("<I", every))
 
     def samples(self, factors: list[float]) -> int:
-        """Adds factors from 0 to 1 to the stream; returns how many there was room for."""
+        """Add factors from 0 to 1 to the stream; return the number accepted."""
         codes = [round(min(max(factor, 0.0), 1.0) * 65535) for factor in factors[: PAYLOAD_MAX // 2]]
         return self.request(Kind.SAMPLES, struct.pack(f"<{len(codes)}H", *codes), one_byte)
 
     def log(self, every: int) -> None:
-        """A record each so many windows, to be taken by take_records; 0 ends it."""
+        """Start a log with one record per `every` windows, read by take_records; 0 stops it."""
         self.request(Kind.LOG, struct.pack("<I", every))
 
     def capture(self, every: int) -> None:
-        """Inputs and outputs of all channels, from now on, each so many samples, as long as there is room."""
+        """Start a capture of all inputs and outputs, one row per `every` samples, until the board's memory is full."""
         self.request(Kind.CAPTURE, struct.pack("<I", every))
 
     def captured(self, start: int) -> Captured:
-        """A part of the capture, from a word on."""
+        """Read a part of the capture, from a word onwards."""
         return self.request(Kind.CAPTURED, struct.pack("<I", start), parse_captured)
 
     def upload(self, table: bytes) -> None:
-        """Puts another mode table into the board's flash memory; the outputs rest meanwhile."""
+        """Write another mode table to the board's flash memory, with the outputs at rest."""
         self.request(Kind.UPLOAD_BEGIN, struct.pack("<I", len(table)))
         piece = PAYLOAD_MAX - 4
         for offset in range(0, len(table), piece):
@@ -173,7 +255,7 @@ class Client:
         self.request(Kind.UPLOAD_END)
 
     def take_records(self) -> list[Record]:
-        """The log's records that came since the last time; ends while the board sends on. Raises BoardError."""
+        """Return the log records received since the last call, even if the board keeps sending. Raises BoardError."""
         for _ in range(BUSY_READS):
             data = self._read()
             for message in self._messages(data):
@@ -184,7 +266,7 @@ class Client:
         return taken
 
     def _drive(self, kind: Kind, payload: bytes = b"") -> None:
-        """A request that makes the board move; one without an answer may have done so, too."""
+        """Send a request that makes the board drive; even without an answer, it may have started."""
         before, self.drives = self.drives, True
         try:
             self.request(kind, payload)
@@ -225,7 +307,7 @@ class Client:
 
     def _accepted(self, kind: Kind, reply: Message, parsed: Callable[[bytes], Any]) -> Any:
         if not reply.payload:
-            raise BoardError(f"{kind.name.lower()}: an empty reply, {OTHER_VERSION}")
+            raise BoardError(f"{kind.name.lower()}: empty reply; {OTHER_VERSION}")
         result, more = reply.payload[0], reply.payload[1:]
         if result == Result.OK:
             with _in_words(kind):
@@ -233,36 +315,81 @@ class Client:
         raise Refused(f"{kind.name.lower()}: {_refusal(result, more)}")
 
 
-OTHER_VERSION = "so the image may be of another version than this client"
+def the_board() -> str:
+    """Return the name of the only serial port that belongs to a board's debugger.
 
+    Raises
+    ------
+    NotHere
+        If there is none.
+    ValueError
+        If there are several.
+    """
+    from serial.tools.list_ports import comports
 
-@contextmanager
-def _in_words(kind: Kind) -> Iterator[None]:
-    """Turns what the protocol does not allow into words for the one who asked."""
-    try:
-        yield
-    except ProtocolError as error:
-        raise BoardError(f"{kind.name.lower()}: the board sent {error}, {OTHER_VERSION}") from None
-
-
-def _refusal(result: int, more: bytes) -> str:
-    if result not in list(Result):
-        return f"refused for the unknown reason {result}"
-    text = RESULT_TEXT[Result(result)]
-    if result != Result.TABLE_REFUSED or not more:
-        return text
-    return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
+    ports = list(comports())
+    boards = [port.device for port in ports if port.vid == ST_LINK]
+    if not boards:
+        others = ", ".join(port.device for port in ports) or "none"
+        raise NotHere(f"no board found (other serial ports: {others}): plug it in, or name its port")
+    if len(boards) > 1:
+        raise ValueError(f"several boards found: choose one of {', '.join(boards)} with --port")
+    return boards[0]
 
 
 def describe(status: SingleStatus | SixStatus) -> str:
-    """A status for a reader."""
+    """Describe a status for a reader."""
     faults = f", faults: {', '.join(status.faults)}" if status.faults else ""
     if len(status.faults) > len(status.first) > 0:
         faults += f" (first {', '.join(status.first)})"
     if status.limited:
-        faults += ", drive at its limit, short of the reference"
+        faults += ", drive at its limit, reference not reached"
     lines = _six_lines(status) if isinstance(status, SixStatus) else _single_lines(status)
     return "\n".join([f"state {status.state}{faults}", *lines])
+
+
+def describe_identity(identity: Identity) -> str:
+    """Describe an identity for a reader."""
+    what = "modes" if identity.build == "single" else "shapes"
+    table = f"{identity.count} {what}, design {identity.design.hex()}" if identity.count else "no valid mode table"
+    return f"build {identity.build}, protocol {identity.protocol}, table version {identity.table_version}: {table}"
+
+
+def describe_health(health: Health) -> str:
+    """Describe the health of a board for a reader."""
+    lines = [
+        f"clock {health.core_hz / 1e6:g} MHz, consecutive watchdog resets {health.watchdog_resets}",
+        f"longest fast interrupt {health.fast_cycles} cycles, slow {health.slow_cycles}, main loop {health.main_cycles}",
+        f"unused stack {health.stack_unused} bytes",
+        f"measured values {KEPT[health.kept] if health.kept < len(KEPT) else f'in the unknown state {health.kept}'}",
+    ]
+    if health.exception:
+        place = f"at 0x{health.pc:08x}, called from 0x{health.lr:08x}, CFSR 0x{health.cfsr:08x}"
+        lines.append(f"unexpected exception {health.exception} {place}")
+    return "\n".join(lines)
+
+
+def figure(value: float, digits: str) -> str:
+    """Format a number; a value that is not finite becomes words."""
+    return format(value, digits) if math.isfinite(value) else "not finite"
+
+
+@contextmanager
+def _in_words(kind: Kind) -> Iterator[None]:
+    """Turn a ProtocolError into a BoardError that names the request."""
+    try:
+        yield
+    except ProtocolError as error:
+        raise BoardError(f"{kind.name.lower()}: the board sent {error}; {OTHER_VERSION}") from None
+
+
+def _refusal(result: int, more: bytes) -> str:
+    if result not in list(Result):
+        return f"refused for unknown reason {result}"
+    text = RESULT_TEXT[Result(result)]
+    if result != Result.TABLE_REFUSED or not more:
+        return text
+    return f"{text}: {TABLE_TEXT[more[0]] if more[0] < len(TABLE_TEXT) else f'unknown reason {more[0]}'}"
 
 
 def _single_lines(status: SingleStatus) -> list[str]:
@@ -285,29 +412,3 @@ def _six_lines(status: SixStatus) -> list[str]:
         f"sensors {sensors} of full scale",
         f"worst fast interrupt {status.worst_cycles} cycles of 4500",
     ]
-
-
-def describe_identity(identity: Identity) -> str:
-    """An identity for a reader."""
-    what = "modes" if identity.build == "single" else "shapes"
-    table = f"{identity.count} {what}, design {identity.design.hex()}" if identity.count else "no sound mode table"
-    return f"build {identity.build}, protocol {identity.protocol}, table version {identity.table_version}: {table}"
-
-
-def describe_health(health: Health) -> str:
-    """A health for a reader."""
-    lines = [
-        f"clock {health.core_hz / 1e6:g} MHz, resets by the watchdog in a row {health.watchdog_resets}",
-        f"longest fast interrupt {health.fast_cycles} cycles, slow {health.slow_cycles}, main loop {health.main_cycles}",
-        f"stack never used {health.stack_unused} bytes",
-        f"measured values {KEPT[health.kept] if health.kept < len(KEPT) else f'in the unknown state {health.kept}'}",
-    ]
-    if health.exception:
-        place = f"at 0x{health.pc:08x}, called from 0x{health.lr:08x}, CFSR 0x{health.cfsr:08x}"
-        lines.append(f"unexpected exception {health.exception} {place}")
-    return "\n".join(lines)
-
-
-def figure(value: float, digits: str) -> str:
-    """A number as text; one that the board could not compute is told in words."""
-    return format(value, digits) if math.isfinite(value) else "not finite"

@@ -1,4 +1,4 @@
-"""The client's command line: what a person may ask of a board."""
+"""Command line of the client."""
 
 from __future__ import annotations
 
@@ -12,20 +12,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from firmware.client import actions, selftest
-from firmware.client.client import BoardError, Client, describe, describe_health, describe_identity
-from firmware.client.port import NotHere, SerialPort
+from firmware.client import actions
+from firmware.client.client import BoardError, Client, NotHere, SerialPort, describe, describe_health, describe_identity
 from firmware.mode_table import from_bytes, to_bytes
 
 EPILOG = """examples: python -m firmware.client /dev/ttyACM0 start 0.1
-          python -m firmware.client watch            (the only board that is plugged in)
+          python -m firmware.client watch            (the only board plugged in)
 
-Exit codes: 0 done, 2 wrong input, 3 the board refused, did not answer or ended in a fault, 4 a check failed,
+Exit codes: 0 success, 2 invalid input, 3 the board refused, did not answer or ended in a fault, 4 a check failed,
 5 no port or no pyserial, 130 interrupted."""
 
 
 def number(low: float, high: float) -> Callable[[str], float]:
-    """For a number of the command line within bounds."""
+    """Make an argparse type for a number within bounds."""
 
     def parsed(text: str) -> float:
         try:
@@ -33,31 +32,31 @@ def number(low: float, high: float) -> Callable[[str], float]:
         except ValueError:
             value = math.nan
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{text!r}, allowed a number from {low:g} to {high:g}")
+            raise argparse.ArgumentTypeError(f"{text!r}: must be a number from {low:g} to {high:g}")
         return value
 
     return parsed
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
-    """For a whole number of the command line within bounds."""
+    """Make an argparse type for an integer within bounds."""
 
     def parsed(text: str) -> int:
         if not (text.isascii() and text.isdecimal() and len(text) < 10 and low <= int(text) <= high):
-            raise argparse.ArgumentTypeError(f"{text!r}, allowed a whole number from {low} to {high}")
+            raise argparse.ArgumentTypeError(f"{text!r}: must be an integer from {low} to {high}")
         return int(text)
 
     return parsed
 
 
-finite = number(-1e9, 1e9)  # no value that the board understands comes near
+finite = number(-1e9, 1e9)  # far beyond any value that the board accepts
 share = number(0.0, 1.0)
-count = whole(1, 50000)  # how many windows or samples something lasts
+count = whole(1, 50000)  # duration in windows or samples
 index = whole(0, 999_999_999)  # of a pattern or shape
 
 
 def table_of(text: argparse.Namespace) -> bytes:
-    """The table to upload, proved sound. Raises ValueError."""
+    """Read and check the table to upload. Raises ValueError."""
     try:
         data: bytes = text.file.read_bytes()
         table, limit = from_bytes(data), text.drive_limit
@@ -76,14 +75,14 @@ Argument = tuple[str, dict[str, Any]]
 
 
 def argument(name: str, **options: Any) -> Argument:
-    """A value that an action takes, as argparse's add_argument does."""
+    """Describe an argument of an action, as for argparse's add_argument."""
     return name, options
 
 
 class Action(NamedTuple):
-    """What the client can be asked: for the reader, what is done, the values it takes.
+    """Command of the client: help text, function, and arguments.
 
-    act returns what to print; None stands for the board's status.
+    act returns the text to print, or None to print the board's status.
     """
 
     text: str
@@ -91,48 +90,50 @@ class Action(NamedTuple):
     values: tuple[Argument, ...] = ()
 
 
-LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 full scales of the sensor")
+LEVEL = argument("reference", type=share, metavar="REFERENCE", help="amplitude, 0 to 1 of the sensor's full scale")
 ANY_LEVEL = argument("reference", nargs="?", default=0.0, **LEVEL[1])
 NUMBER = argument("number", type=index, metavar="NUMBER", help="counted from 0")
-SECONDS = argument("--seconds", type=number(1e-3, 1e6), metavar="S", help="end after so long (else at Ctrl-C)")
+SECONDS = argument("--seconds", type=number(1e-3, 1e6), metavar="S", help="duration in seconds (default: until Ctrl-C)")
 DETUNING = argument(
-    "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="off the resonance, Hz"
+    "detuning", type=finite, nargs="?", default=0.0, metavar="DETUNING_HZ", help="offset from the resonance, Hz"
 )
 
 ACTIONS = {
-    "status": Action("tell what the board does", lambda client, text: None),
+    "status": Action("report the state of the board", lambda client, text: None),
     "identity": Action(
-        "tell which image and table the board has", lambda client, text: describe_identity(client.identity())
+        "report the image and table on the board", lambda client, text: describe_identity(client.identity())
     ),
     "health": Action(
-        "tell clock, longest interrupts, and what was unexpected", lambda client, text: describe_health(client.health())
+        "report clock, longest interrupts and last exception", lambda client, text: describe_health(client.health())
     ),
-    "watch": Action("show bars of what the board measures", actions.watch, (SECONDS,)),
+    "watch": Action("show the measured values as bars", actions.watch, (SECONDS,)),
     "log": Action(
-        "write what the board measures into a file of comma-separated values",
+        "write the measured values to a CSV file",
         actions.log,
         (
             argument("file", type=Path, metavar="FILE.csv"),
-            argument(
-                "--every", type=count, default=5, metavar="N", help="a record each N windows (0.2 ms), 5 if not given"
-            ),
+            argument("--every", type=count, default=5, metavar="N", help="windows of 0.2 ms per record (default: 5)"),
             SECONDS,
         ),
     ),
     "capture": Action(
-        "write the codes of ADC and DAC (or of the PWM timers), sample by sample, into a file of comma-separated values",
+        "write the codes of ADC and DAC (or of the PWM timers), sample by sample, to a CSV file",
         actions.capture,
         (
             argument("file", type=Path, metavar="FILE.csv"),
-            argument("--every", type=count, default=1, metavar="N", help="a row each N samples, 1 if not given"),
+            argument("--every", type=count, default=1, metavar="N", help="samples per row (default: 1)"),
         ),
     ),
     "selftest": Action(
-        "go through the first steps of docs/bring-up.md; prints pass or FAIL, exit code 4 when one fails",
-        selftest.selftest,
+        "run the first steps of docs/bring-up.md; print pass or FAIL, exit code 4 if any fails",
+        actions.selftest,
         (
             argument(
-                "step", nargs="?", choices=selftest.STEPS, metavar="STEP", help=f"{', '.join(selftest.STEPS)}; else all"
+                "step",
+                nargs="?",
+                choices=actions.STEPS,
+                metavar="STEP",
+                help=f"{', '.join(actions.STEPS)} (default: all)",
             ),
         ),
     ),
@@ -142,44 +143,46 @@ ACTIONS = {
         actions.start,
         (ANY_LEVEL, DETUNING),
     ),
-    "stop": Action("back to rest", lambda client, text: client.stop()),
+    "stop": Action("return to rest", lambda client, text: client.stop()),
     "clear": Action("leave the fault state", lambda client, text: client.clear()),
     "reference": Action(
-        "another amplitude while running", lambda client, text: client.reference(text.reference), (LEVEL,)
+        "change the amplitude while running", lambda client, text: client.reference(text.reference), (LEVEL,)
     ),
     "sine": Action(
-        "let the amplitude swing between 1 and 1 - DEPTH of the reference",
+        "modulate the amplitude between 1 and 1 - DEPTH of the reference",
         lambda client, text: client.sine(text.rate, text.depth),
         (argument("rate", type=finite, metavar="HZ"), argument("depth", type=share, metavar="DEPTH")),
     ),
     "stream": Action(
-        "start, play a sound file as the amplitude (-1 is none, 1 the reference), stop",
+        "start, play a sound file as the amplitude (-1: zero, 1: the reference), stop",
         actions.stream,
         (
             argument("file", type=Path, metavar="FILE.wav"),
             ANY_LEVEL,
-            argument(
-                "--every", type=count, default=2, metavar="N", help="windows (0.2 ms) a sample lasts, 2 if not given"
-            ),
+            argument("--every", type=count, default=2, metavar="N", help="windows of 0.2 ms per sample (default: 2)"),
         ),
     ),
     "upload": Action(
-        "put another mode table into the board's flash memory",
+        "write another mode table to the board's flash memory",
         lambda client, text: client.upload(text.table),
         (
             argument("file", type=Path, metavar="FILE"),
             argument(
-                "drive_limit", type=finite, nargs="?", metavar="DRIVE_LIMIT", help="0.001 to 1, for all its modes"
+                "drive_limit",
+                type=finite,
+                nargs="?",
+                metavar="DRIVE_LIMIT",
+                help="drive limit of all modes, 0.001 to 1",
             ),
         ),
     ),
     "pattern": Action(
-        "six channels: hold a pattern (without REFERENCE: half of what is reachable) until Ctrl-C",
+        "six channels: hold a pattern (without REFERENCE: half of the reachable amplitude) until Ctrl-C",
         actions.pattern,
         (NUMBER, ANY_LEVEL),
     ),
     "shape": Action(
-        "six channels: another shape, which is another frequency; while idle",
+        "six channels: select another shape, and with it another frequency (only when idle)",
         lambda client, text: client.choose(text.number),
         (NUMBER,),
     ),
@@ -187,14 +190,16 @@ ACTIONS = {
 
 
 def parser_of_all() -> argparse.ArgumentParser:
-    """The command line's parser."""
+    """Build the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="python -m firmware.client",
-        description="Talks to a board over its serial line.",
+        description="Control a board over its serial line.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("port", help="serial port of the board (also --port PORT), or auto: the one that is plugged in")
+    parser.add_argument(
+        "port", help="serial port of the board (also --port PORT), or auto for the only board plugged in"
+    )
     words = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     for name, action in ACTIONS.items():
         own = words.add_parser(name, help=action.text, description=action.text)
@@ -204,28 +209,28 @@ def parser_of_all() -> argparse.ArgumentParser:
 
 
 def with_port(arguments: list[str]) -> list[str]:
-    """The arguments with the port in front: as it stands there, after --port, or "auto" when none is named."""
+    """Move the port to the front of the arguments; it may already be there, follow --port, or default to "auto"."""
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--port")
     named, rest = parser.parse_known_args(arguments)
     if named.port is not None:
         return [named.port, *rest]
-    is_word = len(rest) == 1 and rest[0][:1] not in ("-", "/")  # meant to be an action, if none that there is
+    is_word = len(rest) == 1 and rest[0][:1] not in ("-", "/")  # probably a mistyped action
     return ["auto", *rest] if rest and (rest[0] in ACTIONS or is_word) else rest
 
 
 def prepare(text: argparse.Namespace) -> None:
-    """Reads and checks the files that an action names, before the board is spoken to. Raises ValueError."""
+    """Read and check the files of an action before contacting the board. Raises ValueError."""
     if text.action == "upload":
         text.table = table_of(text)
     elif text.action == "stream":
         text.factors = actions.factors_of(text.file, actions.WINDOW_HZ / text.every)
     elif text.action in ("log", "capture") and (text.file.exists() or not text.file.parent.is_dir()):
-        raise ValueError(f"{text.file}: {'is there already' if text.file.exists() else 'no such folder'}")
+        raise ValueError(f"{text.file}: {'file already exists' if text.file.exists() else 'no such folder'}")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """The command line; returns the exit code."""
+    """Run the command line and return the exit code."""
     text = parser_of_all().parse_args(with_port(sys.argv[1:] if arguments is None else arguments))
     try:
         prepare(text)
@@ -242,7 +247,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def carry_out(client: Client, text: argparse.Namespace) -> int:
-    """Does what was asked; returns the exit code. What was started here is stopped when it ends early, by Ctrl-C too."""
+    """Execute an action and return the exit code; if it ends early, also by Ctrl-C, stop what it started."""
     action = ACTIONS[text.action]
     try:
         said = action.act(client, text)
@@ -251,7 +256,7 @@ def carry_out(client: Client, text: argparse.Namespace) -> int:
         return 0
     except (BoardError, OSError) as error:
         return _failed(f"{error}{_rested(client)}", 3)
-    except selftest.ChecksFailed as error:
+    except actions.ChecksFailed as error:
         return _failed(f"{error}{_rested(client)}", 4)
     except KeyboardInterrupt:
         print(f"client: interrupted{_rested(client)}", file=sys.stderr)
@@ -259,19 +264,19 @@ def carry_out(client: Client, text: argparse.Namespace) -> int:
 
 
 def _rested(client: Client) -> str:
-    """Stops what was started here; what to say of it."""
+    """Stop what was started here and return a note about it for the message."""
     if not client.drives:
         return ""
     try:
         client.stop()
         return "; stopped"
     except (BoardError, OSError):
-        return "; it could not be stopped, but stops by itself half a second after the last word it heard"
+        return "; stopping failed, but the board stops by itself half a second after the last request"
 
 
 @contextmanager
 def _ended_like_interrupted() -> Iterator[None]:
-    """SIGTERM ends as Ctrl-C does."""
+    """Treat SIGTERM like Ctrl-C."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

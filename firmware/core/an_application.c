@@ -183,7 +183,7 @@ static an_result set_sine(an_application *app, const an_build *build, const an_m
     return an_texture_sine(&app->texture, rate_hz, depth, build->moment(app).window_hz) ? AN_OK : AN_BAD_VALUE;
 }
 
-/* Replies how many of the samples were taken. */
+/* Reply with the number of samples accepted. */
 static an_result take_samples(an_application *app, const an_message *request, an_message *reply)
 {
     uint32_t taken = 0u;
@@ -204,13 +204,15 @@ an_result an_application_started(an_application *app, const an_build *build, boo
     return result_of(done);
 }
 
-static an_result judge_table(const an_application *app, const an_build *build, const an_table *staged, an_message *reply)
+static an_result check_table(const an_application *app, const an_build *build, const an_table *staged,
+                             an_message *reply)
 {
-    const an_table_result fitting = build->accepts(staged, app->sample_rate_hz);
-    return fitting == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor)) : an_protocol_refuse(reply, fitting);
+    const an_table_result found = build->accepts(staged, app->sample_rate_hz);
+    return found == AN_TABLE_OK ? result_of(!an_supervisor_drives(&app->supervisor))
+                                : an_protocol_refuse(reply, found);
 }
 
-/* Payload bytes a request must have; samples come in any number, and what a build alone knows it looks at itself. */
+/* Check the payload length of a request. Samples come in any number; each build checks its own requests. */
 static bool has_its_length(const an_message *request)
 {
     switch (request->kind) {
@@ -256,7 +258,7 @@ static an_result handle(an_application *app, const an_build *build, const an_mes
     case AN_IDENTIFY:
         return an_application_started(app, build, an_application_identify(app, build));
     case AN_UPLOAD_END:
-        return judge_table(app, build, staged, reply);
+        return check_table(app, build, staged, reply);
     default:
         return build->handle_request(app, request);
     }

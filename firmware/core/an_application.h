@@ -1,5 +1,6 @@
-/* What the two builds share above their loops: the supervisor with what it orders, the texture, and what a host may ask of
- * either. What only one of them can do it gives as an an_build.
+/* Application layer common to both builds: supervisor, texture and host requests.
+ *
+ * Each build supplies its own part, from measurement to control, as an an_build.
  */
 #ifndef AN_APPLICATION_H
 #define AN_APPLICATION_H
@@ -12,95 +13,96 @@
 #include "an_texture.h"
 #include "an_types.h"
 
-/* First member of each build's own state. */
+/* State common to both builds; the first member of each build's own state. */
 typedef struct {
     an_supervisor supervisor;
     an_texture texture;
-    uint32_t worst_cycles; /* of the fast interrupt; the board's note */
-    uint32_t slot;         /* which of what may be measured is chosen: 0, or the shape */
-    uint32_t chosen;       /* times that it was */
-    uint32_t measured;     /* times that its measurement succeeded */
+    uint32_t worst_cycles; /* longest fast interrupt so far; written by the board */
+    uint32_t slot;         /* selected set of measured values: 0, or the index of the shape */
+    uint32_t chosen;       /* number of selections so far */
+    uint32_t measured;     /* number of successful measurements so far */
     float sample_rate_hz;
 } an_application;
 
 enum { AN_SLOTS = 2 };
 _Static_assert((int)AN_SLOTS >= (int)AN_TABLE_SHAPES, "each shape has its slot");
 
-/* How the interrupts are getting on. */
+/* Snapshot of the interrupts' progress, taken by the main loop. */
 typedef struct {
-    bool vacant;     /* the job posted last is at work: another may be prepared */
-    an_job_kind job; /* at work */
-    uint32_t faults; /* found by them */
-    uint32_t window; /* the present one */
+    bool vacant;     /* the last posted job is active, so another may be prepared */
+    an_job_kind job; /* active job */
+    uint32_t faults; /* found by the interrupts */
+    uint32_t window; /* number of the current window */
     float window_hz;
 } an_moment;
 
-/* What an_application_keep has seen to. */
+/* Counts that an_application_keep has already handled, and what became of the values. */
 typedef struct {
     uint32_t chosen;
     uint32_t measured;
     an_keep_state state;
 } an_keeping;
 
-/* A build; app is its own state. */
+/* Interface of a build; app points to the build's own state. */
 typedef struct an_build {
-    uint8_t number; /* as a host is told */
+    uint8_t number; /* reported to the host */
     an_moment (*moment)(const an_application *app);
     const an_table *(*table)(const an_application *app);
     uint32_t (*entries)(const an_table *table);
-    an_table_result (*accepts)(const an_table *table, float sample_rate_hz); /* a sound one: is it for this build and rate? */
-    bool (*post_rest)(an_application *app, bool clear); /* the job; clear: it forgets the faults of the interrupts */
-    void (*trip)(an_application *app, uint32_t faults); /* rests the outputs at once */
+    an_table_result (*accepts)(const an_table *table, float sample_rate_hz); /* does a valid table suit this build? */
+    bool (*post_rest)(an_application *app, bool clear); /* post a rest job; clear: and clear the interrupts' faults */
+    void (*trip)(an_application *app, uint32_t faults); /* set the outputs to rest at once */
     void (*begin_identify)(an_application *app);
-    void (*identify)(an_application *app); /* goes on with it */
-    void (*follow)(an_application *app);   /* looks after the loop that runs */
+    void (*identify)(an_application *app); /* next step of the measurement */
+    void (*follow)(an_application *app);   /* supervise the closed loop */
     void (*set_reference)(an_application *app, float reference);
     uint8_t *(*put_status)(const an_application *app, uint8_t *at);
-    uint8_t *(*put_values)(const an_application *app, uint8_t *at); /* what was measured, at most AN_KEEP_VALUES_MAX */
-    bool (*take_values)(an_application *app, const uint8_t *values, uint32_t length); /* back again */
-    an_result (*handle_request)(an_application *app, const an_message *request); /* those of no other build */
+    uint8_t *(*put_values)(const an_application *app, uint8_t *at); /* write the measured values (AN_KEEP_VALUES_MAX) */
+    bool (*take_values)(an_application *app, const uint8_t *values, uint32_t length); /* restore them */
+    an_result (*handle_request)(an_application *app, const an_message *request); /* requests specific to this build */
 } an_build;
 
-/* At rest, or in the faults found before. */
+/* Start at rest, or in the fault state if any faults were found before. */
 void an_application_boot(an_application *app, float sample_rate_hz, uint32_t faults);
 
-/* One pass of the main loop. Nothing is decided while a job waits to be taken over: the slow step acts on faults by itself,
- * and does so first. */
+/* One pass of the main loop. Decisions are postponed while a posted job has not been taken over; the slow step acts on
+ * faults by itself, and acts first. */
 void an_application_poll(an_application *app, const an_build *build);
 
-/* True when a start would be granted. */
+/* True if a start would be accepted. */
 bool an_application_is_ready(const an_application *app, const an_build *build);
 
-/* Measures the plate anew, known or not, and rests. False unless idle. */
+/* Measure the plate, even if it has been measured before, and then rest. Returns false unless idle. */
 bool an_application_identify(an_application *app, const an_build *build);
 
-/* What was measured in the chosen slot is good: rests, and true, if that was all. */
+/* Record a successful measurement of the selected slot. If only a measurement was requested, go to rest and return
+ * true. */
 bool an_application_is_measured(an_application *app, const an_build *build);
 
-/* Back to rest. */
+/* Request a return to rest. */
 void an_application_stop(an_application *app);
 
-/* A fault that the main loop found: latched, the outputs at rest at once. */
+/* Latch a fault found by the main loop and set the outputs to rest at once. */
 void an_application_fail(an_application *app, const an_build *build, an_fault fault);
 
-/* Leaves the fault state when no fault of the board or the table is left. */
+/* Leave the fault state, unless a fault of the board or the table remains. */
 bool an_application_clear(an_application *app, const an_build *build);
 
-/* A request of the host, as an_link passes it on. */
+/* Handle a host request passed on by an_link. */
 an_result an_application_handle_request(an_application *app, const an_build *build, const an_message *request,
                                         const an_table *staged, an_message *reply);
 
-/* The counts and faults that every status has. */
+/* Write the faults and counts common to every status reply. */
 uint8_t *an_application_put_counts(const an_application *app, uint32_t window, uint8_t *at);
 
 /* True for a reference from 0 to 1. */
 bool an_application_may_refer(float reference);
 
-/* Keeps in memory (AN_SLOTS times AN_KEEP_BYTES, or NULL) what was measured since the last call, or takes from it what was
- * kept of a slot that was chosen since, once nothing is driven. */
+/* Save the values measured since the last call to memory (AN_SLOTS times AN_KEEP_BYTES, or NULL). If another slot has
+ * been selected since, restore its saved values as soon as the outputs are at rest. */
 void an_application_keep(an_application *app, const an_build *build, uint8_t *memory, an_keeping *keeping);
 
-/* A start that a host ordered: it must keep talking from now on. */
+/* Result of a start requested by the host, which must stay in contact from now on if it succeeded. */
 an_result an_application_started(an_application *app, const an_build *build, bool done);
 
 #endif

@@ -1,5 +1,5 @@
-/* Invariants: checked on the host, where a broken one ends the program, and taken for granted on the board, where the
- * supervisor, the guard and the watchdog are what ends a program that went astray. */
+/* Invariants, checked on the host only, where a violation terminates the program. On the board the supervisor, the
+ * guard and the watchdog stop a program that has gone wrong. */
 #ifndef AN_ASSERT_H
 #define AN_ASSERT_H
 

@@ -11,8 +11,8 @@ void an_button_init(an_button *button, uint32_t looks_per_s)
     button->pause = looks_per_s / 2u;
 }
 
-/* True once for each press that lasts. */
-static bool is_pressed_anew(an_button *button, bool pressed, uint32_t now)
+/* True once per debounced press. */
+static bool is_new_press(an_button *button, bool pressed, uint32_t now)
 {
     if (pressed != button->raw) {
         button->raw = pressed;
@@ -28,7 +28,7 @@ static bool is_pressed_anew(an_button *button, bool pressed, uint32_t now)
 an_order an_button_order(an_button *button, bool pressed, uint32_t now, an_state state)
 {
     button->quiet = button->quiet && now - button->cleared < button->pause;
-    if (!is_pressed_anew(button, pressed, now)) {
+    if (!is_new_press(button, pressed, now)) {
         return AN_ORDER_NONE;
     }
     if (state == AN_STATE_FAULT) {

@@ -1,4 +1,4 @@
-/* Little-endian numbers in bytes of any alignment. */
+/* Little-endian numbers in byte arrays of any alignment. */
 #ifndef AN_BYTES_H
 #define AN_BYTES_H
 
@@ -29,7 +29,7 @@ static inline an_complex an_get_complex(const uint8_t *at)
     return z;
 }
 
-/* Each returns where the next one goes. */
+/* Each an_put function returns the position after the bytes it wrote. */
 static inline uint8_t *an_put8(uint8_t *at, uint32_t value)
 {
     at[0] = (uint8_t)value;

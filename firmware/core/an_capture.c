@@ -45,7 +45,7 @@ static void take_row(an_capture *capture, const uint16_t *inputs, const uint16_t
     capture->used += capture->row;
 }
 
-/* Asked before a row is written as well: a damaged word leads nowhere else. */
+/* Also checked before a row is written, so that a corrupted counter cannot lead outside the array. */
 static bool has_room(const an_capture *capture)
 {
     return capture->row <= (uint32_t)AN_CAPTURE_ROOM && capture->used <= (uint32_t)AN_CAPTURE_ROOM - capture->row;

@@ -1,4 +1,5 @@
-/* Zeroes an object, byte by byte: the core calls no library, not even through the compiler. */
+/* Zero an object byte by byte: the core does not depend on a C library, not even through calls that the compiler
+ * inserts. */
 #ifndef AN_CLEAR_H
 #define AN_CLEAR_H
 

@@ -45,7 +45,7 @@ static inline float an_abs(an_complex a)
     return __builtin_sqrtf(an_abs2(a));
 }
 
-/* a / b; zero where b is zero, so that no infinity is born here. */
+/* a / b, or zero if b is zero, so that a division never yields an infinity. */
 static inline an_complex an_div(an_complex a, an_complex b)
 {
     const float size = an_abs2(b);
@@ -55,7 +55,7 @@ static inline an_complex an_div(an_complex a, an_complex b)
     return an_scale(an_mul(a, an_conj(b)), 1.0f / size);
 }
 
-/* True for any number but an infinity or a NaN: x - x is zero for all others. */
+/* True unless x is an infinity or a NaN: x - x is zero for every finite x. */
 static inline bool an_is_finite(float x)
 {
     return x - x == 0.0f;

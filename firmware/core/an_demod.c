@@ -3,7 +3,7 @@
 #include "an_complex.h"
 #include "an_sincos.h"
 
-/* sum of cos(n theta) over N samples placed evenly about zero: sin(N theta / 2) / sin(theta / 2). */
+/* Dirichlet kernel: the sum of cos(n theta) over N samples centred on zero, sin(N theta / 2) / sin(theta / 2). */
 static float dirichlet(uint32_t half_step, uint32_t window)
 {
     const float low = an_turn(half_step).im;
@@ -12,6 +12,9 @@ static float dirichlet(uint32_t half_step, uint32_t window)
     return low > floor || low < -floor ? high / low : (float)window;
 }
 
+/* With the phase measured from the middle, sum cos p sin p = sum sin p = 0. For cosine and offset the normal matrix is
+ * (C, F; F, N), with C = sum cos^2 p = (N + D2) / 2 and F = sum cos p = D1; for the sine it is S = (N - D2) / 2. D1 and
+ * D2 are the kernels of the step and of twice the step. */
 bool an_demod_plan(an_demod *demod, uint32_t step, uint32_t window, float scale)
 {
     const float count = (float)window;

@@ -11,8 +11,8 @@ void an_frame_reader_init(an_frame_reader *reader)
     reader->refused = 0u;
 }
 
-/* In place: each code byte tells where the next one stands and, but for the first, stands for a zero itself.
- * Returns the length of the content, 0 when the codes do not end where the bytes do. */
+/* Decode in place. Each code byte gives the distance to the next one; all but the first replace a zero of the content.
+ * Returns the length of the content, or 0 if the last code does not end with the last byte. */
 static uint32_t cobs_decode(uint8_t *bytes, uint32_t length)
 {
     uint32_t from = 0u;

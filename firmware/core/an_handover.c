@@ -14,7 +14,7 @@ bool an_handover_vacant(const an_handover *hand)
 
 void an_handover_post(an_handover *hand)
 {
-    AN_ASSERT(hand->active == hand->posted); /* else the job at work would be written over */
+    AN_ASSERT(hand->active == hand->posted); /* otherwise the active job would be overwritten */
     atomic_signal_fence(memory_order_release);
     hand->posted = ~hand->posted;
 }
@@ -29,7 +29,7 @@ bool an_handover_is_sound(const an_handover *hand)
     return is_one_of_two(hand->active) && is_one_of_two(hand->posted);
 }
 
-/* An interrupt in between makes the exclusive store fail, and it is tried again. */
+/* If an interrupt intervenes, the exclusive store fails and is retried. */
 void an_handover_trip(uint32_t *faults, uint32_t found)
 {
     __atomic_fetch_or(faults, found, __ATOMIC_RELAXED);

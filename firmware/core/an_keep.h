@@ -1,5 +1,5 @@
-/* Values that outlive a reset, in memory that the board keeps: sealed by a CRC-32 and bound to the table and the build that
- * they were measured with.
+/* Measured values that survive a reset in the board's backup memory. A CRC-32 protects them, and they are valid only
+ * for the table and build they were measured with.
  */
 #ifndef AN_KEEP_H
 #define AN_KEEP_H
@@ -10,17 +10,17 @@
 enum { AN_KEEP_VALUES_MAX = 300, AN_KEEP_HEADER_BYTES = 16, AN_KEEP_BYTES = AN_KEEP_HEADER_BYTES + AN_KEEP_VALUES_MAX };
 
 typedef enum {
-    AN_KEEP_NONE,    /* the board has no such memory */
-    AN_KEEP_EMPTY,   /* nothing sound in it, as after a loss of power */
-    AN_KEEP_REFUSED, /* what is there was measured with another table or build */
-    AN_KEEP_READ,    /* what was measured before the reset is in use */
-    AN_KEEP_WRITTEN  /* what was measured since is kept */
+    AN_KEEP_NONE,    /* the board has no backup memory */
+    AN_KEEP_EMPTY,   /* no valid values, as after a loss of power */
+    AN_KEEP_REFUSED, /* the values belong to another table or build */
+    AN_KEEP_READ,    /* the values from before the reset are in use */
+    AN_KEEP_WRITTEN  /* new values have been saved */
 } an_keep_state;
 
-/* Values of at most AN_KEEP_VALUES_MAX bytes into memory of AN_KEEP_BYTES. */
+/* Save at most AN_KEEP_VALUES_MAX bytes of values to memory (AN_KEEP_BYTES). */
 void an_keep_write(uint8_t *memory, uint32_t build, const an_table *table, const uint8_t *values, uint32_t length);
 
-/* The length of the values, which then stand in values, and the state; 0 unless AN_KEEP_READ. */
+/* Copy saved values to values and set state. Returns their length, or 0 unless state is AN_KEEP_READ. */
 uint32_t an_keep_read(const uint8_t *memory, uint32_t build, const an_table *table, uint8_t *values, an_keep_state *state);
 
 #endif

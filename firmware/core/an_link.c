@@ -29,7 +29,7 @@ static an_result begin_upload(an_link *link, const an_message *request)
     return AN_OK;
 }
 
-/* A piece that was already taken is acknowledged again: its acknowledgement may have been lost. */
+/* A piece received twice is acknowledged twice: the first acknowledgement may have been lost. */
 static an_result take_piece(an_link *link, const an_message *request)
 {
     if (request->length < 5u) {
@@ -47,7 +47,7 @@ static an_result take_piece(an_link *link, const an_message *request)
     return AN_OK;
 }
 
-/* A table with bytes behind its end is refused as well: what is stored is what was meant, no more. */
+/* A table followed by extra bytes is also rejected. */
 static an_table_result check_staged(an_link *link, an_table *table)
 {
     const an_table_result found = an_table_open(table, link->staged, link->staged_length);
@@ -83,7 +83,7 @@ static an_result set_log(an_link *link, const an_message *request)
     return AN_OK;
 }
 
-static an_result tell_health(const an_link *link, const an_message *request, an_message *reply)
+static an_result report_health(const an_link *link, const an_message *request, an_message *reply)
 {
     uint8_t *at = reply->payload + 1;
     for (uint32_t i = 0u; i < AN_HEALTH_WORDS; i++) {
@@ -93,15 +93,16 @@ static an_result tell_health(const an_link *link, const an_message *request, an_
     return request->length == 0u ? AN_OK : AN_BAD_VALUE;
 }
 
-/* So many samples a row. */
+/* The payload gives the number of samples per row. */
 static an_result begin_capture(an_link *link, const an_message *request)
 {
     const uint32_t every = request->length == 4u ? an_get32(request->payload) : 0u;
     return an_capture_begin(link->capture, every) ? AN_OK : AN_BAD_VALUE;
 }
 
-/* How many words there are so far, of how many, how many make a row, and those from a place on. */
-static an_result tell_captured(const an_link *link, const an_message *request, an_message *reply)
+/* Reply with the number of words so far and in total, the words per row, and the words from the requested index
+ * onwards. */
+static an_result report_captured(const an_link *link, const an_message *request, an_message *reply)
 {
     const an_capture *capture = link->capture;
     if (request->length != 4u) {
@@ -130,18 +131,18 @@ static an_result answer(an_link *link, const an_message *request, an_message *re
     case AN_LOG:
         return set_log(link, request);
     case AN_HEALTH:
-        return tell_health(link, request, reply);
+        return report_health(link, request, reply);
     case AN_CAPTURE:
         return begin_capture(link, request);
     case AN_CAPTURED:
-        return tell_captured(link, request, reply);
+        return report_captured(link, request, reply);
     default:
         return an_application_handle_request(link->app, link->build, request, NULL, reply);
     }
 }
 
-/* A stop that was heard before is one that did not help. */
-static bool is_done_each_time(uint32_t kind)
+/* Requests that change nothing, and stop: a host that repeats a stop wants one, whatever became of the first. */
+static bool is_always_executed(uint32_t kind)
 {
     return kind == AN_IDENTITY || kind == AN_STATUS || kind == AN_HEALTH || kind == AN_CAPTURED || kind == AN_STOP;
 }
@@ -174,7 +175,7 @@ static void send(an_link *link, an_message *reply, uint32_t kind, uint32_t seque
     link->out_length = an_frame_write(link->out, reply);
 }
 
-/* Answers that are remembered are short. */
+/* Send a reply and keep a copy of it; such replies have at most two bytes. */
 static void send_and_keep(an_link *link, an_message *reply, uint32_t kind, uint32_t sequence, an_result result)
 {
     AN_ASSERT(reply->length <= sizeof link->last.answer);
@@ -201,7 +202,7 @@ void an_link_feed(an_link *link, uint8_t byte)
     link->app->supervisor.heard = link->build->moment(link->app).window;
     reply.length = 1u;
     link->last.known = link->last.known && link->last.sequence == request.sequence;
-    if (is_done_each_time(request.kind)) {
+    if (is_always_executed(request.kind)) {
         const an_result result = answer(link, &request, &reply);
         send(link, &reply, request.kind, request.sequence, result);
         return;

@@ -1,8 +1,8 @@
-/* The host's end of the line: requests in, replies and a log out, a new mode table on the way to its flash sector.
+/* Link to the host: receives requests, sends replies and the log, and stages a new mode table for its flash sector.
  *
- * A request is answered by the same kind with its top bit set, the same sequence, and a payload that begins with a
- * result. What concerns the application is passed on to it; a table is staged in RAM, checked there, and only then
- * handed to the board to be stored.
+ * The reply to a request has the same kind with the top bit set, the same sequence number, and a payload that begins
+ * with a result. Requests for the application are passed on to it. An uploaded table is staged and checked in RAM
+ * before the board stores it.
  */
 #ifndef AN_LINK_H
 #define AN_LINK_H
@@ -13,9 +13,10 @@
 #include "an_protocol.h"
 #include "an_types.h"
 
-/* The last request that changed something, and its answer: a host that lost the answer asks again, with the same
- * sequence, and must neither be refused nor done twice. It is forgotten when another sequence is heard, for then the answer
- * had come, or nobody waits for it. What changes nothing, and a stop, is done and answered anew each time. */
+/* The last request that changed anything, and its reply. A host that lost the reply repeats the request with the same
+ * sequence number; the board then repeats the reply without executing the request again. The entry expires as soon as
+ * another sequence number arrives, because the host then no longer waits for this reply. Requests that change nothing,
+ * and stop, are executed every time. */
 typedef struct {
     bool known;
     uint8_t kind;
@@ -31,28 +32,28 @@ typedef struct {
     const an_build *build;
     an_capture *capture;
     uint8_t out[AN_FRAME_BYTES];
-    uint32_t out_length; /* bytes the board shall send next; it sets 0 when it took them */
+    uint32_t out_length; /* bytes to be sent next; the board sets it to 0 when it has accepted them */
     uint8_t staged[AN_TABLE_MAX_BYTES];
     uint32_t staged_length;
     uint32_t staged_target;
     an_last_request last;
     uint32_t health[AN_HEALTH_WORDS];
-    bool store_target; /* the board shall store staged, then call an_link_stored */
+    bool store_target; /* asks the board to store the staged table and then to call an_link_stored */
     uint8_t store_sequence;
-    uint32_t log_every; /* windows a record; 0: none */
+    uint32_t log_every; /* windows per record; 0: no log */
     uint32_t log_waited;
     an_message log;
 } an_link;
 
 void an_link_init(an_link *link, an_application *app, const an_build *build, an_capture *capture);
 
-/* Takes a byte from the line. Not to be called while out_length is not zero. */
+/* Process a received byte. Must not be called while out_length is nonzero. */
 void an_link_feed(an_link *link, uint8_t byte);
 
-/* The outcome of storing the staged table. */
+/* Report whether the staged table was stored. */
 void an_link_stored(an_link *link, bool done);
 
-/* Once a window: a record for the log, AN_LOG_FLOATS numbers. */
+/* Add a record of AN_LOG_FLOATS numbers to the log; called once per window. */
 void an_link_log(an_link *link, uint32_t window, const float *record);
 
 #endif

@@ -1,4 +1,4 @@
-/* What host and board call things: kinds of requests, results, and the order of what health tells. */
+/* Numbers shared with the host: request kinds, results, and the order of the health words. */
 #ifndef AN_PROTOCOL_H
 #define AN_PROTOCOL_H
 
@@ -30,35 +30,36 @@ typedef enum {
 
 typedef enum {
     AN_OK,
-    AN_UNKNOWN,       /* this image does not know the request */
-    AN_BAD_VALUE,     /* wrong length, or a value out of range */
-    AN_NOT_NOW,       /* refused in this state */
+    AN_UNKNOWN,       /* request not supported by this image */
+    AN_BAD_VALUE,     /* wrong length or value out of range */
+    AN_NOT_NOW,       /* not allowed in this state */
     AN_TABLE_REFUSED, /* followed by the reason, AN_TABLE_... */
     AN_STORE_FAILED
 } an_result;
 
-enum { AN_STATUS_LIMITED = 8 }; /* in a status' fourth byte: the drive is at its limit, and the plate short of its reference */
+/* Flag in the fourth byte of a status: the drive is at its limit and the plate does not reach the reference. */
+enum { AN_STATUS_LIMITED = 8 };
 
 enum { AN_PROTOCOL = 3, AN_LOG_FLOATS = 5, AN_LOG_PER_FRAME = 4 };
 
-/* What the board tells of itself, in answer to AN_HEALTH: 32-bit words in this order. Exception, pc, lr and cfsr are those
- * of the last interrupt that nobody expected, zeros when there was none since power-on. */
+/* Reply to AN_HEALTH: 32-bit words in this order. Exception, pc, lr and cfsr describe the last unexpected exception;
+ * they are zero if there has been none since power-on. */
 typedef enum {
-    AN_HEALTH_RESETS, /* by the watchdog, in a row */
+    AN_HEALTH_RESETS, /* consecutive watchdog resets */
     AN_HEALTH_EXCEPTION,
     AN_HEALTH_PC,
     AN_HEALTH_LR,
     AN_HEALTH_CFSR,
     AN_HEALTH_CORE_HZ,
-    AN_HEALTH_FAST_CYCLES, /* longest so far: fast interrupt, slow interrupt, pass of the main loop */
+    AN_HEALTH_FAST_CYCLES, /* longest so far: fast interrupt, slow interrupt, main-loop pass */
     AN_HEALTH_SLOW_CYCLES,
     AN_HEALTH_MAIN_CYCLES,
-    AN_HEALTH_STACK_UNUSED, /* bytes; 0 in the first second */
+    AN_HEALTH_STACK_UNUSED, /* bytes; 0 during the first second */
     AN_HEALTH_KEPT,         /* an_keep_state */
     AN_HEALTH_WORDS
 } an_health;
 
-/* A table that is refused, with the reason. */
+/* Write the reason for rejecting a table to the reply and return AN_TABLE_REFUSED. */
 an_result an_protocol_refuse(an_message *reply, an_table_result reason);
 
 #endif

@@ -1,4 +1,4 @@
-/* The same as an_turn, in line: for the fast tick. */
+/* Inline version of an_turn for the fast tick. */
 #ifndef AN_SINCOS_H
 #define AN_SINCOS_H
 
@@ -6,8 +6,8 @@
 
 #define AN_TURN_PER_LSB 1.4629180792671596e-9f /* 2 pi / 2^32 */
 
-/* The nearest angle of the table, turned by the rest d: |d| <= pi/256, so that the d^3/6 left out stays below
- * 3.1e-7. What the nearest angle leaves is the phase's low 24 bits with their sign, here shifted to the top. */
+/* Second-order expansion about the nearest tabulated angle. |d| <= pi/256, so the neglected d^3/6 is below 3.1e-7. d is
+ * the signed low 24 bits of the phase, shifted to the top of the word here. */
 static inline an_complex an_sincos(uint32_t phase)
 {
     const uint32_t shifted = phase + 0x800000u;

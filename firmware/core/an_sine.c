@@ -12,7 +12,8 @@ an_complex an_turn(uint32_t phase)
     return an_sincos(phase);
 }
 
-/* atan of a ratio in [0, 1] as a phase, good to 0.004 rad: one turn back then leaves 1e-8. */
+/* Arctangent of a ratio in [0, 1] as a phase, accurate to 0.004 rad. an_phase_of rotates back by it and takes the sine
+ * of the remaining angle for the angle itself, an error of 1e-8. */
 static uint32_t coarse_phase(float ratio)
 {
     const float angle = ratio * (0.7853982f + 0.273f * (1.0f - ratio));

@@ -1,10 +1,10 @@
-/* Sine and cosine of a 32-bit phase: 2^32 is one turn. */
+/* Sine and cosine of a 32-bit phase with 2^32 counts per turn. */
 #ifndef AN_SINE_H
 #define AN_SINE_H
 
 #include "an_types.h"
 
-/* The unit circle at 256 evenly spaced angles, from 0. */
+/* Cosine and sine at 256 equally spaced angles, starting at 0. */
 typedef struct {
     float cosine;
     float sine;
@@ -12,10 +12,10 @@ typedef struct {
 
 extern const an_sine_entry an_sine_table[256];
 
-/* exp(j phase), for callers that are not in a hurry. */
+/* exp(j phase), for callers outside the fast tick. */
 an_complex an_turn(uint32_t phase);
 
-/* The 32-bit phase of a vector, the inverse of an_turn; 0 for the zero vector. */
+/* Phase of a complex number, the inverse of an_turn; 0 for zero and for values that are not finite. */
 uint32_t an_phase_of(an_complex z);
 
 #endif

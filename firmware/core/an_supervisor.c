@@ -4,9 +4,9 @@
 
 #define AN_SILENCE_S 0.5f
 
-static const uint32_t lasting = AN_FAULT_TABLE | AN_FAULT_CLOCK;
+static const uint32_t permanent = AN_FAULT_TABLE | AN_FAULT_CLOCK;
 
-/* A measurement begins at rest alone, and a fault leads to nothing else than rest. */
+/* A measurement starts from rest only, and the fault state can only be left for rest. */
 void an_supervisor_enter(an_supervisor *supervisor, an_state state)
 {
     AN_ASSERT(!an_supervisor_is_sound(supervisor) || state == AN_STATE_IDLE || state == AN_STATE_FAULT ||
@@ -69,7 +69,7 @@ void an_supervisor_fail(an_supervisor *supervisor, uint32_t faults)
 
 bool an_supervisor_may_clear(const an_supervisor *supervisor)
 {
-    return supervisor->state == AN_STATE_FAULT && (supervisor->faults & lasting) == 0u;
+    return supervisor->state == AN_STATE_FAULT && (supervisor->faults & permanent) == 0u;
 }
 
 void an_supervisor_clear(an_supervisor *supervisor)
@@ -86,7 +86,7 @@ static bool host_is_silent(const an_supervisor *supervisor, uint32_t window, flo
     return supervisor->host_drives && (float)(window - supervisor->heard) * window_s > AN_SILENCE_S;
 }
 
-/* What the slow step does is what the state says, and no word of the state was damaged. */
+/* True if the active job matches the state and the state itself is not corrupted. */
 static bool is_consistent(const an_supervisor *supervisor, an_job_kind kind)
 {
     const an_state state = supervisor->state;

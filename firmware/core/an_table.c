@@ -18,14 +18,14 @@ _Static_assert(MODE_SENSORS + ROW_BYTES == AN_TABLE_MODE_BYTES, "a mode ends wit
 _Static_assert(SHAPE_MATRIX + AN_CHANNELS * ROW_BYTES == SHAPE_TARGETS, "the targets follow the matrix");
 _Static_assert(SHAPE_TARGETS + AN_PATTERNS * ROW_BYTES == AN_TABLE_SHAPE_BYTES, "a shape ends with its targets");
 
-/* False for a NaN. */
+/* Check the bounds of a float; false for a NaN. */
 static bool within(const uint8_t *at, float low, float high)
 {
     const float value = an_get_float(at);
     return value >= low && value <= high;
 }
 
-/* Complex numbers in use have parts of at most high, those beyond are zero. */
+/* Check a row of complex numbers: real and imaginary parts up to high in magnitude where in use, zero elsewhere. */
 static bool row_within(const uint8_t *at, uint32_t in_use, float high)
 {
     for (uint32_t i = 0u; i < 2u * AN_CHANNELS; i++) {
@@ -161,7 +161,7 @@ static bool header_in_range(const an_table *table)
            table->mode_count + table->shape_count > 0u && within(table->data + AT_RATE, 1e3f, 1e6f);
 }
 
-/* The counts are bounded before they are multiplied, the sum must meet the stated length exactly. */
+/* Bound the counts before multiplying them; the total must equal the stated length. */
 static bool lengths_agree(const an_table *table)
 {
     const uint8_t *data = table->data;

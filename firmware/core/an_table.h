@@ -1,7 +1,7 @@
-/* Reader of the mode table that the design computes: little-endian, versioned, CRC-32 behind.
+/* Reader for the mode table exported from a design: little-endian, versioned, with a CRC-32 at the end.
  *
- * A table is read where it lies, byte by byte: no alignment and no byte order is assumed. Once an_table_open has
- * accepted it, every value in it is finite and in range.
+ * The table is read in place, byte by byte, without assumptions about alignment or byte order. Once an_table_open has
+ * accepted it, every value is finite and in range.
  */
 #ifndef AN_TABLE_H
 #define AN_TABLE_H
@@ -32,7 +32,7 @@ typedef enum {
     AN_TABLE_LENGTH,
     AN_TABLE_DAMAGED,
     AN_TABLE_RANGE,
-    AN_TABLE_OTHER_BUILD /* sound, but for the other build or another sample rate */
+    AN_TABLE_OTHER_BUILD /* valid, but for the other build or another sample rate */
 } an_table_result;
 
 enum { AN_GAIN_IDENTIFIED = 1, AN_TAU_IDENTIFIED = 2, AN_FREQUENCY_IDENTIFIED = 4 };
@@ -59,19 +59,20 @@ typedef struct {
     uint32_t pattern_count;
 } an_shape_head;
 
-/* AN_TABLE_OK or why not; length may exceed the table's own (the rest of its flash sector). */
+/* Open a table. Returns AN_TABLE_OK or the reason for rejecting it; length may exceed the table (the rest of its
+ * sector). */
 uint32_t an_table_open(an_table *table, const uint8_t *data, uint32_t length);
 
-/* A mode of an accepted table and its flags; index below mode_count. */
+/* Read a mode of an accepted table and return its flags; index below mode_count. */
 uint32_t an_table_mode(const an_table *table, uint32_t index, an_mode *mode);
 
-/* Of an accepted table, index below shape_count. */
+/* Read the header of a shape of an accepted table; index below shape_count. */
 void an_table_shape(const an_table *table, uint32_t index, an_shape_head *head);
 
-/* One element of its matrix, sensor over actuator. */
+/* One element of a shape's transfer matrix, sensor over actuator. */
 an_complex an_table_matrix(const an_table *table, uint32_t index, uint32_t sensor, uint32_t actuator);
 
-/* One element of a pattern. */
+/* Target of one sensor in a pattern. */
 an_complex an_table_target(const an_table *table, uint32_t index, uint32_t pattern, uint32_t sensor);
 
 #endif

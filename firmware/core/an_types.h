@@ -1,4 +1,4 @@
-/* Types shared by all of the core. */
+/* Types used throughout the core. */
 #ifndef AN_TYPES_H
 #define AN_TYPES_H
 

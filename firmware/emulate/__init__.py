@@ -1,4 +1,4 @@
-"""The firmware's images run without a board: emulated Cortex-M4, emulated converters, a plate computed from the mode table."""
+"""Emulation of a board: Cortex-M4 and converters that run the firmware's images, with a plate from the mode table."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from firmware.build import BuildError, Image, build
-from firmware.emulate.beam import Structure
-from firmware.emulate.plant import Plate, plate_from_table
+from firmware.emulate.plant import Plate, Structure, plate_from_table
 from firmware.host import Supervised
 from firmware.mode_table import from_bytes
 from firmware.protocol import IDENTIFY, RUN, fault_names
@@ -25,17 +24,23 @@ HALF_WINDOW_S = 23 / 250e3
 
 
 class EmulationError(RuntimeError):
-    """The image on the emulated board did not do what it was asked; the message names its fault."""
+    """The image on the emulated board ended in a fault; the message names it."""
 
 
 @dataclass(frozen=True)
 class BoardRun:
-    """A reference step of the image, and what the image found out about the mode before.
+    """Response of the image to a step of the reference, and the mode as identified before.
 
-    columns: time_s (zero at the step), reference, u_d, u_q (what the sensor shows, in full scales, reference along d) and drive
-    (|V|, in full scales), one entry for each window of 0.2 ms.
-    The identification's results are those it works with: Hz, s, full scale over full scale, s; swept, whether it measured
-    them itself.
+    Attributes
+    ----------
+    columns : dict of str to ndarray, shape (windows,)
+        One entry per window of 0.2 ms: time_s (zero at the step), reference, u_d, u_q (components of the sensor signal,
+        the reference along d) and drive (|V|), as fractions of full scale.
+    swept : bool
+        Whether the image measured the mode itself.
+    frequency_hz, tau_s, gain, delay_s : float or complex
+        Mode used by the image, in Hz, s, full scale over full scale, and s.
+    compiler : str
     """
 
     columns: dict[str, NDArray[np.float64]]
@@ -48,27 +53,49 @@ class BoardRun:
 
     @property
     def level(self) -> float:
-        """What the reference steps to, full scales."""
+        """Reference after the step, as a fraction of full scale."""
         return float(self.columns["reference"][-1])
 
     @property
     def t95_s(self) -> float | None:
-        """From the step to the middle of the first window at 95 % of it; None when it never gets there."""
+        """Time from the step to the middle of the first window at 95 % of it; None if the signal never gets there."""
         reached = np.flatnonzero((self.columns["u_d"] >= 0.95 * self.level) & (self.columns["time_s"] >= 0.0))
         return float(self.columns["time_s"][reached[0]] + WINDOW_S - HALF_WINDOW_S) if reached.size else None
 
     @property
     def overshoot(self) -> float:
-        """The largest u_d beyond the step, as a share of it; noise included."""
+        """Largest excess of u_d over the step, relative to it, including noise."""
         return float(self.columns["u_d"].max() / self.level - 1.0)
 
 
 def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seconds: float = 15e-3) -> BoardRun:
-    """A reference step of the unmodified image on the emulated board, joined to the plate that the table describes.
+    """Run a step of the reference with the unmodified image on the emulated board.
 
-    The image identifies the mode first unless the table holds a measured one, settles at zero, and is then asked for share
-    of the largest steady amplitude. plate defaults to plate_from_table with noise of 1e-3 of full scale. Raises BuildError
-    (exit_code 5 when something is not installed), ValueError for a damaged table, EmulationError when the image faulted.
+    The image identifies the mode first, unless the table holds a measured one, and settles at zero before the step.
+
+    Parameters
+    ----------
+    table : bytes
+        Mode table.
+    plate : Plate, optional
+        By default the plate described by the table, with noise of 1e-3 of full scale.
+    share : float, optional
+        Step as a fraction of the largest steady-state amplitude.
+    seconds : float, optional
+        Duration after the step, in s.
+
+    Returns
+    -------
+    BoardRun
+
+    Raises
+    ------
+    BuildError
+        If the image cannot be built; exit_code is 5 if a package is missing.
+    ValueError
+        If the table is damaged.
+    EmulationError
+        If the image ends in a fault.
     """
     with _built(table, "single") as image:
         return _stepped(image, plate or plate_from_table(table, noise=1e-3), share, seconds)
@@ -76,7 +103,7 @@ def board_run(table: bytes, plate: Plate | None = None, share: float = 0.2, seco
 
 @contextmanager
 def _built(table: bytes, variant: str) -> Iterator[Image]:
-    """An image with a table inside, while the context lasts."""
+    """Build an image with a table, for the duration of the context."""
     from_bytes(table)
     missing = [package for name, package in NEEDS.items() if not find_spec(name)]
     if missing:
@@ -91,7 +118,7 @@ def _check_runs(board: Supervised) -> None:
 
 
 def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardRun:
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
 
     board = EmulatedSingle(image.elf, plate)
     board.run(2e-3)
@@ -120,14 +147,36 @@ def _stepped(image: Image, plate: Plate, share: float, seconds: float) -> BoardR
 
 
 def six_run(table: bytes, plate: Structure, patterns: int, seconds: float) -> NDArray[np.complex128]:
-    """The drives that the unmodified six-channel image settles at on the emulated board, (patterns, 6) in full scales.
+    """Hold the first patterns of a table in turn, with the unmodified six-channel image on the emulated board.
 
-    Each of the table's first patterns is held, one after another. Raises BuildError (exit_code 5 when something is not
-    installed), ValueError for a damaged table, EmulationError when the image faulted.
+    Parameters
+    ----------
+    table : bytes
+        Mode table.
+    plate : Structure
+        Plate under the six actuators and sensors.
+    patterns : int
+        Number of patterns.
+    seconds : float
+        Duration of each pattern, in s.
+
+    Returns
+    -------
+    ndarray, shape (patterns, 6)
+        Complex drives at the end of each pattern, as fractions of full scale.
+
+    Raises
+    ------
+    BuildError
+        If the image cannot be built; exit_code is 5 if a package is missing.
+    ValueError
+        If the table is damaged.
+    EmulationError
+        If the image ends in a fault.
     """
     drives = []
     with _built(table, "six") as image:
-        from firmware.emulate.six import EmulatedSix
+        from firmware.emulate.images import EmulatedSix
 
         board = EmulatedSix(image.elf, plate)
         board.run(5e-3)

@@ -1,11 +1,11 @@
-"""An emulated STM32F446 that runs the unmodified image; what stands at its converters is for the builds to say.
+"""Emulated STM32F446 that runs the unmodified image; each build adds what is connected to its converters.
 
-Unicorn executes the Cortex-M4 code, start-up included. It raises no interrupts by itself, so this board calls the handlers as
-the hardware would: the fast one at every sample, PendSV when the image asked for it, SysTick by its own reload value, and
-after each of them the main loop goes on, for any interrupt ends its wait. Main loop passes take no time. Peripherals are
-memory that both sides see; clock and flash controller answer through callbacks. Line speed and SysTick follow
-from the clock that the image has set up. Whatever is executed ends by waiting for an interrupt: an address to stop at would
-be translated anew each time.
+Unicorn executes the Cortex-M4 code, including start-up. It does not raise interrupts, so the board calls the handlers
+as the hardware would: the fast one at every sample, PendSV when the image requests it, and SysTick at the rate of its
+reload value. After each of them the main loop runs until it waits again; its passes take no time. Peripherals are
+memory shared with the emulator, except that clock and flash controllers respond through callbacks. Baud rate and
+SysTick rate follow from the clock set up by the image. Every execution ends at a wait for interrupt, because with an
+end address Unicorn would translate the code again each time.
 """
 
 from __future__ import annotations
@@ -36,50 +36,198 @@ from unicorn.arm_const import (
 )
 
 from firmware.build import FLASH_START, RAM_START, TABLE_START
-from firmware.emulate.controllers import SECTOR_BYTES, Clock, FlashController
 from firmware.host import Supervised
-from firmware.image.elf import Elf
+from firmware.image import Elf
 from firmware.protocol import BAUD
+
+SECTOR_BYTES = 16 * 1024
+ERASE_S = 0.25  # typical for 16 KB; data sheet: at most 0.5 s
+WORD_S = 16e-6
 
 RAM, STUBS, FLASH = RAM_START, 0x00100000, FLASH_START
 APB1, APB2, AHB1, DMA = 0x40000000, 0x40010000, 0x40020000, 0x40026000
 CORE, DEBUG = 0xE0000000, 0xE0042000
 RAM_BYTES = 128 * 1024
-# Memory that both sides see, by its start. RAM first: mapped behind the code, a store to it discards translations of the code
-# at the same offset. Of the flash memory sectors 0 to 2.
+
+# Shared memory by its start address. RAM comes first: if it is mapped after the code, a store to it discards
+# translations of code at the same offset. Flash memory: sectors 0 to 2.
 SHARED = {RAM: RAM_BYTES, STUBS: 0x1000, FLASH: 48 * 1024, APB1: 0x8000, APB2: 0x4000, AHB1: 0x3000}
+
 SHARED |= {DMA: 0x1000, CORE: 0x10000, DEBUG: 0x1000}
 SECTOR, SECTOR_NUMBER = TABLE_START, 3
 CONTROL, CONTROL_BYTES = 0x40023000, 0x1000
-CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # within it
+CLOCK_CONTROL, FLASH_CONTROL = 0x800, 0xC00  # offsets within CONTROL
 BACKUP, BACKUP_BYTES = 0x40024000, 4096
 RETURN = STUBS + 0x80
-
 IWDG = 0x40003000
 PWR_CR, PWR_CSR, GPIOC_IDR, ICSR = 0x40007000, 0x40007004, 0x40020810, 0xE000ED04
 RECEIVE, SEND = DMA + 0x10 + 0x18 * 5, DMA + 0x10 + 0x18 * 6  # DMA1 streams: CR, NDTR, PAR, M0AR
 SYSTICK_CONTROL, SYSTICK_RELOAD = 0xE000E010, 0xE000E014
 NVIC_ENABLE = 0xE000E100
 USART_BRR = 0x40004408
-OVERDRIVE_READY = 3 << 16  # it is on, and switched to
+OVERDRIVE_READY = 3 << 16  # enabled and selected
 WAIT_FOR_INTERRUPT = b"\x30\xbf"
 BOOT_INSTRUCTIONS = 20_000_000
-BAUD_TOLERANCE = 0.03  # what ten bits forgive
-TIME_ERROR_S = 1e-9  # of sums of periods
+BAUD_TOLERANCE = 0.03  # tolerance of ten bits
+TIME_ERROR_S = 1e-9  # round-off in sums of periods
 LSI_HZ = 32e3  # data sheet: 17 to 47 kHz
 
-# Enters a handler as the core does (registers saved, PendSV chained behind when it was asked for) and goes on in the main loop.
+# Stub that enters a handler as the core does (saves registers, chains PendSV if requested) and resumes the main loop.
 ENTRY = bytes.fromhex(
     "2de90f50 2ded100a f1ee100a 11b4 dff834c0 e047 0c48 0168 c900 08d5 0021 0160 0a48 0168 0131 0160 dff824c0 e047"
     "11bc e1ee100a bdec100a bde80f50 dff814f0 00bf 00bf"
 )
-HANDLER, PENDING, WINDOWS, SLOW, BACK = 0x44, 0x48, 0x4C, 0x50, 0x54  # words behind it
+
+HANDLER, PENDING, WINDOWS, SLOW, BACK = 0x44, 0x48, 0x4C, 0x50, 0x54  # words after the stub
 NOTHING, WINDOWS_COUNT = 0x58, 0x60  # bx lr; slow steps so far
+
+_CHANGING = (
+    "time_s",
+    "fed_s",
+    "sent_s",
+    "delivered_s",
+    "ticked_s",
+    "seen_windows",
+    "bitten",
+    "hung",
+    "fast_lost",
+    "resets",
+)
+
+_WHOLE = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2)
+_FRACTIONS = (UC_ARM_REG_S0, UC_ARM_REG_S1)
+
+
+class Clock:
+    """Clock controller: oscillators and PLL become ready after being enabled, unless they or their source are dead."""
+
+    CR, PLLCFGR, CFGR, AHB1ENR, CSR = 0x00, 0x04, 0x08, 0x30, 0x74
+    CRYSTAL_ON, CRYSTAL_READY, PLL_ON, PLL_READY = 1 << 16, 1 << 17, 1 << 24, 1 << 25
+    FROM_CRYSTAL = 1 << 22
+    WATCHDOG_RESET, POWER_RESET = 1 << 29, 1 << 27
+    RC_HZ, CRYSTAL_HZ = 16e6, 8e6
+
+    SLOW = 5  # reads of a register until an enabled part is ready
+
+    def __init__(self, dead_crystal: bool = False, dead_pll: bool = False, watchdog: bool = False) -> None:
+        self.dead_crystal, self.dead_pll = dead_crystal, dead_pll
+        self.looks = 0
+        self.words: dict[int, int] = {self.CSR: self.WATCHDOG_RESET if watchdog else self.POWER_RESET}
+
+    def read(self, offset: int) -> int:
+        value = self.words.get(offset, 0)
+        self.looks += 1
+        if self.looks % self.SLOW:
+            return value
+        if offset == self.CR:
+            value |= self.CRYSTAL_READY if value & self.CRYSTAL_ON and not self.dead_crystal else 0
+            value |= self.PLL_READY if value & self.PLL_ON and self._pll_is_fed else 0
+        if offset == self.CFGR:
+            value |= (value & 3) << 2
+        return value
+
+    def write(self, offset: int, value: int) -> None:
+        forgets = offset == self.CSR and value & 1 << 24
+        self.words[offset] = value & 0x00FFFFFF if forgets else value
+
+    @property
+    def backup_is_clocked(self) -> bool:
+        """True if the clock of the backup RAM is enabled."""
+        return bool(self.words.get(self.AHB1ENR, 0) >> 18 & 1)
+
+    @property
+    def _pll_is_fed(self) -> bool:
+        from_crystal = bool(self.words.get(self.PLLCFGR, 0) & self.FROM_CRYSTAL)
+        return not self.dead_pll and not (from_crystal and self.dead_crystal)
+
+    @property
+    def core_hz(self) -> float:
+        """Frequency of core and AHB, in Hz."""
+        if self.words.get(self.CFGR, 0) & 3 != 2:
+            return self.RC_HZ
+        word = self.words[self.PLLCFGR]
+        source = self.CRYSTAL_HZ if word & self.FROM_CRYSTAL else self.RC_HZ
+        return source / (word & 63) * (word >> 6 & 511) / (2 * (word >> 16 & 3) + 2)
+
+    @property
+    def apb1_hz(self) -> float:
+        """Frequency of the slow peripheral bus, in Hz; its timers run at twice that unless it is undivided."""
+        return self.core_hz / self._divider(10)
+
+    def _divider(self, shift: int) -> int:
+        code = self.words.get(self.CFGR, 0) >> shift & 7
+        return 1 if code < 4 else 2 << (code - 4)
+
+
+class FlashController:
+    """Flash controller: unlocked by keys, it erases one sector, programs ones to zeros, and rejects the rest."""
+
+    ACR, KEYR, SR, CR = 0x00, 0x04, 0x0C, 0x10
+    KEYS = (0x45670123, 0xCDEF89AB)
+    PROGRAM, ERASE, START, LOCK = 1 << 0, 1 << 1, 1 << 16, 1 << 31
+    WORDS, SECTOR = 2 << 8, 0xF << 3
+    REFUSED, ERRORS, BUSY = 1 << 7 | 1 << 4, 0xF2, 1 << 16
+    LOOKS = 2  # reads of the status until it is no longer busy
+
+    def __init__(self, sector: int, content: bytearray, stall: Callable[[float], None]) -> None:
+        self.sector, self.content, self.stall = sector, content, stall
+        self.access = self.status = 0
+        self.control = self.LOCK
+        self.keys: list[int] = []
+        self.busy = 0
+        self.slow_looks = 0
+        self.broken = False
+
+    def read(self, offset: int) -> int:
+        if offset == self.SR and self.busy:
+            self.busy -= 1
+            return self.BUSY
+        if offset == self.ACR and self.slow_looks:
+            self.slow_looks -= 1
+            return 0
+        return {self.ACR: self.access, self.SR: self.status, self.CR: self.control}.get(offset, 0)
+
+    def write(self, offset: int, value: int) -> None:
+        if offset == self.ACR:
+            self.slow_looks = (
+                self.LOOKS if value & 0xF != self.access & 0xF else 0
+            )  # wait states take effect with a delay
+            self.access = value
+        elif offset == self.KEYR:
+            self.keys.append(value)
+            if tuple(self.keys[-2:]) == self.KEYS:
+                self.control &= ~self.LOCK
+        elif offset == self.SR:
+            self.status &= ~(value & self.ERRORS)
+        elif offset == self.CR and not self.control & self.LOCK:
+            self._order(value)
+
+    def _order(self, value: int) -> None:
+        self.control = value & ~self.START
+        if not value & self.START:
+            return
+        if value & self.ERASE and (value & self.SECTOR) >> 3 == self.sector:
+            self.content[:] = b"\xff" * SECTOR_BYTES
+            self.busy = self.LOOKS
+            self.stall(ERASE_S)
+        else:
+            self.status |= self.REFUSED
+
+    def program(self, offset: int, size: int, value: int) -> None:
+        """Program a word of the sector."""
+        ready = self.control & (self.LOCK | self.PROGRAM | 3 << 8) == self.PROGRAM | self.WORDS
+        if not ready or size != 4 or self.broken:
+            self.status |= self.REFUSED
+            return
+        old = int.from_bytes(self.content[offset : offset + 4], "little")
+        self.content[offset : offset + 4] = (old & value).to_bytes(4, "little")
+        self.busy = self.LOOKS
+        self.stall(WORD_S)
 
 
 @dataclass(frozen=True)
 class Chip:
-    """What may be unlike a sound F446: clocks that are dead, the overdrive's answer, the watchdog's clock, backup memory."""
+    """Deviations from an intact F446: dead clocks, response of the overdrive, watchdog clock, missing backup memory."""
 
     dead_crystal: bool = False
     dead_pll: bool = False
@@ -89,11 +237,11 @@ class Chip:
 
 
 class EmulatedBoard(Supervised):
-    """The image and its peripherals in lock step; time moves by run(seconds). Builds say what a trigger does (_exchange)."""
+    """Image and peripherals in lock step; run(seconds) advances the time, and builds define the effect of a trigger."""
 
     FAST_HANDLER = "ADC_IRQHandler"
     BUILD = "an_single_build"
-    WORLD: tuple[str, ...] = ()  # attributes of a build that change as its time goes on
+    WORLD: tuple[str, ...] = ()  # attributes of a build that change with time
 
     def __init__(self, image: Path, sample_rate_hz: float, chip: Chip) -> None:
         self.elf, self.chip = Elf.read(image), chip
@@ -101,7 +249,7 @@ class EmulatedBoard(Supervised):
         self.resets = 0
         self.time_s = 0.0
         self.on_window: Callable[[], None] | None = None
-        self.app: Any = None  # the application's state, once the build has found it
+        self.app: Any = None  # state of the application, set by the build
         self.uc = Uc(UC_ARCH_ARM, UC_MODE_THUMB | UC_MODE_MCLASS)
         self.uc.ctl_set_cpu_model(UC_CPU_ARM_CORTEX_M4)
         self.words: dict[int, ctypes.c_uint32] = {}
@@ -118,7 +266,7 @@ class EmulatedBoard(Supervised):
         self.reset()
 
     def reset(self, by_watchdog: bool = False) -> None:
-        """As the reset line, or the watchdog, does: peripherals clear, memory stays, the image starts anew."""
+        """Reset by the reset line or the watchdog: clear the peripherals, keep the memory, restart the image."""
         for start in (APB1, APB2, AHB1, DMA, CORE):
             ctypes.memset(self._address(start), 0, SHARED[start])
         self.clock = Clock(self.chip.dead_crystal, self.chip.dead_pll, by_watchdog)
@@ -141,12 +289,12 @@ class EmulatedBoard(Supervised):
         self.seen_windows = self.windows.value
 
     def run(self, seconds: float) -> None:
-        """Advances by a time."""
+        """Advance by a time."""
         for _ in range(round(seconds / self.sample_s)):
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], seconds: float) -> bool:
-        """Advances until a condition, looked at after each 50 ticks, holds; False when it did not within the time."""
+        """Advance until a condition, checked every 50 ticks, holds; return False if the time is over first."""
         end = self.time_s + seconds
         while self.time_s < end:
             for _ in range(50):
@@ -156,7 +304,7 @@ class EmulatedBoard(Supervised):
         return False
 
     def tick(self) -> None:
-        """One sample period: the converters at the trigger, then the interrupts, the main loop after each of them."""
+        """Advance by one sample: converters at the trigger, then the interrupts, each followed by the main loop."""
         if self._exchange() and not self.hung and not self.fast_lost:
             self.interrupt(self.fast_handler)
         self.time_s += self.sample_s
@@ -169,12 +317,12 @@ class EmulatedBoard(Supervised):
                 self.on_window()
 
     def interrupt(self, handler: int) -> None:
-        """Enters a handler, then PendSV if it was asked for, then lets the main loop go on until it waits again."""
+        """Run a handler, then PendSV if requested, then the main loop until it waits again."""
         self.handler.value = handler | 1
         self.uc.emu_start(STUBS | 1, 0)
 
     def interrupt_unexpectedly(self) -> None:
-        """An exception that no handler expects, a clock that dies among them, on the main loop's stack; it never returns."""
+        """Raise an unexpected exception, such as a clock failure, on the main loop's stack; it never returns."""
         stack = self.uc.reg_read(UC_ARM_REG_SP) - 32
         frame = struct.pack("<8I", *range(5), self.uc.reg_read(UC_ARM_REG_LR), self.idle, 1 << 24)
         self.poke(stack, frame)
@@ -185,7 +333,7 @@ class EmulatedBoard(Supervised):
 
     @property
     def slow_stuck(self) -> bool:
-        """True: PendSV's handler never runs, as if something more urgent never ended."""
+        """True to keep PendSV from running, as if a handler of higher priority never ended."""
         return self.slow.value == STUBS + NOTHING | 1
 
     @slow_stuck.setter
@@ -194,7 +342,7 @@ class EmulatedBoard(Supervised):
 
     @property
     def main_stuck(self) -> bool:
-        """True: the main loop never goes on, as if it were busy for ever."""
+        """True to keep the main loop from running, as if it were busy for ever."""
         return self.back.value == self.idle | 1
 
     @main_stuck.setter
@@ -202,41 +350,41 @@ class EmulatedBoard(Supervised):
         self.back.value = (self.idle if stuck else self.idle + len(WAIT_FOR_INTERRUPT)) | 1
 
     def is_enabled(self, line: int) -> bool:
-        """True when the image let an interrupt through."""
+        """True if the image has enabled an interrupt."""
         return bool(self.word(NVIC_ENABLE + 4 * (line // 32)).value >> (line % 32) & 1)
 
     def _exchange(self) -> bool:
-        """What happens at a trigger; true when the fast handler is to follow."""
+        """Exchange samples with the plate at a trigger; return True if the fast handler follows."""
         raise NotImplementedError
 
     def send(self, data: bytes) -> None:
-        """Bytes from the host, to arrive at the line's pace."""
+        """Send bytes from the host, which arrive at the baud rate."""
         self.incoming += data
 
     def press(self, pressed: bool) -> None:
-        """The blue button."""
+        """Press or release the blue button."""
         self.word(GPIOC_IDR).value = 0 if pressed else 1 << 13
 
     def word(self, address: int) -> ctypes.c_uint32:
-        """A 32-bit word of shared memory, to be read and written in place."""
+        """Return a 32-bit word of shared memory, to be read and written in place."""
         if address not in self.words:
             self.words[address] = ctypes.c_uint32.from_address(self._address(address))
         return self.words[address]
 
     def symbol(self, name: str) -> int:
-        """Address of an object or function of the image."""
+        """Return the address of an object or function of the image."""
         return self.elf.symbols[name].address
 
     def poke(self, address: int, data: bytes) -> None:
-        """Overwrites bytes of shared memory."""
+        """Overwrite bytes of shared memory."""
         ctypes.memmove(self._address(address), data, len(data))
 
     def pointer(self, name: str) -> int:
-        """Where this process sees an object that the image keeps in RAM."""
+        """Return the address in this process of an object in the image's RAM."""
         return self._address(self.symbol(name))
 
     def call(self, name: str, *arguments: int | float) -> int:
-        """Calls a function of the image as its main loop would: whole numbers in r0 on, fractions in s0 on; returns r0."""
+        """Call a function of the image from its main loop, with integers from r0 and floats from s0; return r0."""
         context = self.uc.context_save()
         whole = [value for value in arguments if isinstance(value, int)]
         fractions = [struct.pack("<f", value) for value in arguments if isinstance(value, float)]
@@ -252,12 +400,12 @@ class EmulatedBoard(Supervised):
 
     @property
     def at_rest(self) -> bool:
-        """True while nothing that the image drives moves anything."""
+        """True while all outputs are at rest."""
         raise NotImplementedError
 
     @contextmanager
     def undone(self) -> Iterator[None]:
-        """What happens within has not happened afterwards, to image, peripherals and plate."""
+        """Restore image, peripherals and plate at the end of the context."""
         context, memory = self.uc.context_save(), {start: bytes(block) for start, block in self.memory.items()}
         kept = {name: copy.deepcopy(vars(self)[name]) for name in (*self.WORLD, *_CHANGING)}
         own = {name: value for name, value in vars(self).items() if name == "sense"}
@@ -269,7 +417,7 @@ class EmulatedBoard(Supervised):
         vars(self).update(kept | own)
 
     def clear(self) -> bool:
-        """Leaves the fault state, as the button or a host would; false when it may not be left."""
+        """Leave the fault state, as the button or a host would; return False if that is not allowed."""
         return bool(self.call("an_application_clear", self.symbol("app"), self.symbol(self.BUILD)) & 0xFF)
 
     def _shared(self, start: int, size: int) -> mmap.mmap:
@@ -321,7 +469,7 @@ class EmulatedBoard(Supervised):
             self.reset(by_watchdog=True)
 
     def _watch(self) -> None:
-        """Fed since it was looked at last, or too late."""
+        """Check whether the watchdog has been fed in time."""
         key, prescaler, reload = self.watchdog
         if key.value == 0xAAAA:
             key.value = 0
@@ -329,7 +477,7 @@ class EmulatedBoard(Supervised):
         self.bitten |= self.time_s - self.fed_s > (reload.value + 1) * (4 << prescaler.value) / self.chip.lsi_hz
 
     def _stall(self, seconds: float) -> None:
-        """The chip does nothing else while its flash memory is busy."""
+        """Let time pass while the busy flash memory stalls the chip."""
         self._watch()
         self.time_s += seconds
         self.ticked_s += seconds
@@ -337,11 +485,11 @@ class EmulatedBoard(Supervised):
 
     @property
     def byte_s(self) -> float:
-        """Time of a byte's ten bits on the line, by the image's own divider and clock."""
+        """Duration of a byte (ten bits) on the line, from the divider and clock set by the image, in s."""
         return 10.0 * self.word(USART_BRR).value / self.clock.apb1_hz
 
     def _on_the_line(self, data: bytes) -> bytes:
-        """What the other end makes of it: nonsense when the two speeds differ too much."""
+        """Return the bytes as received at the other end: garbled if the two baud rates differ too much."""
         off = abs(10.0 / self.byte_s / BAUD - 1.0)
         return data if off <= BAUD_TOLERANCE else bytes(byte * 7 + 3 & 0xFF for byte in data)
 
@@ -361,7 +509,7 @@ class EmulatedBoard(Supervised):
             self.sent_s = self.time_s
 
     def _deliver(self, count: int) -> None:
-        """Bytes that arrived meanwhile, into the ring that the image gave to the receiving DMA stream."""
+        """Write the bytes received meanwhile to the ring buffer of the receiving DMA stream."""
         control, left, memory = self.word(RECEIVE), self.word(RECEIVE + 4), self.word(RECEIVE + 12)
         if not control.value & 1 or not self.incoming:
             return
@@ -386,25 +534,9 @@ class EmulatedBoard(Supervised):
         return lambda _, offset, size, __: int.from_bytes(memory[offset : offset + size], "little")
 
     def _backup_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
-        """Taken when the domain was unlocked and its clock is on."""
+        """Write to the backup memory if its domain is unlocked and clocked."""
         if self.backup and self.word(PWR_CR).value >> 8 & 1 and self.clock.backup_is_clocked:
             self.backup[offset : offset + size] = value.to_bytes(size, "little")
 
     def _sector_write(self, _: Uc, offset: int, size: int, value: int, __: Any) -> None:
         self.flash.program(offset, size, value)
-
-
-_CHANGING = (
-    "time_s",
-    "fed_s",
-    "sent_s",
-    "delivered_s",
-    "ticked_s",
-    "seen_windows",
-    "bitten",
-    "hung",
-    "fast_lost",
-    "resets",
-)
-_WHOLE = (UC_ARM_REG_R0, UC_ARM_REG_R1, UC_ARM_REG_R2)
-_FRACTIONS = (UC_ARM_REG_S0, UC_ARM_REG_S1)

@@ -1,4 +1,4 @@
-"""The firmware's core, its invariants checked, as a shared library of this machine, called from Python through cffi."""
+"""The firmware's core as a shared library for this machine, with checked invariants, called from Python by cffi."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ FLAGS = ("-std=c11", "-O2", "-ffreestanding", "-ffp-contract=off", "-fno-math-er
 
 
 class NoCompiler(RuntimeError):
-    """Neither a C compiler nor zig is here."""
+    """Neither a C compiler nor zig is installed."""
 
 
 def compiler() -> list[str]:
-    """The command of a C compiler for this machine: the one it was set up with, cc, or zig from pip."""
+    """Return the command of a C compiler for this machine: CC, cc, gcc, clang, or zig from pip. Raises NoCompiler."""
     for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
         if name and shutil.which(name):
             return [name]
     if find_spec("ziglang"):
         return [sys.executable, "-m", "ziglang", "cc"]
-    raise NoCompiler("no C compiler: install cc, or zig by `pip install ziglang`")
+    raise NoCompiler("no C compiler: install cc, or zig with `pip install ziglang`")
 
 
 def declarations(command: list[str]) -> str:
-    """What the core's headers declare, preprocessed, in the form cffi reads."""
+    """Return the declarations of the core's headers, preprocessed for cffi."""
     core = sorted(path.name for path in CORE.rglob("an_*.h") if "static inline" not in path.read_text())
     text = "".join(f'#include "{name}"\n' for name in (*core, "rig.h"))
     done = subprocess.run(
@@ -54,7 +54,7 @@ def declarations(command: list[str]) -> str:
 
 
 def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
-    """The shared library, built once for each state of the sources and flags."""
+    """Build the shared library, once for each state of the sources and flags, and return its path."""
     sources = [*sorted(CORE.rglob("*.c")), *sorted(HOST.glob("*.c"))]
     state = hashlib.sha256(repr((command, flags, sys.platform, sysconfig.get_platform())).encode())
     for path in sorted([*CORE.rglob("an_*.*"), *HOST.glob("rig.[ch]")]):
@@ -70,7 +70,7 @@ def build(command: list[str], flags: tuple[str, ...] = ()) -> Path:
 
 
 def _private_folder() -> Path:
-    """A folder that this user alone can write to: in the user's cache, else a new temporary one."""
+    """Return a folder that only this user can write to: in the user's cache, or else a new temporary one."""
     try:
         folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "antinode", "host")
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -91,9 +91,17 @@ def _temporary_folder() -> Path:
 
 @cache
 def load(*flags: str) -> tuple[Any, Any]:
-    """(ffi, library) of the core, built with additional compiler flags, those of ANTINODE_HOST_FLAGS among them.
+    """Load the core, built with additional compiler flags and those of ANTINODE_HOST_FLAGS.
 
-    Raises NoCompiler.
+    Returns
+    -------
+    tuple
+        cffi's FFI object and the library.
+
+    Raises
+    ------
+    NoCompiler
+        If no C compiler is installed.
     """
     from cffi import FFI
 
@@ -104,16 +112,16 @@ def load(*flags: str) -> tuple[Any, Any]:
 
 
 class Supervised:
-    """Whatever has an application of either build in view as `app`."""
+    """Base class for hosts of an application of either build, which is accessible as `app`."""
 
     app: Any
 
     @property
     def state(self) -> int:
-        """IDLE, IDENTIFY, RUN or FAULT of firmware.protocol."""
+        """State: IDLE, IDENTIFY, RUN or FAULT of firmware.protocol."""
         return int(self.app.base.supervisor.state)
 
     @property
     def faults(self) -> int:
-        """The bits of the latched faults."""
+        """Bits of the latched faults."""
         return int(self.app.base.supervisor.faults)

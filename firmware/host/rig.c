@@ -2,6 +2,7 @@
 
 #include <math.h>
 
+/* Random number in (0, 1) from a 64-bit xorshift generator. */
 static double uniform(rig_plate *plate)
 {
     plate->random ^= plate->random << 13;
@@ -10,6 +11,7 @@ static double uniform(rig_plate *plate)
     return ((double)(plate->random >> 11) + 0.5) * (1.0 / 9007199254740992.0);
 }
 
+/* Standard normal random number by the Box-Muller method. */
 static double gauss(rig_plate *plate)
 {
     const double radius = sqrt(-2.0 * log(uniform(plate)));
@@ -94,7 +96,7 @@ static double motion(const rig_plate *plate)
     return hypot(plate->state[0][0], plate->state[0][1]) * hypot(plate->residue[0][0], plate->residue[0][1]);
 }
 
-/* Amplitude of the tone that the last sample belonged to; share of the table's limit. */
+/* Amplitude of the drive at the last sample, relative to the table's limit. */
 static double driven(const rig_single *rig)
 {
     const an_complex drive = rig->app.fast.drive;
@@ -138,7 +140,8 @@ static bool is_in_fault(const rig_single *rig)
     return rig->app.base.supervisor.state == AN_STATE_FAULT;
 }
 
-/* The output rests, and nothing but a clear can end that: the main loop may be a window late to call it a fault. */
+/* True if the output is at rest and stays there until cleared. The main loop may enter the fault state a window
+ * later. */
 static bool is_safe(const rig_single *rig)
 {
     return rig->code == (uint32_t)AN_DAC_MIDDLE && (is_in_fault(rig) || rig->app.fast.faults != 0u);
@@ -155,7 +158,7 @@ static void break_it(rig_single *rig, rig_injection kind, uint32_t detail)
     }
 }
 
-/* Within 5 % of the reference, and at rest a millisecond after a stop. */
+/* True if the amplitude is within 5 % of the reference, and the output at rest a millisecond after a stop. */
 static bool is_held(rig_single *rig, float reference)
 {
     const an_complex measured = rig->app.slow.measured.tone;

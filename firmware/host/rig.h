@@ -1,6 +1,7 @@
-/* A test rig: the single-mode application and a plate in double precision, in lock step, a second in some ten milliseconds.
+/* Test rig: the single-mode application and a simulated plate in double precision, in lock step.
  *
- * The plate's coefficients are computed in Python (firmware/host/rig.py); they may change between two runs.
+ * A second of simulated time takes some ten milliseconds. The coefficients of the plate are computed in Python
+ * (firmware/closed_loop.py) and may change between two runs.
  */
 #ifndef RIG_H
 #define RIG_H
@@ -14,27 +15,27 @@ typedef enum { RIG_SOUND, RIG_DEAD, RIG_STUCK, RIG_REVERSED, RIG_CLIPPED } rig_s
 
 typedef struct {
     uint32_t count;
-    double decay[RIG_MODES][2]; /* of each mode's state over a sample; real and imaginary part */
-    double fresh[RIG_MODES][2]; /* response to what is driven now ... */
-    double stale[RIG_MODES][2]; /* ... and to what was driven a sample earlier, the dead time's fraction between them */
+    double decay[RIG_MODES][2]; /* factor of each mode's state per sample; real and imaginary part */
+    double fresh[RIG_MODES][2]; /* response to the newer drive within a sample ... */
+    double stale[RIG_MODES][2]; /* ... and to the older one, split by the fractional part of the dead time */
     double residue[RIG_MODES][2];
     double state[RIG_MODES][2];
-    double line[RIG_LINE]; /* the drives on their way through the dead time */
-    uint32_t whole;        /* samples of dead time */
+    double line[RIG_LINE]; /* delay line for the drives */
+    uint32_t whole;        /* dead time in whole samples */
     double feedthrough;
     double offset;
     double noise;
-    double sensitivity; /* of the sensor, 1: as described */
+    double sensitivity; /* of the sensor, 1: nominal */
     rig_sensor sensor;
     uint64_t random;
 } rig_plate;
 
-/* What a window ended with. */
+/* Values at the end of a window. */
 typedef struct {
     double measured[2];
     double drive[2]; /* in the mode's frame */
     double reference;
-    double motion; /* the first mode's true amplitude, as the sound sensor would show it */
+    double motion; /* true amplitude of the first mode, as an intact sensor would show it */
     uint32_t state;
     uint32_t limited;
 } rig_window;
@@ -43,48 +44,48 @@ typedef struct {
     an_single app;
     rig_plate plate;
     uint32_t code;
-    uint32_t looked; /* ticks since the board's guard looked last */
+    uint32_t looked; /* ticks since the last check by the guard */
     double last_sensed;
 } rig_single;
 
-/* One sample period; true when a window ended. */
+/* Advance by one sample; true if a window ended. */
 bool rig_tick(rig_single *rig);
 
-/* So many; returns how many windows it wrote, at most room (0: none are written). */
+/* Advance by a number of samples. Returns the number of windows written, at most room. */
 uint32_t rig_run(rig_single *rig, uint32_t ticks, rig_window *windows, uint32_t room);
 
-/* What goes wrong: a sensor, a fault that an interrupt finds, a bit of the application's state. */
+/* Kind of injected fault: a failed sensor, a fault found by an interrupt, a flipped bit of the application's state. */
 typedef enum { RIG_SENSOR, RIG_TRIP, RIG_FLIP } rig_injection;
 
-/* The largest of a run. */
+/* Maxima of a run. */
 typedef struct {
     double drive;  /* amplitude, 1: the table's limit */
-    double motion; /* the first mode's true amplitude, as the sound sensor would show it */
+    double motion; /* true amplitude of the first mode, as an intact sensor would show it */
 } rig_extent;
 
-/* How it ended, over all moments. */
+/* Outcomes over all injections. */
 typedef struct {
-    uint32_t latched; /* in the fault state, the output at rest for good */
-    uint32_t held;    /* the plate is held as before, and rests when asked to */
+    uint32_t latched; /* ended in the fault state with the output permanently at rest */
+    uint32_t held;    /* amplitude held as before, and a stop is obeyed */
     uint32_t unsafe;  /* neither */
-    uint32_t soon;    /* of those that latched, within RIG_SOON ticks */
-    uint32_t longest; /* ticks until the last unsafe one, of those that latched */
-    rig_extent broken; /* of all moments, from what goes wrong until it has rested for as long as is looked */
-    rig_extent sound;  /* of the same run, nothing being wrong */
+    uint32_t soon;    /* of the latched ones, at rest within RIG_SOON ticks */
+    uint32_t longest; /* of the latched ones, most ticks until the output was at rest */
+    rig_extent broken; /* maxima from an injection to the end of its observation */
+    rig_extent sound;  /* maxima of the same run without a fault */
 } rig_outcome;
 
 typedef struct {
     rig_injection kind;
-    const uint32_t *details; /* a rig_sensor; fault bits; bits of rig->app: one of them at each moment, by the moment's hash */
+    const uint32_t *details; /* rig_sensor, fault bits or bits of rig->app; a hash of the tick selects one */
     uint32_t count;
     uint32_t ticks;   /* length of the run */
-    uint32_t stride;  /* each so-many-th tick is a moment */
-    uint32_t most;    /* ticks that may pass until it is safe */
-    uint32_t latched; /* ticks more that it has to stay safe */
-    double further;   /* the plate may move so many times as far as it does at most while nothing is wrong */
+    uint32_t stride;  /* ticks between two injections */
+    uint32_t most;    /* most ticks until the output must be at rest */
+    uint32_t latched; /* ticks for which it must then stay at rest */
+    double further;   /* largest motion, relative to the maximum without a fault */
 } rig_trial;
 
-/* Runs, and at each moment lets go wrong on a copy what the trial says. */
+/* Run the rig and inject the trial's fault into a copy of it every stride ticks. */
 rig_outcome rig_inject(rig_single *rig, const rig_trial *trial);
 
 #endif

@@ -12,8 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 import numpy as np
 
-from geometry.cad.solids import Body
-from geometry.cad.surface import CadSurface, cad_surface
+from geometry.cad.solids import Body, CadSurface, cad_surface
 from geometry.errors import GeometryError
 from geometry.files import silence_kernel, written_whole
 from geometry.layout import Design

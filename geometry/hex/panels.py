@@ -1,9 +1,10 @@
-"""Panels of plate meshed by hexahedra about round, hexagonal and tapered feet: patches of elements in plan, pulled up."""
+"""Panels of plate meshed by hexahedra about round, hexagonal and tapered feet, and panels whose pillar moves or grows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,25 +15,23 @@ from geometry.hex.boxes import Boxes, hex_mesh, interpolation, panel_boxes
 from geometry.hex.scenes import Grading, HexSettings, grid_lines
 from geometry.layout import Pillar
 from geometry.mesh import Mesh
-from geometry.pillar_shapes.base import Square
+from geometry.pillar_shapes import Square
 from geometry.tiling import Panel
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-
-# -- patches in plan ---------------------------------------------------------------------------------------------------
-# Hexahedra about a foot that is no union of rectangles: patches of elements in plan, pulled up along z and joined.
-# A round or hexagonal foot stands in a rectangular block of the plate, filled by patches of their own; beyond the
-# block every line runs along an axis.
-
 CORNERS = 2.0 / np.sqrt(3.0)  # width of a hexagon across corners over that across flats
 CORE = 0.5  # half-width of the middle of a disc over its radius
 NOTCH = 0.42  # of the radius: where the middle's corner lies along x and y
 SAME = 1.2345e-9  # of the largest coordinate: one place
-
 Map = Callable[[FloatArray, FloatArray], FloatArray]
 Rim = Callable[[FloatArray], FloatArray]
+ROOM = 0.6  # of half a foot's width: plate beyond the rim that the block fills where the panel has so much
+SLIVER = 0.2  # of the same: a strip beyond the block that is narrower belongs to it
+CLEAR = 0.02  # of the foot's reach: plate that must lie between rim and side for elements to fill it
+
+FLUSH_M = 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,120 @@ class PatchedMesh:
     numbers: tuple[IntArray, ...]
 
 
+Quadrant = Callable[[float, tuple[float, float], PlanLines], Iterator[Patch]]
+
+
+@dataclass(frozen=True)
+class PillarChange:
+    """How much higher and wider a pillar is, and how far its foot stands from its place along x and y, m.
+
+    Its section keeps its shape: all widths grow by the same ratio.
+    """
+
+    height_m: float = 0.0
+    side_m: float = 0.0
+    x_m: float = 0.0
+    y_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class VariedPanel:
+    """A panel with a pillar, meshed together with its mirror image about each of the axes `opened` that it is halved along."""
+
+    panel: Panel
+    thickness_m: float
+    pillar: Pillar
+    settings: HexSettings
+    opened: tuple[int, ...] = ()
+
+    @cached_property
+    def still(self) -> Mesh:
+        """The mesh of the pillar as it is. MeshError as panel_mesh."""
+        return self._patched.mesh if self.pillar.form.plan in PLANS else self._of_boxes
+
+    def moved(self, change: PillarChange) -> Mesh:
+        """The same mesh with the pillar changed; the panel's sides and its thickness stay. MeshError where the foot leaves the
+        panel.
+        """
+        if change.height_m <= -self.pillar.height_m:
+            raise MeshError("a pillar's height must stay above 0")
+        shifts = _Shift.along(self.panel, self.pillar, change, 0), _Shift.along(self.panel, self.pillar, change, 1)
+        if self.pillar.form.plan not in PLANS:
+            return self._shifted(shifts, change)
+        grown, shift_m = 1.0 + change.side_m / self.pillar.base_m, (change.x_m, change.y_m)
+        patches = foot_patches(self._whole, self.pillar, self.settings, grown, shift_m)
+        z = lines_along_z(self.thickness_m, self.pillar, self.settings)
+        return relaid(self._patched, patches, self._raised(z, change), self.thickness_m)
+
+    def _raised(self, z: FloatArray, change: PillarChange) -> FloatArray:
+        """Places along z, those above the plate stretched to the changed height."""
+        beyond = np.maximum(z - self.thickness_m, 0.0)
+        return np.asarray(z + beyond * change.height_m / self.pillar.height_m)
+
+    @property
+    def _whole(self) -> Panel:
+        kept = tuple(axis for axis in self.panel.halved if axis not in self.opened)
+        return replace(self.panel, halved=kept)
+
+    @cached_property
+    def _patched(self) -> PatchedMesh:
+        return panel_mesh(self._whole, self.thickness_m, self.pillar, self.settings)
+
+    @cached_property
+    def _of_boxes(self) -> Mesh:
+        boxes = panel_boxes(replace(self.panel, pillar=square_of(self.pillar)), self.thickness_m, None, self.settings)
+        for axis in self.opened:
+            boxes = unfolded(boxes, axis)
+        taper = 1.0 if self.pillar.is_made_of_boxes else self.pillar.form.taper
+        mesh = hex_mesh(boxes, self.settings.order)
+        return leaning(mesh, foot_from_middle(self.panel), self.thickness_m, self.pillar.height_m, taper)
+
+    def _shifted(self, shifts: tuple[_Shift, _Shift], change: PillarChange) -> Mesh:
+        """Lines along the axes go along with the foot: the plate's nodes piecewise linearly between the panel's sides and the
+        foot's, those of the pillar as its foot does.
+        """
+        mesh = self.still
+        x, y, z = mesh.nodes.T
+        above = z > self.thickness_m + FLUSH_M
+        plan = [np.where(above, own.foot(line), own.plate(line)) for own, line in zip(shifts, (x, y), strict=True)]
+        nodes = np.column_stack([*plan, self._raised(z, change)])
+        spans = None if mesh.spans is None else np.ptp(nodes[mesh.cells], axis=1)
+        return replace(mesh, nodes=nodes, spans=spans)
+
+
+@dataclass(frozen=True)
+class _Shift:
+    """Where the panel's sides and the foot's lay along an axis, and where they lie then, (4,) m each."""
+
+    old: FloatArray
+    new: FloatArray
+
+    @classmethod
+    def along(cls, panel: Panel, pillar: Pillar, change: PillarChange, axis: int) -> _Shift:
+        """A foot flush with a side stays so and grows to the other side."""
+        edge = (panel.high[axis] - panel.low[axis]) / 2.0
+        half, grown = pillar.form.extent_m()[axis] / 2.0, 1.0 + change.side_m / pillar.base_m
+        ends, centre = np.array([-half, half]), foot_from_middle(panel)[axis]
+        feet, moved = centre + ends, centre + (change.x_m, change.y_m)[axis] + grown * ends
+        flush = np.abs(np.abs(feet) - edge) < FLUSH_M
+        if flush.any():
+            moved = np.where(flush, feet, feet + (0.0 if flush.all() else 2.0 * (grown - 1.0) * ends))
+        inner = np.concatenate([moved[:1] + edge, np.diff(moved), edge - moved[1:]])
+        if inner[1] <= 0.0 or (inner[[0, 2]] < np.where(flush, 0.0, FLUSH_M) - FLUSH_M / 2.0).any():
+            raise MeshError("a pillar reaches out of its panel: its spread is too wide for the pitch")
+        return cls(np.array([-edge, *feet, edge]), np.array([-edge, *moved, edge]))
+
+    def plate(self, line: FloatArray) -> FloatArray:
+        """Places along the axis in the plate."""
+        once = np.concatenate([[True], np.diff(self.old) > FLUSH_M])
+        return np.asarray(np.interp(line, self.old[once], self.new[once]))
+
+    def foot(self, line: FloatArray) -> FloatArray:
+        """Places along the axis in the pillar, whose sections may reach beyond the foot."""
+        ratio = (self.new[2] - self.new[1]) / (self.old[2] - self.old[1])
+        return np.asarray(self.new[1] + (line - self.old[1]) * ratio)
+
+
 def straight(u: FloatArray, v: FloatArray) -> FloatArray:
     """A patch whose coordinates are places."""
     return np.column_stack([u, v])
@@ -107,22 +220,6 @@ def hexagon(flat: float, block: tuple[float, float], lines: PlanLines) -> Iterat
     yield Patch(inner, inner, quarter, _filled(inner, inner, 1.0))
     right, upper = (lambda v: quarter(np.ones_like(v), v)), (lambda u: quarter(u, np.ones_like(u)))
     yield from _filling(right, upper, block, inner, lines)
-
-
-def _filling(
-    right: Rim, upper: Rim, block: tuple[float, float], under: FloatArray, lines: PlanLines
-) -> Iterator[Patch]:
-    """What fills the block beyond the right and the upper part of a foot's rim, and the plate beside it."""
-
-    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
-
-    def above(u: FloatArray, v: FloatArray) -> FloatArray:
-        return _between(upper(u), np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
-
-    yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
-    yield Patch(under, lines.fill, above, _filled(under, lines.fill))
-    yield from beside(block[0] * under, block[1] * under, lines.beside)
 
 
 def beside(under_x: FloatArray, under_y: FloatArray, lines: tuple[FloatArray, FloatArray]) -> Iterator[Patch]:
@@ -193,11 +290,6 @@ def relaid(still: PatchedMesh, patches: list[Patch], z: FloatArray, thickness: f
     return replace(mesh, nodes=nodes, spans=None)
 
 
-def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
-    """Places of the nodes of a patch's own grid."""
-    return np.column_stack([patch.place(*mesh.nodes[:, :2].T), mesh.nodes[:, 2]])
-
-
 def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
     """The grid of a patch in its own two coordinates and z."""
     middle = (z[1:] + z[:-1]) / 2.0
@@ -205,59 +297,6 @@ def boxes_of_patch(patch: Patch, z: FloatArray, thickness: float) -> Boxes:
     return Boxes(patch.u, patch.v, z, region, ("plate", "pillar"))
 
 
-def _check_joints(mesh: Mesh, thickness: float) -> None:
-    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
-    alone = np.sort(_alone(mesh), axis=1)
-    z = mesh.nodes[alone, 2] / thickness
-    above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
-    named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
-    known = np.unique(np.concatenate([named, alone[~above]]), axis=0)
-    if len(known) != len(np.unique(named, axis=0)):
-        raise MeshError("elements about a foot do not meet node for node")
-
-
-def _outer(mesh: Mesh) -> dict[str, IntArray]:
-    """The facets in the planes that bound the mesh, by name."""
-    facets = _alone(mesh)  # what a pillar below hangs from is no face
-    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
-    low[2] = 0.0
-    near = 1e-9 * (high - low)
-    names = (("x-", 0, low), ("x+", 0, high), ("y-", 1, low), ("y+", 1, high), ("touch", 2, low), ("top", 2, high))
-    flat = {
-        name: (np.abs(mesh.nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names
-    }
-    return {name: facets[on] for name, on in flat.items()}
-
-
-def _alone(mesh: Mesh) -> IntArray:
-    """The facets of one element alone."""
-    (local,) = mesh.element.facets
-    facets = np.concatenate([mesh.cells[:, face] for face in local])
-    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
-    return facets[np.sort(index[counts == 1])]
-
-
-def _filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
-    return np.full((len(u) - 1, len(v) - 1), value)
-
-
-def _between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
-    return np.asarray(start + share[:, None] * (end - start))
-
-
-def _exchanged(place: Map) -> Map:
-    """The mirror image under x <-> y."""
-    return lambda u, v: place(v, u)[:, ::-1]
-
-
-# -- panels ------------------------------------------------------------------------------------------------------------
-# Panels of plate meshed by hexahedra about feet that these can follow, and fields prolonged between two meshes of one.
-
-ROOM = 0.6  # of half a foot's width: plate beyond the rim that the block fills where the panel has so much
-SLIVER = 0.2  # of the same: a strip beyond the block that is narrower belongs to it
-CLEAR = 0.02  # of the foot's reach: plate that must lie between rim and side for elements to fill it
-
-Quadrant = Callable[[float, tuple[float, float], PlanLines], Iterator[Patch]]
 PLANS: dict[str, tuple[Quadrant, tuple[float, float]]] = {
     "disc": (disc, (1.0, 1.0)),
     "hexagon": (hexagon, (CORNERS, 1.0)),
@@ -314,12 +353,6 @@ def square_of(pillar: Pillar) -> Pillar:
     return replace(pillar, shape=Square.name, tip_m=pillar.base_m, fillet_m=0.0, file=None, more_m=())
 
 
-def _of_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
-    boxes = panel_boxes(panel, thickness_m, pillar, settings)
-    mesh = hex_mesh(boxes, settings.order)
-    return PatchedMesh(mesh, (boxes,), (np.arange(len(mesh.nodes)),))
-
-
 def foot_patches(
     panel: Panel, pillar: Pillar, settings: HexSettings, grown: float = 1.0, shift_m: tuple[float, float] = (0.0, 0.0)
 ) -> list[Patch]:
@@ -354,6 +387,89 @@ def foot_from_middle(panel: Panel) -> FloatArray:
     """The foot's centre from the panel's middle, (2,) m."""
     assert panel.foot is not None
     return np.array(panel.foot) - np.array(panel.middle)
+
+
+def unfolded(boxes: Boxes, axis: int) -> Boxes:
+    """Boxes on both sides of the mirror plane at 0 from those on its positive side. MeshError where they begin elsewhere."""
+    lines = [boxes.x, boxes.y, boxes.z]
+    half = lines[axis]
+    if half[0] != 0.0:
+        raise MeshError("only boxes that begin at 0 can be unfolded")
+    lines[axis] = np.concatenate([-half[:0:-1], half])
+    region = np.concatenate([np.flip(boxes.region, axis), boxes.region], axis)
+    return Boxes(lines[0], lines[1], lines[2], region, boxes.names)
+
+
+def _filling(
+    right: Rim, upper: Rim, block: tuple[float, float], under: FloatArray, lines: PlanLines
+) -> Iterator[Patch]:
+    """What fills the block beyond the right and the upper part of a foot's rim, and the plate beside it."""
+
+    def beyond(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(right(v), np.column_stack([np.full_like(v, block[0]), block[1] * v]), u)
+
+    def above(u: FloatArray, v: FloatArray) -> FloatArray:
+        return _between(upper(u), np.column_stack([block[0] * u, np.full_like(u, block[1])]), v)
+
+    yield Patch(lines.fill, under, beyond, _filled(lines.fill, under))
+    yield Patch(under, lines.fill, above, _filled(under, lines.fill))
+    yield from beside(block[0] * under, block[1] * under, lines.beside)
+
+
+def _placed(patch: Patch, mesh: Mesh) -> FloatArray:
+    """Places of the nodes of a patch's own grid."""
+    return np.column_stack([patch.place(*mesh.nodes[:, :2].T), mesh.nodes[:, 2]])
+
+
+def _check_joints(mesh: Mesh, thickness: float) -> None:
+    """MeshError where a facet of one element alone lies neither on a side, nor on the plate's faces or beyond them."""
+    alone = np.sort(_alone(mesh), axis=1)
+    z = mesh.nodes[alone, 2] / thickness
+    above = (z >= 1.0 - 1e-9).all(axis=1) | (z <= 1e-9).all(axis=1)
+    named = np.sort(np.concatenate(list(mesh.faces.values())), axis=1)
+    known = np.unique(np.concatenate([named, alone[~above]]), axis=0)
+    if len(known) != len(np.unique(named, axis=0)):
+        raise MeshError("elements about a foot do not meet node for node")
+
+
+def _outer(mesh: Mesh) -> dict[str, IntArray]:
+    """The facets in the planes that bound the mesh, by name."""
+    facets = _alone(mesh)  # what a pillar below hangs from is no face
+    low, high = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    low[2] = 0.0
+    near = 1e-9 * (high - low)
+    names = (("x-", 0, low), ("x+", 0, high), ("y-", 1, low), ("y+", 1, high), ("touch", 2, low), ("top", 2, high))
+    flat = {
+        name: (np.abs(mesh.nodes[:, axis] - end[axis]) <= near[axis])[facets].all(axis=1) for name, axis, end in names
+    }
+    return {name: facets[on] for name, on in flat.items()}
+
+
+def _alone(mesh: Mesh) -> IntArray:
+    """The facets of one element alone."""
+    (local,) = mesh.element.facets
+    facets = np.concatenate([mesh.cells[:, face] for face in local])
+    _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
+    return facets[np.sort(index[counts == 1])]
+
+
+def _filled(u: FloatArray, v: FloatArray, value: float = 0.0) -> FloatArray:
+    return np.full((len(u) - 1, len(v) - 1), value)
+
+
+def _between(start: FloatArray, end: FloatArray, share: FloatArray) -> FloatArray:
+    return np.asarray(start + share[:, None] * (end - start))
+
+
+def _exchanged(place: Map) -> Map:
+    """The mirror image under x <-> y."""
+    return lambda u, v: place(v, u)[:, ::-1]
+
+
+def _of_boxes(panel: Panel, thickness_m: float, pillar: Pillar | None, settings: HexSettings) -> PatchedMesh:
+    boxes = panel_boxes(panel, thickness_m, pillar, settings)
+    mesh = hex_mesh(boxes, settings.order)
+    return PatchedMesh(mesh, (boxes,), (np.arange(len(mesh.nodes)),))
 
 
 def _ends(panel: Panel) -> tuple[dict[int, float], dict[int, float]]:

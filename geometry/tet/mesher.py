@@ -6,29 +6,29 @@ pytetwild is not deterministic: a mesh is known by its sha256, not by what it wa
 from __future__ import annotations
 
 import logging
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from geometry.cad.solids import Body
-from geometry.cad.surface import CadSurface, cad_surface
-from geometry.elements import FloatArray, IntArray
+from geometry.cad.solids import Body, CadFace, CadSurface, cad_surface
+from geometry.elements import TET_EDGES, TET_FACES, BoolArray, FloatArray, IntArray
 from geometry.errors import MeshError
-from geometry.mesh import Mesh, cell_volumes, check_mesh
-from geometry.tet.boundary import (
-    Boundary,
-    check_moves,
-    find_boundary,
-    named_faces,
-    off_plane,
-    quadratic,
-    snap_vertices,
-    without_flat_cells,
-)
+from geometry.mesh import Mesh, cell_volumes, check_mesh, jacobians
 from geometry.tet.tetwild import NearSegments, background, tet_quality, tetrahedralize
 
+log = logging.getLogger(__name__)
+POOR = 0.05  # mean ratio below which a cell counts as flattened; the mesher's own worst are about 0.2
+RELAXATIONS = 8
+NEWTON_STEPS = 20
+NEWTON_STOP = 1e-12
+PARALLEL = 1e-6  # singular values below this (relative) are one plane given twice
+MIN_RATIO = 0.1  # least Jacobian over its greatest in an element before its edges are straightened again
+ROUNDS = 10
 MM = 1e3
+SAME_PLANE_MM = 1e-6
+
 SAGITTA_PER_EDGE = 1 / 16  # of a chord as long as an edge on a curve of twice its radius
 EPSILON_PER_EDGE, ATTEMPTS = 1 / 60, 3  # how far the mesher's surface may leave the CAD's before snapping
 EPSILON_PER_DIAGONAL = 1e-3  # the mesher's own default, a ceiling when the edge is long beside the body
@@ -38,7 +38,167 @@ REGIONS = ("plate", "pillar", "tip")
 VOLUME_TOLERANCE = 1e-3  # relative, of the whole body
 ON_PLANE = 1e-9  # of the diagonal: planes must be met to rounding
 
-log = logging.getLogger(__name__)
+
+@dataclass(frozen=True)
+class Boundary:
+    """Triangles (m, 3) between a body and the void, or `inner` between bonded parts.
+
+    Each with its CAD face, its cell, and the number of the cell's side, all (m,).
+    """
+
+    triangles: IntArray
+    face_of: IntArray
+    cell: IntArray
+    local: IntArray
+    inner: BoolArray
+
+    def vertex_faces(self) -> dict[int, tuple[int, ...]]:
+        """The CAD faces that meet at each boundary vertex."""
+        return _faces_at(self.triangles.ravel(), np.repeat(self.face_of, 3))
+
+    def edge_faces(self) -> tuple[IntArray, list[tuple[int, ...]]]:
+        """Boundary edges (k, 2), ends sorted, and the CAD faces that meet at each."""
+        ends = np.sort(self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        edges, number = np.unique(ends, axis=0, return_inverse=True)
+        faces = _faces_at(number.ravel(), np.repeat(self.face_of, 3))
+        return edges, [faces[i] for i in range(len(edges))]
+
+
+def find_boundary(vertices: FloatArray, cells: IntArray, part: IntArray, surface: CadSurface) -> Boundary:
+    """Boundary triangles of cells labelled by part, each given to the CAD face nearest to its centroid.
+
+    A triangle between two parts is listed once, on the side of the lower part number.
+    """
+    sides = cells[:, TET_FACES].reshape(-1, 3)
+    cell, local = np.divmod(np.arange(len(sides)), 4)
+    key = np.sort(sides, axis=1)
+    order = np.lexsort((part[cell], *key.T[::-1]))
+    same = (key[order][1:] == key[order][:-1]).all(axis=1)
+    with_next = np.append(same, False)
+    with_last = np.append(False, same)
+    other_part = np.append(part[cell[order]][1:] != part[cell[order]][:-1], False)
+    chosen = ~with_last & (~with_next | other_part)
+    listed = order[chosen]
+    triangles = sides[listed]
+    nearest = surface.nearest_face(vertices[triangles].mean(axis=1))
+    return Boundary(triangles, nearest, cell[listed], local[listed], with_next[chosen])
+
+
+def snap_vertices(vertices: FloatArray, boundary: Boundary, surface: CadSurface) -> FloatArray:
+    """Vertices with every boundary one moved onto all the CAD faces its triangles belong to."""
+    moved = vertices.copy()
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for vertex, faces in boundary.vertex_faces().items():
+        groups.setdefault(faces, []).append(vertex)
+    for faces, members in groups.items():
+        moved[members] = onto_faces(vertices[members], faces, surface)
+    return moved
+
+
+def without_flat_cells(
+    vertices: FloatArray, snapped: FloatArray, cells: IntArray, boundary: Boundary, surface: CadSurface
+) -> FloatArray:
+    """Snapped vertices, those of flattened cells moved only part of the way onto curved faces (flat ones always hold).
+
+    The surface given to the mesher cuts chords off curved faces; where cells are smaller than the chord's height, the
+    whole way would turn them inside out.
+    """
+    curved = {
+        vertex: tuple(i for i in faces if surface.faces[i].flat)
+        for vertex, faces in boundary.vertex_faces().items()
+        if not _all_flat(faces, surface)
+    }
+    share = np.ones(len(vertices))
+    start = snapped.copy()
+    for vertex, flat in curved.items():
+        start[vertex] = onto_faces(vertices[[vertex]], flat, surface)[0] if flat else vertices[vertex]
+    here = snapped
+    for _ in range(RELAXATIONS):
+        poor = np.unique(cells[tet_quality(here, cells) < POOR])
+        if not (share[poor] * np.isin(poor, list(curved))).any():
+            break
+        share[poor] /= 2.0
+        here = start + share[:, None] * (snapped - start)
+    moved_back = np.flatnonzero((here != snapped).any(axis=1))
+    if len(moved_back):
+        far = float(np.linalg.norm(here[moved_back] - snapped[moved_back], axis=1).max())
+        log.info(
+            "%d vertices stay up to %.2g mm off a curved face, where the whole way would flatten a cell",
+            len(moved_back),
+            far,
+        )
+    return here
+
+
+def onto_faces(points: FloatArray, numbers: tuple[int, ...], surface: CadSurface) -> FloatArray:
+    """Points (n, 3) moved onto the intersection of the numbered CAD faces.
+
+    Where two of them form no edge (they meet smoothly or not at all) a point belongs to the nearer one.
+    """
+    if all(surface.edge_between(first, second) for first, second in combinations(numbers, 2)):
+        return _onto(points, [surface.faces[i] for i in numbers])
+    kept = [_with_edges(point, numbers, surface) for point in points]
+    return np.array([_onto(point[None], faces)[0] for point, faces in zip(points, kept, strict=True)])
+
+
+def off_plane(vertices: FloatArray, boundary: Boundary, surface: CadSurface) -> float:
+    """Largest distance (mm) of a corner from the plane its triangle was given to, 0 to rounding on a proper mesh.
+
+    Planes that go over smoothly into a curved face are left out: there triangles may straddle.
+    """
+    worst = 0.0
+    bent = {i for pair, edge in surface.meetings.items() if not edge and not _all_flat(pair, surface) for i in pair}
+    for number in np.unique(boundary.face_of):
+        face = surface.faces[number]
+        if face.normal is not None and number not in bent:
+            corners = vertices[np.unique(boundary.triangles[boundary.face_of == number])]
+            worst = max(worst, float(np.abs(corners @ face.normal - face.offset).max()))
+    return worst
+
+
+def check_moves(before: FloatArray, after: FloatArray, allowed: float) -> None:
+    """Raise MeshError when snapping moved a vertex farther than `allowed` (mm): it was given to a wrong face."""
+    moves = np.linalg.norm(after - before, axis=1)
+    worst = int(moves.argmax())
+    if not moves[worst] <= allowed:
+        place = ", ".join(f"{c:.3f}" for c in before[worst])
+        raise MeshError(f"vertex at ({place}) mm is {moves[worst]:.3g} mm off the CAD faces, allowed is {allowed:.3g}")
+
+
+def quadratic(
+    vertices: FloatArray, cells: IntArray, boundary: Boundary, surface: CadSurface
+) -> tuple[FloatArray, IntArray]:
+    """Nodes and ten-node cells (VTK order), edges shared once; lengths in mm.
+
+    Middle nodes on curved faces are projected onto them; in an element whose Jacobian would fall below MIN_RATIO of
+    its largest value they go back to the straight middle.
+    """
+    ends = np.sort(cells[:, TET_EDGES].reshape(-1, 2), axis=1)
+    edges, number = np.unique(ends, axis=0, return_inverse=True)
+    full = np.hstack([cells, len(vertices) + number.reshape(-1, 6)])
+    straight = vertices[edges].mean(axis=1)
+    curved = _projected(vertices, edges, boundary, surface)
+    keep = (curved != straight).any(axis=1)
+    for _ in range(ROUNDS):
+        nodes = np.vstack([vertices, np.where(keep[:, None], curved, straight)])
+        bad = _bent_too_far(nodes, full, keep[full[:, 4:] - len(vertices)].any(axis=1))
+        if not len(bad):
+            break
+        keep[full[bad, 4:] - len(vertices)] = False
+        log.info("%d element(s) next to curved faces keep straight edges", len(bad))
+    return nodes, full
+
+
+def named_faces(mesh: Mesh, body: Body, boundary: Boundary, surface: CadSurface) -> dict[str, IntArray]:
+    """Face nodes (m, 6) by name: sides of the box, touch, back, foot, top. `back` and `touch` end where pillars stand."""
+    nodes = mesh.cells[boundary.cell[:, None], mesh.element.facets[0][boundary.local]]
+    faces = {}
+    for name, (axis, position) in _planes(body, surface).items():
+        flat = [face.axis == axis and abs(face.position - position) < SAME_PLANE_MM for face in surface.faces]
+        on = np.array(flat)[boundary.face_of] & ~(boundary.inner & (name in ("back", "touch")))
+        if on.any():
+            faces[name] = nodes[on]
+    return faces
 
 
 def tet_mesh(
@@ -66,6 +226,108 @@ def tet_mesh(
             log.warning("mesh refused (%s): trying again with epsilon %.1e", fault, epsilon / 2.0)
             epsilon /= 2.0
     raise MeshError(f"attempts must be at least 1, got {attempts}")
+
+
+def check_parts(mesh: Mesh, body: Body) -> None:
+    """Raise MeshError when a bonded part has not its CAD volume: the mesher did not keep the face that bonds it."""
+    if not body.bonded:
+        return
+    volumes = {name: float(cell_volumes(mesh)[cells].sum()) for name, cells in mesh.regions.items()}
+    for name, exact in body.part_volumes_m3().items():
+        plate_volume = sum(volumes[region] for region in volumes if region not in body.bonds)
+        volume = volumes.get(name, 0.0) if name in body.bonds else plate_volume
+        if abs(volume - exact) > PART_TOLERANCE * exact:
+            raise MeshError(
+                f"the {name} part of the mesh is {volume / exact - 1.0:+.1e} off its CAD volume, "
+                f"allowed is {PART_TOLERANCE:.0e}: its face to the other material was not kept"
+            )
+
+
+def _onto(points: FloatArray, faces: list[CadFace]) -> FloatArray:
+    if all(face.flat for face in faces):
+        return _exact(_onto_planes(points, faces), faces)
+    return np.array([_newton(point, faces) for point in points])
+
+
+def _with_edges(point: FloatArray, numbers: tuple[int, ...], surface: CadSurface) -> list[CadFace]:
+    """The nearest face, then the others in order of distance that form an edge with every face already kept."""
+    kept: list[int] = []
+    for number in sorted(numbers, key=lambda i: float(surface.faces[i].distance(point[None])[0])):
+        if all(surface.edge_between(number, other) for other in kept):
+            kept.append(number)
+    return [surface.faces[i] for i in kept]
+
+
+def _onto_planes(points: FloatArray, planes: list[CadFace]) -> FloatArray:
+    normals = np.array([plane.normal for plane in planes])
+    offsets = np.array([plane.offset for plane in planes])
+    step = np.linalg.pinv(normals, rcond=PARALLEL)
+    return np.asarray(points - (points @ normals.T - offsets) @ step.T)
+
+
+def _newton(point: FloatArray, faces: list[CadFace]) -> FloatArray:
+    """One point onto curved faces: each step solves for their tangent planes."""
+    here = point
+    for _ in range(NEWTON_STEPS):
+        feet, normals = zip(*(face.project(here[None]) for face in faces), strict=True)
+        rows, gaps = np.vstack(normals), np.array([n[0] @ (f[0] - here) for f, n in zip(feet, normals, strict=True)])
+        step = np.linalg.pinv(rows, rcond=PARALLEL) @ gaps
+        here = here + step
+        if np.linalg.norm(step) < NEWTON_STOP * (1.0 + np.linalg.norm(here)):
+            break
+    return np.asarray(_exact(here[None], faces)[0])
+
+
+def _exact(points: FloatArray, faces: list[CadFace]) -> FloatArray:
+    """Planes normal to an axis hold to the last bit: mirrored and neighbouring cells share these coordinates."""
+    for face in faces:
+        if face.axis is not None:
+            points[:, face.axis] = face.position
+    return points
+
+
+def _all_flat(numbers: tuple[int, ...], surface: CadSurface) -> bool:
+    return all(surface.faces[i].flat for i in numbers)
+
+
+def _faces_at(items: IntArray, faces: IntArray) -> dict[int, tuple[int, ...]]:
+    pairs = np.unique(np.column_stack([items, faces]), axis=0)
+    starts = np.flatnonzero(np.append(True, np.diff(pairs[:, 0]) > 0))
+    groups = np.split(pairs[:, 1], starts[1:])
+    return {int(item): tuple(group.tolist()) for item, group in zip(pairs[starts, 0], groups, strict=True)}
+
+
+def _projected(vertices: FloatArray, edges: IntArray, boundary: Boundary, surface: CadSurface) -> FloatArray:
+    """Edge middles, those of edges on curved faces moved onto them."""
+    middles = vertices[edges].mean(axis=1)
+    outer, faces_at = boundary.edge_faces()
+    both = np.array([len(vertices), 1])
+    place = np.searchsorted(edges @ both, outer @ both)  # edges stand in ascending order
+    for index, faces in zip(place, faces_at, strict=True):
+        if not all(surface.faces[i].flat for i in faces):
+            middles[index] = onto_faces(middles[index : index + 1], faces, surface)[0]
+    return middles
+
+
+def _bent_too_far(nodes: FloatArray, full: IntArray, candidates: FloatArray) -> IntArray:
+    chosen = np.flatnonzero(candidates)
+    if not len(chosen):
+        return chosen
+    mesh = Mesh(nodes, full, "tet", 2)
+    at = np.vstack([mesh.element.quadrature.points, mesh.element.points])
+    determinants = np.linalg.det(jacobians(mesh, chosen, at))
+    return chosen[determinants.min(axis=1) < MIN_RATIO * determinants.max(axis=1)]
+
+
+def _planes(body: Body, surface: CadSurface) -> dict[str, tuple[int, float]]:
+    """Axis and position (mm) of the planes that have a name."""
+    low, high = surface.points.min(axis=0), surface.points.max(axis=0)
+    sides = {
+        f"{'xy'[axis]}{sign}": (axis, float(end[axis])) for axis in (0, 1) for sign, end in (("-", low), ("+", high))
+    }
+    if body.thickness_m == 0.0:
+        return sides | {"foot": (2, 0.0), "touch": (2, 0.0), "top": (2, float(high[2]))}
+    return sides | {"touch": (2, 0.0), "back": (2, MM * body.thickness_m), "top": (2, float(high[2]))}
 
 
 def _attempt(body: Body, edge_m: float, size: NearSegments | None, epsilon: float) -> Mesh:
@@ -122,18 +384,3 @@ def _check_corners(vertices: FloatArray, cells: IntArray, boundary: Boundary, su
     gap = off_plane(vertices, boundary, surface)
     if gap > ON_PLANE * surface.diagonal:
         raise MeshError(f"a boundary triangle cuts a CAD edge: a corner is {gap:.2e} mm off its plane")
-
-
-def check_parts(mesh: Mesh, body: Body) -> None:
-    """Raise MeshError when a bonded part has not its CAD volume: the mesher did not keep the face that bonds it."""
-    if not body.bonded:
-        return
-    volumes = {name: float(cell_volumes(mesh)[cells].sum()) for name, cells in mesh.regions.items()}
-    for name, exact in body.part_volumes_m3().items():
-        plate_volume = sum(volumes[region] for region in volumes if region not in body.bonds)
-        volume = volumes.get(name, 0.0) if name in body.bonds else plate_volume
-        if abs(volume - exact) > PART_TOLERANCE * exact:
-            raise MeshError(
-                f"the {name} part of the mesh is {volume / exact - 1.0:+.1e} off its CAD volume, "
-                f"allowed is {PART_TOLERANCE:.0e}: its face to the other material was not kept"
-            )

@@ -8,18 +8,15 @@ import numpy as np
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import CM, DEGREE, KHZ, MM, MS, UM, frequency, level, percentage
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level, percentage
-from pipeline.units import CM, DEGREE, KHZ, MM, MS, UM
-from solvers.shaping.contrast import REGIONS, region_target
-from solvers.shaping.inversion import drive_voltages
+from solvers.shaping.voltages import REGIONS, drive_voltages, region_target
 
 if TYPE_CHECKING:
-    from solvers.thesis.active_study import ActiveBeamStudy, Case
+    from solvers.thesis.active_beam import ActiveBeamStudy, Case
     from solvers.thesis.circuit import MasonStudy
     from solvers.thesis.loop_design import DqStudy
-    from solvers.thesis.pillar_row import PillarFilter
-    from solvers.thesis.scattering import PointForce
+    from solvers.thesis.scattering import PillarFilter, PointForce
     from solvers.thesis.shaping_study import ShapingStudy
 
 JOINTS = {0: "free end", 1: "at the filter", 2: "between the filters"}

@@ -12,21 +12,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.paths import REFERENCE
-from pipeline.quantity import figure, interval, signed
-from pipeline.units import CM, KHZ, MM, MS, UM, US
-from solvers.shaping.contrast import REGIONS, region_target
-from solvers.shaping.inversion import drive_voltages
+from pipeline.quantity import CM, KHZ, MM, MS, UM, US, figure, interval, signed
 from solvers.shaping.modal_table import conditioning, sensor_matrix
 from solvers.shaping.travelling_wave import forward_energy_share, net_flux_share
+from solvers.shaping.voltages import REGIONS, drive_voltages, region_target
 from solvers.thesis.loop_design import FIRMWARE_RESPONSE_S
-from solvers.thesis.shaping_steps import TARGETS
+from solvers.thesis.shaping_study import TARGETS
 
 if TYPE_CHECKING:
-    from solvers.thesis.active_study import ActiveBeamStudy, Case
+    from solvers.thesis.active_beam import ActiveBeamStudy, Case
     from solvers.thesis.circuit import MasonStudy
     from solvers.thesis.loop_design import DqStudy
-    from solvers.thesis.pillar_row import PillarFilter
-    from solvers.thesis.scattering import PointForce
+    from solvers.thesis.scattering import PillarFilter, PointForce
     from solvers.thesis.shaped_beam import ShapedBeam, Signal
     from solvers.thesis.shaping_study import ShapingStudy
 

@@ -12,13 +12,12 @@ from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, case_from_dict, load_case, read_case
 from pipeline.case.reading import toml_text
 from pipeline.errors import InputError
-from pipeline.logs import Log
+from pipeline.logs import Log, RunLog
 from pipeline.planning import resources, simplifications
 from pipeline.questions import study as asked
 from pipeline.questions.question import Run
 from pipeline.records import store
 from pipeline.records.record import DesignRecord
-from pipeline.records.run_log import RunLog
 
 
 def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
@@ -64,17 +63,17 @@ def _forecast(case: Case, query: tuple[str, ...]) -> Forecast:
 
 def conclude(study: StudyFile, folder: Path, all_pictures: bool = False) -> list[Path]:
     """Table and page from the stored records; all_pictures: of every case those that are drawn of the best one alone, too."""
-    from pipeline.report import explorer, page
+    from pipeline.report import page
 
-    made = explorer.put(folder, study.case_path)
+    made = page.put_explorer(folder, study.case_path)
     return [asked.write_table(folder), *made, page.build(folder, all_pictures=all_pictures)]
 
 
 def explored(study: StudyFile, folder: Path, log: Log) -> list[Path]:
     """The explorer's page, its bases made now, and the report that links it; nothing where there is one, or can be none."""
-    from pipeline.report import explorer, page
+    from pipeline.report import page
 
-    made = [] if explorer.link(folder) else explorer.put(folder, study.case_path, log)
+    made = [] if page.explorer_link(folder) else page.put_explorer(folder, study.case_path, log)
     return [*made, page.build(folder)] if made else []
 
 

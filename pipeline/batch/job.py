@@ -13,10 +13,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pipeline.batch import peak_memory
-from pipeline.records import fingerprint, record, store
+from pipeline.logs import RunLog, close_abandoned
+from pipeline.records import record, store
 from pipeline.records.record import Record
-from pipeline.records.run_log import RunLog, close_abandoned
+from solvers import machine
 from solvers.machine import memory_text
 
 Compute = Callable[[dict[str, Any], Path, RunLog], dict[str, Any]]
@@ -63,7 +63,7 @@ class CaseEnd:
 def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
     """A case whose process is gone: record it by name, so that the table shows it."""
     folder = study / job.case_id
-    if store.why_recompute(folder, job.payload, fingerprint.current()) is None:  # lost after it had finished
+    if store.why_recompute(folder, job.payload, store.current_fingerprint()) is None:  # lost after it had finished
         result = record.read(folder)
         return CaseEnd(job.case_id, result.status, result.diagnosis, 0.0)
     diagnosis = _one_line(error)
@@ -73,31 +73,31 @@ def record_loss(job: Job, study: Path, error: BaseException) -> CaseEnd:
         close_abandoned(folder / store.RUN_LOG, "LOST", diagnosis)
         store.finish(
             folder,
-            _dressed(job, {"status": "FAILED", "diagnosis": diagnosis}, fingerprint.current()).to_dict(),
+            _dressed(job, {"status": "FAILED", "diagnosis": diagnosis}, store.current_fingerprint()).to_dict(),
             {"seconds": {}},
         )
     return CaseEnd(job.case_id, "FAILED", diagnosis, 0.0)
 
 
-def _dressed(job: Job, result: dict[str, Any], mark: fingerprint.Fingerprint) -> Record:
+def _dressed(job: Job, result: dict[str, Any], mark: store.Fingerprint) -> Record:
     """The record of what was found, with what every record carries."""
     return Record.of_case(
         result,
         case_id=job.case_id,
         name=job.payload.get("name", job.case_id),
-        input_hash=fingerprint.input_hash(job.payload),
+        input_hash=store.input_hash(job.payload),
         code_hash=mark.code_hash,
         versions=mark.versions,
         sweep=job.sweep,
     )
 
 
-def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerprint) -> CaseEnd:
+def run_case(compute: Compute, job: Job, study: Path, mark: store.Fingerprint) -> CaseEnd:
     """Compute one case in this process, record it, and say how it ended; an exception becomes a FAILED record."""
     folder = store.case_folder(study, job.case_id)
     start = time.perf_counter()
     try:
-        peak_memory.restart()
+        machine.restart_peak()
         store.begin(folder, job.payload)
         with RunLog(folder / store.RUN_LOG) as log:
             log.banner(job.case_id, metadata.version("antinode"), mark.versions)
@@ -105,7 +105,7 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
             result = _guarded(compute, job, folder, log, mark)
             timing = {
                 "seconds": {**log.seconds, "total": log.elapsed},
-                "peak_memory_bytes": peak_memory.reported_peak_bytes(),
+                "peak_memory_bytes": machine.reported_peak_bytes(),
             }
             store.finish(folder, result.to_dict(), timing)
             log.close(result.status)
@@ -114,13 +114,13 @@ def run_case(compute: Compute, job: Job, study: Path, mark: fingerprint.Fingerpr
         store.sweep_leftovers(folder)
         return CaseEnd(job.case_id, "FAILED", str(error), time.perf_counter() - start)
     finally:
-        peak_memory.give_back()  # before the next case asks how much is free
+        machine.give_back()  # before the next case asks how much is free
     return CaseEnd(job.case_id, result.status, result.diagnosis, time.perf_counter() - start)
 
 
-def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: fingerprint.Fingerprint) -> Record:
+def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: store.Fingerprint) -> Record:
     try:
-        if fingerprint.current().code_hash != mark.code_hash:
+        if store.current_fingerprint().code_hash != mark.code_hash:
             raise RuntimeError("this worker runs other sources than the study was started with; run the study again")
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, kind, *_: log.info(f"{kind.__name__}: {message}", "PYTHON")
@@ -135,7 +135,7 @@ def _guarded(compute: Compute, job: Job, folder: Path, log: RunLog, mark: finger
         return _concluded(job, {"status": "FAILED", "diagnosis": text}, log, mark)
 
 
-def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: fingerprint.Fingerprint) -> Record:
+def _concluded(job: Job, result: dict[str, Any], log: RunLog, mark: store.Fingerprint) -> Record:
     """The record, with what the log was told and how the case ended."""
     status, diagnosis = ("WARNING", log.warnings[0]) if log.warnings else ("OK", "done")
     left_out = list(dict.fromkeys(log.left_out_list))

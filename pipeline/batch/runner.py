@@ -1,4 +1,4 @@
-"""A study's cases through any Executor: what stands is kept, what is missing is computed, what fails is recorded.
+"""A study's cases through any Executor: kept, computed or recorded as failed, and shown while they run.
 
 One run at a time holds the study's lock, and journal.jsonl has a line for everything that happens to it.
 """
@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import json
 import os
+import sys
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future, wait
 from contextlib import contextmanager, suppress
@@ -14,77 +16,164 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from math import inf
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from pipeline import workers
 from pipeline.batch.job import CaseEnd, Compute, Forecast, Job, Planned, record_loss, run_case
-from pipeline.batch.progress import Progress
 from pipeline.errors import InputError
-from pipeline.records import fingerprint, store
-from pipeline.records.run_log import close_abandoned
+from pipeline.logs import close_abandoned, current_step
+from pipeline.records import store
+from pipeline.records.store import RUN_LOG
 from pipeline.records.study import CASES
 from pipeline.workers import default_jobs
 from solvers.machine import available_bytes
 
+HEARTBEAT_S = 30.0
+LOOK_S = 1.0  # between two looks at which cases have begun
+LONGER = 1.2  # times what it took before: less is as usual
+MAX_NAMED = 4
+MAX_REASONS = 8
+EXPECTED = {"new", "not finished before", "forced"}
+
 JOURNAL = "journal.jsonl"
-
-
-def note(folder: Path, event: str, **fields: Any) -> None:
-    """Append a line to a study's journal; one torn by a killed run is closed first, so that it spoils no other."""
-    entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
-    with (folder / JOURNAL).open("ab+") as file:
-        if file.tell():
-            file.seek(-1, os.SEEK_END)
-        begun = file.read() not in (b"", b"\n")
-        file.write(b"\n" * begun + json.dumps(entry, ensure_ascii=False).encode() + b"\n")
-
-
-def known_seconds(folder: Path, jobs: Sequence[Job]) -> dict[str, float]:
-    """How long each case took when it was computed before, s: what time left is reckoned from."""
-    found = {}
-    for job in jobs:
-        with suppress(store.BadRecord, KeyError, TypeError):
-            seconds = store.read_json(folder / job.case_id / store.TIMING)["seconds"]["total"]
-            if isinstance(seconds, int | float) and 0.0 <= seconds < inf:
-                found[job.case_id] = float(seconds)
-    return found
-
-
 LOCK = ".lock"
+MEMORY_SHARE = 0.8  # of what is free at the start
+POLL_S = 0.25
+LOOK_AHEAD = 8  # waiting cases that may overtake one too large for the free memory
+
+
+class Progress:
+    """Progress of a study on standard error."""
+
+    def __init__(self, quiet: bool = False, stream: TextIO | None = None) -> None:
+        self.quiet = quiet
+        self.stream = stream or sys.stderr
+        self._live: Any = None
+        self._task: Any = None
+        self._running: dict[str, int | None] = {}  # handed out, with the time of the log that an earlier run left
+        self._begun: dict[str, float] = {}  # when their own log appeared: a case may wait for a worker before
+        self._looked = 0.0
+        self._known: dict[str, float] = {}
+        self._left: set[str] = set()
+        self._folder = Path()
+        self._total = self._done = 0
+        self._spoke = self._began = time.monotonic()
+        self._spent: list[float] = []
+
+    def begin(self, folder: Path, planned: Sequence[Planned], known_seconds: dict[str, float]) -> None:
+        """Start the display; `known_seconds` are durations of earlier runs."""
+        todo = [item.case_id for item in planned if item.why is not None]
+        self._folder, self._total, self._known, self._left = folder, len(todo), known_seconds, set(todo)
+        self._began = self._spoke = time.monotonic()
+        if self.quiet:
+            return
+        reused = len(planned) - len(todo)
+        kept = f", {reused} already computed" if reused else ""
+        self.say(f"{folder}: {len(planned)} case{'s' * (len(planned) != 1)}{kept}, {len(todo)} to compute")
+        again = [item for item in planned if item.why and item.why not in EXPECTED]
+        for item in again[:MAX_REASONS]:
+            self.say(f"{item.case_id}: computed again, {item.why}")
+        if len(again) > MAX_REASONS:
+            self.say(f"and {len(again) - MAX_REASONS} more (antinode run --dry-run tells why)")
+        if todo and self.stream.isatty():
+            self._open_live()
+
+    def _open_live(self) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+        from rich.progress import Progress as Bar
+
+        columns = (BarColumn(bar_width=24), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
+        self._live = Bar(*columns, console=Console(file=self.stream), transient=True)
+        self._task = self._live.add_task("", total=self._total)
+        self._live.start()
+
+    def say(self, text: str) -> None:
+        """One line for the reader."""
+        if self.quiet:
+            return
+        if self._live:
+            self._live.console.print(text, markup=False, highlight=False)
+        else:
+            print(text, file=self.stream, flush=True)
+        self._spoke = time.monotonic()
+
+    def case_started(self, case_id: str) -> None:
+        """A case went to a worker."""
+        self._running[case_id] = self._log_time(case_id)
+        if not self._live:
+            self.say(f"{case_id}: started")
+
+    def case_ended(self, case_id: str, status: str, diagnosis: str, seconds: float) -> None:
+        """A case ended."""
+        self._running.pop(case_id, None)
+        self._begun.pop(case_id, None)
+        self._left.discard(case_id)
+        self._done += 1
+        if status != "FAILED":
+            self._spent.append(seconds)
+        left = f"; {self.time_left()}" if self._left else ""
+        self.say(f"[{self._done}/{self._total}] {case_id}: {status}, {seconds:.1f} s, {diagnosis}{left}")
+        if self._live:
+            self._live.update(self._task, completed=self._done)
+
+    def tick(self) -> None:
+        """Called a few times a second."""
+        if self.quiet or not self._running:
+            return
+        self._look()
+        if self._live:
+            self._live.update(self._task, description=self._now())
+        elif time.monotonic() - self._spoke > HEARTBEAT_S:
+            self.say(f"[{self._done}/{self._total}] {self._now()}")
+
+    def end(self) -> None:
+        """Close the display."""
+        if self._live:
+            self._live.stop()
+            self._live = None
+
+    def _now(self) -> str:
+        first = sorted(self._running, key=lambda case_id: case_id not in self._begun)[:MAX_NAMED]
+        logs = {case_id: self._folder / case_id / RUN_LOG for case_id in first}
+        steps = {case_id: current_step(logs[case_id]) if case_id in self._begun else "" for case_id in first}
+        at_work = [f"{case_id} ({step or 'starting'})" for case_id, step in steps.items()]
+        if len(self._running) > len(first):
+            at_work.append(f"and {len(self._running) - len(first)} more")
+        return f"{', '.join(at_work)}; {self.time_left()}"
+
+    def _log_time(self, case_id: str) -> int | None:
+        with suppress(OSError):
+            return (self._folder / case_id / RUN_LOG).stat().st_mtime_ns
+        return None
+
+    def _look(self) -> None:
+        """See which cases have begun by now."""
+        now = time.monotonic()
+        if now - self._looked < LOOK_S:
+            return
+        self._looked = now
+        for case_id, earlier in self._running.items():
+            if case_id not in self._begun and self._log_time(case_id) != earlier:
+                self._begun[case_id] = now
+
+    def time_left(self) -> str:
+        """Rough remaining time: earlier durations where known, else the mean of this run's cases, less what was computed."""
+        mean = sum(self._spent) / len(self._spent) if self._spent else None
+        guesses = [self._known.get(case_id, mean) for case_id in self._left]
+        if not guesses or any(guess is None for guess in guesses):
+            return "time left not known yet"
+        spent = {case_id: time.monotonic() - start for case_id, start in self._begun.items()}
+        usual = {case_id: self._known.get(case_id, mean or 0.0) for case_id in self._left}
+        remaining_s = sum(max(0.0, usual[case_id] - spent.get(case_id, 0.0)) for case_id in usual)
+        if remaining_s <= 0.0:
+            late = any(seconds > LONGER * usual.get(case_id, 0.0) for case_id, seconds in spent.items())
+            return "taking longer than the cases before" if late else "about to end"
+        return f"about {_duration(remaining_s / max(1, len(self._begun)))} left"
 
 
 class StudyBusy(InputError):
     """Another process is running this study."""
-
-
-@contextmanager
-def study_lock(folder: Path) -> Iterator[None]:
-    """Hold the study's lock. The kernel frees it when the process ends, so a killed run leaves no stale lock.
-
-    Raises StudyBusy when another process holds it.
-    """
-    import fcntl
-
-    folder.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            holder = os.pread(descriptor, 200, 0).decode(errors="replace").strip() or "an unknown process"
-            raise StudyBusy(
-                f"{folder}: another run of this study is at work ({holder}); wait for it or end it"
-            ) from error
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M:%S}\n".encode(), 0)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-MEMORY_SHARE = 0.8  # of what is free at the start
-POLL_S = 0.25
-LOOK_AHEAD = 8  # waiting cases that may overtake one too large for the free memory
 
 
 @dataclass(frozen=True)
@@ -122,51 +211,6 @@ class Options:
     force: bool = False
     fail_fast: bool = False
     dry_run: bool = False
-
-
-def run_study(
-    jobs: Sequence[Job],
-    compute: Compute,
-    folder: Path,
-    options: Options | None = None,
-    progress: Progress | None = None,
-    about: dict[str, Any] | None = None,
-) -> StudyOutcome:
-    """Compute what is missing of a study, each case in folder/<case id>; returns what was done.
-
-    `compute(payload, case folder, log)` runs in a worker process (a function of a module), writes its arrays
-    through the store and returns the record without what the runner adds (case_id, hashes, versions, sweep).
-    `about` is kept for the report. Raises lock.StudyBusy when the study is running elsewhere, ValueError for case
-    ids that repeat or cannot name a folder, KeyboardInterrupt after cleaning up.
-    """
-    options, progress = options or Options(), progress or Progress(quiet=True)
-    _check_ids(jobs, folder)
-    if options.dry_run:
-        return StudyOutcome(folder, plan(jobs, folder, options.force))
-    with study_lock(folder):
-        store.sweep_leftovers(folder)
-        planned = plan(jobs, folder, options.force)
-        listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
-        store.write_sealed(folder / CASES, {"schema": store.DOCUMENT_SCHEMA, "about": about or {}, "cases": listed})
-        return _Run(jobs, compute, folder, options, progress, planned).go()
-
-
-def plan(jobs: Sequence[Job], folder: Path, force: bool = False) -> tuple[Planned, ...]:
-    """Which cases have to be computed, and why."""
-    now = fingerprint.current()
-    return tuple(
-        Planned(job.case_id, "forced" if force else store.why_recompute(folder / job.case_id, job.payload, now))
-        for job in jobs
-    )
-
-
-def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
-    seen: set[str] = set()
-    for job in jobs:
-        store.case_folder(folder, job.case_id)
-        if job.case_id in seen:
-            raise ValueError(f"two cases of this study have the id {job.case_id!r}")
-        seen.add(job.case_id)
 
 
 @dataclass
@@ -259,7 +303,7 @@ class _Run:
         self._note("started", case=job.case_id, why=self.why[job.case_id])
         self.progress.case_started(job.case_id)
         bare = replace(job, forecaster=Forecast)  # what a worker has no use for stays here
-        task = executor.submit(run_case, self.compute, bare, self.folder, fingerprint.current())
+        task = executor.submit(run_case, self.compute, bare, self.folder, store.current_fingerprint())
         self.running[task] = job
 
     def _collect(self, future: Future[CaseEnd]) -> None:
@@ -267,7 +311,7 @@ class _Run:
         try:
             end = future.result()
         except CancelledError as error:  # no cancellation of ours is collected: the executor gave the case up
-            if store.why_recompute(self.folder / job.case_id, job.payload, fingerprint.current()) is not None:
+            if store.why_recompute(self.folder / job.case_id, job.payload, store.current_fingerprint()) is not None:
                 self.given_up.append(job)
                 self._abandon(job, "the executor gave this case up; the next run computes it again")
                 return
@@ -295,6 +339,103 @@ class _Run:
         store.sweep_leftovers(folder)
         if (folder / store.RUN_LOG).exists() and not (folder / store.RECORD).exists():
             close_abandoned(folder / store.RUN_LOG, "INTERRUPTED", text)
+
+
+def note(folder: Path, event: str, **fields: Any) -> None:
+    """Append a line to a study's journal; one torn by a killed run is closed first, so that it spoils no other."""
+    entry = {"at": datetime.now(UTC).isoformat(timespec="seconds"), "event": event, **fields}
+    with (folder / JOURNAL).open("ab+") as file:
+        if file.tell():
+            file.seek(-1, os.SEEK_END)
+        begun = file.read() not in (b"", b"\n")
+        file.write(b"\n" * begun + json.dumps(entry, ensure_ascii=False).encode() + b"\n")
+
+
+def known_seconds(folder: Path, jobs: Sequence[Job]) -> dict[str, float]:
+    """How long each case took when it was computed before, s: what time left is reckoned from."""
+    found = {}
+    for job in jobs:
+        with suppress(store.BadRecord, KeyError, TypeError):
+            seconds = store.read_json(folder / job.case_id / store.TIMING)["seconds"]["total"]
+            if isinstance(seconds, int | float) and 0.0 <= seconds < inf:
+                found[job.case_id] = float(seconds)
+    return found
+
+
+@contextmanager
+def study_lock(folder: Path) -> Iterator[None]:
+    """Hold the study's lock. The kernel frees it when the process ends, so a killed run leaves no stale lock.
+
+    Raises StudyBusy when another process holds it.
+    """
+    import fcntl
+
+    folder.mkdir(parents=True, exist_ok=True)
+    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = os.pread(descriptor, 200, 0).decode(errors="replace").strip() or "an unknown process"
+            raise StudyBusy(
+                f"{folder}: another run of this study is at work ({holder}); wait for it or end it"
+            ) from error
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"process {os.getpid()}, since {datetime.now():%Y-%m-%d %H:%M:%S}\n".encode(), 0)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def run_study(
+    jobs: Sequence[Job],
+    compute: Compute,
+    folder: Path,
+    options: Options | None = None,
+    progress: Progress | None = None,
+    about: dict[str, Any] | None = None,
+) -> StudyOutcome:
+    """Compute what is missing of a study, each case in folder/<case id>; returns what was done.
+
+    `compute(payload, case folder, log)` runs in a worker process (a function of a module), writes its arrays
+    through the store and returns the record without what the runner adds (case_id, hashes, versions, sweep).
+    `about` is kept for the report. Raises lock.StudyBusy when the study is running elsewhere, ValueError for case
+    ids that repeat or cannot name a folder, KeyboardInterrupt after cleaning up.
+    """
+    options, progress = options or Options(), progress or Progress(quiet=True)
+    _check_ids(jobs, folder)
+    if options.dry_run:
+        return StudyOutcome(folder, plan(jobs, folder, options.force))
+    with study_lock(folder):
+        store.sweep_leftovers(folder)
+        planned = plan(jobs, folder, options.force)
+        listed = [{"case_id": job.case_id, "sweep": job.sweep} for job in jobs]
+        store.write_sealed(folder / CASES, {"schema": store.DOCUMENT_SCHEMA, "about": about or {}, "cases": listed})
+        return _Run(jobs, compute, folder, options, progress, planned).go()
+
+
+def plan(jobs: Sequence[Job], folder: Path, force: bool = False) -> tuple[Planned, ...]:
+    """Which cases have to be computed, and why."""
+    now = store.current_fingerprint()
+    return tuple(
+        Planned(job.case_id, "forced" if force else store.why_recompute(folder / job.case_id, job.payload, now))
+        for job in jobs
+    )
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _check_ids(jobs: Sequence[Job], folder: Path) -> None:
+    seen: set[str] = set()
+    for job in jobs:
+        store.case_folder(folder, job.case_id)
+        if job.case_id in seen:
+            raise ValueError(f"two cases of this study have the id {job.case_id!r}")
+        seen.add(job.case_id)
 
 
 def _local(count: int) -> workers.LocalWorkers:

@@ -22,12 +22,10 @@ from typing import Any
 
 from pipeline import paths
 from pipeline.batch.job import Job
-from pipeline.case.diagnostics import Diagnostics
-from pipeline.case.reading import read_toml
-from pipeline.logs import Log
-from pipeline.records import fingerprint, record, store
+from pipeline.case.reading import Diagnostics, read_toml
+from pipeline.logs import Log, RunLog
+from pipeline.records import record, store
 from pipeline.records.record import Record
-from pipeline.records.run_log import RunLog
 from pipeline.report.html import Page, write_page
 
 SHARED = ("ladder", "scenes")  # modules of studies/ that scripts build upon
@@ -78,7 +76,7 @@ def load_script(path: Path) -> ScriptStudy | None:
 def jobs_of(study: ScriptStudy, all_fields: bool = False) -> list[Job]:
     """The cases of the script; each carries the hash of the sources behind it. No script has fields of modes."""
     sources = {
-        name: fingerprint.file_hash(paths.STUDIES / f"{name}.py")
+        name: store.file_hash(paths.STUDIES / f"{name}.py")
         for name in (study.script, *SHARED)
         if (paths.STUDIES / f"{name}.py").exists()
     }

@@ -1,30 +1,42 @@
-"""The study file: a case, what to measure, and the grid of values to sweep."""
+"""The study file, a case, what to measure and the grid of values to sweep, and the names by which studies are known.
+
+The results of a study of the checkout lie in the checkout's `results/`, those of any other study file in `results/` beside it;
+ANTINODE_RESULTS and --results say otherwise. What lies elsewhere is noted in a file of the user's state folder.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import itertools
+import json
+import os
 import re
 from collections import Counter
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from pipeline.batch import known
-from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file
-from pipeline.case.reading import is_file, read_toml, toml_text
+from pipeline import paths
+from pipeline.case.reading import Diagnostics, check_table, is_file, nearest, nearest_file, read_toml, toml_text
 from pipeline.case.schema import known_keys
-from pipeline.errors import InputError
+from pipeline.errors import InputError, reason
+from pipeline.logs import flat
 from pipeline.paths import STUDIES
-from pipeline.records.run_log import flat
 
 MAX_ID_LENGTH = 120
 RESERVED = "reference"  # results/reference holds what checks compare with
 MAX_CASES = 100_000
 MAX_BYTES = 10_000_000  # of a study file: the values of as many cases
+
+
+class Place(NamedTuple):
+    """A study file and the folder of its results."""
+
+    source: Path
+    folder: Path
 
 
 class StudyTable(BaseModel):
@@ -70,6 +82,51 @@ class StudyFile:
         return [(_case_id(labels, values), list(zip(keys, values, strict=True))) for values in (rows if keys else [()])]
 
 
+def folder_of(name: str, source: Path, given: str | None = None) -> Path:
+    """The folder of a study's results: below the one given, else where it was put before, else by the rule above."""
+    if given:
+        return Path(given).resolve() / name
+    if os.environ.get("ANTINODE_RESULTS") or _is_ours(source):
+        return paths.RESULTS / name
+    before = known_places().get(name)
+    if before and before.source == source.resolve():
+        return before.folder
+    return source.resolve().parent / "results" / name
+
+
+def stored_folder(name: str, source: Path, given: str | None = None) -> Path:
+    """The folder of a study's results to read: where they would be written, else where they were put before."""
+    place, before = folder_of(name, source, given), known_places().get(name)
+    elsewhere = not given and not place.exists() and before and before.source == source.resolve()
+    return before.folder if before and elsewhere else place
+
+
+def known_places() -> dict[str, Place]:
+    """Studies whose results lie elsewhere, by name; only those whose file and results are still there."""
+    try:
+        entries = json.loads(_file().read_text(encoding="utf-8"))
+        places = {name: Place(Path(source), Path(folder)) for name, (source, folder) in entries.items()}
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        return {}
+    return {name: place for name, place in places.items() if place.source.is_file() and place.folder.is_dir()}
+
+
+def remember_place(name: str, source: Path, folder: Path) -> str | None:
+    """Note a study whose results lie elsewhere; a warning where the state folder cannot be written."""
+    from pipeline.records.store import StoreError, write_atomic
+
+    if folder.parent == paths.RESULTS and _is_ours(source):
+        return None
+    entries = known_places() | {name: Place(source.resolve(), folder.resolve())}
+    text = json.dumps({key: [str(part) for part in place] for key, place in sorted(entries.items())}, indent=1)
+    try:
+        _file().parent.mkdir(parents=True, exist_ok=True)
+        write_atomic(_file(), f"{text}\n".encode())
+    except (OSError, StoreError) as error:
+        return f"{_file()}: {reason(error)}: the study {name!r} is found by its file only, not by its name"
+    return None
+
+
 def load_study(path_or_name: str | Path) -> StudyFile:
     """The study of a file, or of studies/NAME.toml of the checkout; InputError with one line for every fault."""
     path = find_study(path_or_name)
@@ -102,7 +159,7 @@ def find_study(path_or_name: str | Path) -> Path:
     path, text = Path(path_or_name), str(path_or_name)
     if is_file(path) or path.suffix == ".toml" or path.parent != Path():
         return path
-    named, elsewhere = STUDIES / f"{text}.toml", known.known()
+    named, elsewhere = STUDIES / f"{text}.toml", known_places()
     if not is_file(named) and text in elsewhere:
         return elsewhere[text].source
     if not is_file(named):
@@ -114,6 +171,14 @@ def find_study(path_or_name: str | Path) -> Path:
 def checkout_studies() -> list[str]:
     """Names of the checkout's own studies."""
     return sorted(file.stem for file in STUDIES.glob("*.toml") if "[study]" in file.read_text(encoding="utf-8"))
+
+
+def _is_ours(source: Path) -> bool:
+    return (paths.IS_CHECKOUT and source.resolve().is_relative_to(paths.ROOT)) or source.parent == paths.STUDIES
+
+
+def _file() -> Path:
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "antinode" / "studies.json"
 
 
 def _read_study(raw: dict[str, Any], diagnostics: Diagnostics) -> StudyTable:

@@ -37,8 +37,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.modes import PartModes
 from pipeline.quantity import figure, frequency
-from pipeline.records.fingerprint import canonical_json, code_hash
-from pipeline.records.store import write_atomic
+from pipeline.records.store import canonical_json, code_hash, write_atomic
 from solvers.errors import SolverError
 
 if TYPE_CHECKING:

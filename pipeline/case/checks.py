@@ -8,12 +8,11 @@ from typing import Any
 
 from geometry.lattice import labels_of
 from geometry.layout import PLAIN
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import SHAPES
+from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline.case import limits
 from pipeline.case.schema import SIZE_KEYS, Tables
 from pipeline.errors import InputError
-from pipeline.units import MM
+from pipeline.quantity import MM
 
 PITCHES = ("pitch_mm", "pitch_x_mm", "pitch_y_mm")
 Diagnostic = tuple[str, Any, str]  # key, value, what is wrong and what is allowed

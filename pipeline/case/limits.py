@@ -1,11 +1,13 @@
-"""What the numbers of a case may be, each limit with its reason: a solid that elasticity describes and a mesh can hold."""
+"""Numbers of a case: what they may be, each limit with its reason, and frequencies and bands as people type them."""
 
 from __future__ import annotations
 
-from math import sqrt
+import re
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
-from pipeline.quantity import figure
+from pipeline.errors import InputError
+from pipeline.quantity import KHZ, MS, US, figure
 
 if TYPE_CHECKING:
     from geometry.layout import Design
@@ -13,7 +15,6 @@ if TYPE_CHECKING:
     from pipeline.logs import Log
 
 Range = tuple[float, float]
-
 LENGTH_MM: Range = (1e-3, 1e4)
 """A micrometre is a grain or less of a metal, which is no homogeneous solid there; ten metres are no touch plate."""
 DEVIATION_MM: Range = (1e-6, 1e4)
@@ -38,7 +39,6 @@ FORCE_N: Range = (1e-3, 100.0)
 """From a contact that is hardly felt to more than a hand presses."""
 GAP_UM: Range = (0.7, 100.0)
 """Ten free paths of air's molecules, below which a film is no continuum, to more than any squeeze film of a finger."""
-
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
 MAX_NODAL_LINES = 1000
@@ -54,12 +54,10 @@ MAX_MODES = 10_000
 MAX_SAMPLES = 10_000
 MAX_FREQUENCIES = 100_000
 """Of a response or an attenuation: each is one more solve and one more line of the document."""
-
 MAX_EVALUATIONS = 10_000
 """Plates that a search may spend: each takes seconds."""
 MAX_JOBS = 1000
 """Worker processes of one machine."""
-
 MAX_SLENDERNESS = 1000.0
 """Height over side of a pillar, and side over height: rounding takes eps (h/a)^4 of a bending eigenvalue, 2e-4 here."""
 MAX_PILLARS = 1_000_000
@@ -68,20 +66,20 @@ MIN_GAP = 1e-4
 """Of the footprint, between two pillars: an element there is as wide as the gap and as long as the foot."""
 MAX_CONTRAST = 1e8
 """Ratio of the Young's moduli of plate and pillar that the study `extremes` has shown to be solved right."""
+FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
+"""Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
+HEAVIEST_KG_M3 = 25e3
+"""Osmium, the heaviest, has 22 590."""
+
+SECONDS = {"ms": MS, "us": US, "s": 1.0}
+MAX_DURATION_S = 1.0  # of a loop's times: a slower one controls no vibration
+HERTZ = {"hz": 1.0, "khz": KHZ, "mhz": 1e6}
+FREQUENCY = re.compile(r"\s*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*([A-Za-z]*)\s*")
 
 
 def span(limits: Range) -> str:
     """The limits in words."""
     return f"from {limits[0]:g} to {limits[1]:g}"
-
-
-# -- doubts ------------------------------------------------------------------------------------------------------------
-# What is allowed and most often meant otherwise: materials unlike any solid, waves too short for plate theory.
-
-FASTEST_M_S, SLOWEST_M_S = 20e3, 1.0
-"""Of sqrt(E/rho): diamond reaches 18 km/s, beryllium 13; a soft gel (1 kPa) reaches 1 m/s."""
-HEAVIEST_KG_M3 = 25e3
-"""Osmium, the heaviest, has 22 590."""
 
 
 def doubts(design: Design) -> list[str]:
@@ -111,6 +109,50 @@ def short_wave(design: Design) -> str | None:
     )
 
 
+ALLOWED = f"a frequency above 0 with its unit Hz, kHz or MHz, such as 32kHz, {span(FREQUENCY_KHZ)} kHz"
+
+
+def parse_frequency(text: str, what: str = "frequency") -> float:
+    """Hz from "32kHz", "32 kHz" or "0.032MHz"; InputError names `what` otherwise, and both readings of a bare number.
+
+    A bare number has two readings because the keys of a case file are in kHz and the fields of a document in Hz. A bare
+    0 would be the same in both, but is no frequency above 0.
+    """
+    match = FREQUENCY.fullmatch(text)
+    number, unit = match.groups() if match else ("nan", "")
+    value = float(number) * HERTZ.get(unit.lower(), 1.0 if not unit else nan)
+    if not unit and 0.0 < value < inf:
+        raise InputError(f"{what} = {text!r}: {number} could mean {number} Hz or {number} kHz: write the unit")
+    if not FREQUENCY_KHZ[0] <= value / KHZ <= FREQUENCY_KHZ[1]:
+        raise InputError(f"{what} = {text!r}: must be {ALLOWED}")
+    return value
+
+
+def parse_seconds(text: str, what: str = "time") -> float:
+    """Seconds from "2ms", "4us" or "0.002s"; InputError names `what` otherwise, or below 0."""
+    unit = next((unit for unit in SECONDS if text.strip().endswith(unit)), None)
+    try:
+        value = float(text.strip().removesuffix(unit)) * SECONDS[unit] if unit else nan
+    except ValueError:
+        value = nan
+    if 0.0 <= value <= MAX_DURATION_S:
+        return value
+    limit = f"must be a time of 0 or more in s, ms or us, such as 4us, and at most {MAX_DURATION_S:g} s"
+    raise InputError(f"{what} = {text!r}: {limit}")
+
+
+def parse_band(text: str, what: str = "band") -> tuple[float, float]:
+    """(low, high) in Hz from "30kHz:34kHz"; InputError when an end is wrong or the band is empty or reversed."""
+    ends = text.split(":")
+    if len(ends) != 2:
+        raise InputError(f"{what} = {text!r}: must be two frequencies with a colon between them, such as 30kHz:34kHz")
+    _refuse_bare(ends, text, what)
+    low, high = (parse_frequency(end, f"{what} {side} end") for end, side in zip(ends, ("low", "high"), strict=True))
+    if not low < high:
+        raise InputError(f"{what} = {text!r}: the low end must lie below the high end")
+    return low, high
+
+
 def _doubt(material: Material) -> list[str]:
     young = material.average.young_pa
     speed = sqrt(young / material.density_kg_m3)
@@ -124,3 +166,11 @@ def _doubt(material: Material) -> list[str]:
     else:
         return []
     return [f"{given}: {why}; check the units (GPa, kg/m3)"]
+
+
+def _refuse_bare(ends: list[str], text: str, what: str) -> None:
+    """InputError with both readings of a band whose two ends are bare numbers above 0."""
+    bare = [match.group(1) for end in ends if (match := FREQUENCY.fullmatch(end)) and not match.group(2)]
+    if len(bare) == 2 and all(0.0 < float(number) < inf for number in bare):
+        readings = " or ".join(f"{bare[0]} {unit} to {bare[1]} {unit}" for unit in ("Hz", "kHz"))
+        raise InputError(f"{what} = {text!r}: {':'.join(bare)} could mean {readings}: write the unit")

@@ -1,4 +1,4 @@
-"""Reading a case: TOML and --set overrides as plain dictionaries, tables checked, every fault collected, rows that differ."""
+"""Reading a case: TOML and --set overrides as plain dictionaries, tables checked, every fault a line, rows that differ."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ import copy
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain
+from difflib import get_close_matches
+from itertools import chain, islice
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 
 from geometry.errors import GeometryError
 from geometry.files import read_by_command
 from geometry.layout import Design
 from geometry.materials import MATERIALS, Material
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import SHAPES
+from geometry.pillar_shapes import SHAPES, PillarShape
 from pipeline import paths
 from pipeline.case.checks import CHECKS, Diagnostic, check_zones, normalise_pitch
-from pipeline.case.diagnostics import Diagnostics, check_table, nearest, nearest_file, quoted
 from pipeline.case.limits import MAX_CONTRAST
 from pipeline.case.schema import (
     MATERIAL_ALLOWED,
@@ -34,11 +36,184 @@ from pipeline.case.schema import (
     known_keys,
 )
 from pipeline.errors import InputError, reason
-from pipeline.units import GPA, MM
+from pipeline.quantity import GPA, MM
+
+Checked = TypeVar("Checked", bound=BaseModel)
+MAX_LENGTH = 60  # characters of a value or key that are shown
+MAX_NAMES = 2000  # of a folder that a misspelled name is compared with
+MAX_LINES = 50  # faults told one by one; a file with more is no case file
 
 HEIGHTS, SIDES, PITCHES = "array.heights_mm", "array.sides_mm", "array.pitches_y_mm"
 WIDTHS = tuple(dict.fromkeys(f"pillar.{shape.keys[0]}" for shape in SHAPES.values() if shape.keys[0].endswith("_mm")))
 INSTEAD = {HEIGHTS: ("pillar.height_mm",), SIDES: WIDTHS, PITCHES: ("array.pitch_y_mm",)}  # keys of equal rows
+
+# keys that stand for one another: setting one drops the others that the file gave
+ALTERNATIVES: dict[str, tuple[str, ...]] = {
+    "array.pitch_mm": ("array.pitch_x_mm", "array.pitch_y_mm"),
+    "solve.band_kHz": ("solve.near_kHz", "solve.count"),
+    "solve.near_kHz": ("solve.band_kHz",),
+    "patches.centres_mm": ("patches.at",),
+    "patches.at": ("patches.centres_mm",),
+    **INSTEAD,
+    **{other: (key,) for key, others in INSTEAD.items() for other in others},
+}
+
+ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
+MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
+DEEPEST = 8  # tables and lists inside one another; a case has four
+TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
+
+# a key of so many parts costs tomllib the square of their number before its depth could be seen
+LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
+
+ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
+
+
+class Diagnostics:
+    """The lines found so far in one file; overridden keys are told as coming from --set."""
+
+    def __init__(self, file: str, overridden: Iterable[str] = ()) -> None:
+        self.file = file
+        self.overridden = frozenset(overridden)
+        self.lines: list[str] = []
+        self.keys: set[str] = set()
+        self.untold = 0
+
+    def origin(self, key: str) -> str:
+        """The file's name, or --set when the key or a part of it was set on the command line."""
+        from_command = any(key == name or name.startswith(key + ".") for name in self.overridden)
+        return "--set" if from_command else self.file
+
+    def add(self, key: str, value: Any, text: str) -> None:
+        """One line: origin: key = value: text."""
+        self._note(key, f"{self.origin(key)}: {key_quoted(key)} = {quoted(value)}: {text}")
+
+    def missing(self, key: str, text: str) -> None:
+        """One line for a key that is not there."""
+        self._note(key, f"{self.file}: {key}: missing, {text}")
+
+    def touch(self, *tables: str) -> bool:
+        """True when a fault was found in one of these tables or top keys."""
+        return any(key.partition(".")[0] in tables for key in self.keys)
+
+    def _note(self, key: str, line: str) -> None:
+        self.keys.add(key)
+        if len(self.lines) >= MAX_LINES:
+            self.untold += 1
+        elif line not in self.lines:
+            self.lines.append(line)
+
+    def unknown(self, key: str, value: Any, known: Collection[str]) -> None:
+        """One line for a key that does not exist, with the nearest known one."""
+        hint = nearest(key, known) if len(self.lines) < MAX_LINES else ""
+        self.add(key, value, f"unknown {'table' if isinstance(value, dict) else 'key'}{hint}")
+
+    def stop(self) -> None:
+        """InputError with every line, if there is any; beyond MAX_LINES of them with how many there are."""
+        if self.lines:
+            more = [f"{self.file}: {self.untold} more errors"] if self.untold else []
+            raise InputError([*self.lines, *more])
+
+
+@dataclass(frozen=True)
+class CaseValues:
+    """What the file says, faults included; `tables` hold the valid values, defaults filled in."""
+
+    name: str
+    tables: Tables
+    materials: dict[str, Material]
+    rows: tuple[tuple[Tables, PillarShape | None], ...]  # as each row has them, once where all rows are alike
+    given: frozenset[str]
+    diagnostics: Diagnostics
+
+
+def quoted(value: Any) -> str:
+    """A value as TOML would write it, cut to one short line."""
+    if isinstance(value, bool):
+        text = str(value).lower()
+    elif isinstance(value, str):
+        text = '"' + value[:MAX_LENGTH].encode("unicode_escape").decode().replace('"', '\\"') + '"'
+        text = text if len(value) <= MAX_LENGTH else text[:-1].ljust(MAX_LENGTH + 1, ".")
+    elif isinstance(value, dict):
+        first = islice(value.items(), MAX_LENGTH)
+        text = "{" + ", ".join(f"{key_quoted(key)} = {quoted(item)}" for key, item in first) + "}"
+    elif isinstance(value, (list, tuple)):
+        text = "[" + ", ".join(quoted(item) for item in value[:MAX_LENGTH]) + "]"
+    elif isinstance(value, float):
+        text = f"{value:.12g}"
+    else:
+        text = str(value) if not isinstance(value, int) or abs(value) < 10**30 else "an integer beyond 1e30"
+    return text if len(text) <= MAX_LENGTH else text[: MAX_LENGTH - 3] + "..."
+
+
+def key_quoted(key: str) -> str:
+    """A key as it stands in a file, cut to one short line."""
+    return key if len(key) <= MAX_LENGTH else f"{key[: MAX_LENGTH - 3]}..."
+
+
+def nearest(word: str, known: Collection[str]) -> str:
+    """' (did you mean X?)' with the known word nearest to `word`, or nothing when none resembles it.
+
+    A dotted key is compared whole first, then by its last part; what is longer than any key resembles none.
+    """
+    if len(word) > MAX_LENGTH:
+        return ""
+    match = get_close_matches(word, known, n=1, cutoff=0.6)
+    if not match:
+        leaves: dict[str, str] = {}
+        for name in known:
+            leaves.setdefault(name.rpartition(".")[2], name)
+        match = [leaves[leaf] for leaf in get_close_matches(word.rpartition(".")[2], leaves, n=1, cutoff=0.6)]
+    return f" (did you mean {match[0]}?)" if match else ""
+
+
+def nearest_file(path: Path) -> str:
+    """' (did you mean X?)' with the file that is there under nearly this name, folder by folder, or nothing."""
+    there = Path(path.anchor)
+    with suppress(OSError, ValueError):
+        for part in path.relative_to(path.anchor).parts:
+            if not (there / part).exists():
+                names = sorted(each.name for each in islice(there.iterdir(), MAX_NAMES))
+                match = get_close_matches(part, names, n=1, cutoff=0.75)
+                if not match:
+                    return ""
+                part = match[0]
+            there /= part
+        return f" (did you mean {there}?)" if there.is_file() else ""
+    return ""
+
+
+def check_table(
+    model: type[Checked], raw: dict[str, Any], prefix: str, known: Collection[str], diagnostics: Diagnostics
+) -> tuple[Checked, set[str]]:
+    """A table with its valid values, defaults filled in, and its faulty keys, dotted with prefix, which are None in it.
+
+    Every fault is added to `diagnostics`.
+    """
+    bad: dict[str, str] = {}
+    try:
+        model.model_validate(raw)
+    except ValidationError as error:
+        for detail in error.errors(include_url=False):
+            bad.setdefault(str(detail["loc"][0]), detail["type"])
+    fields = model.model_fields
+    for name, kind in bad.items():
+        key, value = prefix + name, raw.get(name)
+        allowed = _allowed(fields[name]) if name in fields else ""
+        if kind == "extra_forbidden":
+            diagnostics.unknown(key, value, known)
+        elif kind == "missing":
+            diagnostics.missing(key, f"must be {allowed}")
+        else:
+            named = kind == "literal_error" and isinstance(value, str)
+            hint = nearest(str(value), allowed.replace(" or ", ", ").split(", ")) if named else ""
+            diagnostics.add(key, value, f"must be {allowed}{hint}")
+    valid = {
+        name: raw[name] if name in raw else field.get_default(call_default_factory=True)
+        for name, field in fields.items()
+        if name not in bad
+    }
+    return model.model_construct(**dict.fromkeys(fields) | valid), {prefix + name for name in bad}
 
 
 def lists_of(file: Tables) -> dict[str, list[float]]:
@@ -96,34 +271,6 @@ def by_row(file: Tables) -> list[Tables]:
     return rows
 
 
-# keys that stand for one another: setting one drops the others that the file gave
-ALTERNATIVES: dict[str, tuple[str, ...]] = {
-    "array.pitch_mm": ("array.pitch_x_mm", "array.pitch_y_mm"),
-    "solve.band_kHz": ("solve.near_kHz", "solve.count"),
-    "solve.near_kHz": ("solve.band_kHz",),
-    "patches.centres_mm": ("patches.at",),
-    "patches.at": ("patches.centres_mm",),
-    **INSTEAD,
-    **{other: (key,) for key, others in INSTEAD.items() for other in others},
-}
-ALTERNATIVES["array.pitch_mm"] += (PITCHES,)
-MAX_BYTES = 200_000  # of a case file: the most patches that it may hold take half
-DEEPEST = 8  # tables and lists inside one another; a case has four
-TOO_DEEP = f"tables or lists nested deeper than {DEEPEST}, which nothing in it may be"
-# a key of so many parts costs tomllib the square of their number before its depth could be seen
-LONG_KEY = re.compile(r"""(?<![\w"'-])(?:["']?[\w-]++["']?[ \t]*+\.[ \t]*+){50}""")
-
-
-def _elsewhere(path: Path) -> str:
-    """Where a file of this name, or nearly so, is here or among the program's own, which help and pages name from the
-    checkout's folder.
-    """
-    with suppress(OSError):
-        if (ours := paths.ROOT / path).is_file():
-            return f" in this folder; there is {ours}"
-    return nearest_file(path) or ("" if path.is_absolute() else nearest_file(paths.ROOT / path))
-
-
 def read_toml(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     """The file as a dictionary; InputError for what cannot be read or parsed, with the line number where known.
 
@@ -165,15 +312,6 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def _is_deeper(value: Any) -> bool:
-    """Whether dictionaries and lists stand inside one another more than DEEPEST times."""
-    level = [value]
-    for _ in range(DEEPEST + 1):
-        inside = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, (dict, list))]
-        level = [item for items in inside for item in items]
-    return bool(level)
-
-
 def parse_value(text: str) -> Any:
     """A TOML value, or the bare word as a string."""
     if len(text) > MAX_BYTES:
@@ -209,6 +347,76 @@ def apply_overrides(raw: dict[str, Any], overrides: Iterable[tuple[str, Any]]) -
             _keep_sizes(result, SHAPES[value])
         _put(result, key.split("."), value)
     return result
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(item) for item in value) + "]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
+    return _quoted(value) if isinstance(value, str) else str(value)
+
+
+def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
+    """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
+    diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
+    known = known_keys()
+    found: dict[str, Table] = {}
+    faulty: set[str] = set()
+    materials: dict[str, Material] = {}
+    for key in raw:
+        if key not in TABLES and key not in ("name", "material"):
+            diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
+    for table, model in TABLES.items():
+        if table not in raw and table not in ALWAYS:
+            continue
+        content = raw.get(table, {})
+        if not isinstance(content, dict):
+            diagnostics.add(table, content, f"must be a table [{table}]")
+            continue
+        hidden = "material" if table in MATERIAL_OWNERS else None
+        own = {key: value for key, value in content.items() if key != hidden}
+        found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
+        faulty |= bad
+    for owner in MATERIAL_OWNERS:
+        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
+    _check_contrast(materials, diagnostics)
+    name = _read_name(raw, source, diagnostics)
+    tables = Tables.of(found, faulty)
+    _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
+    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
+    _check_across(rows, diagnostics)
+    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics)
+
+
+def _allowed(field: FieldInfo) -> str:
+    """What a field may be: its description, or the words of its type."""
+    *first, last = [str(word) for word in get_args(field.annotation)] or ["something else"]
+    return field.description or (f"{', '.join(first)} or {last}" if first else last)
+
+
+def _elsewhere(path: Path) -> str:
+    """Where a file of this name, or nearly so, is here or among the program's own, which help and pages name from the
+    checkout's folder.
+    """
+    with suppress(OSError):
+        if (ours := paths.ROOT / path).is_file():
+            return f" in this folder; there is {ours}"
+    return nearest_file(path) or ("" if path.is_absolute() else nearest_file(paths.ROOT / path))
+
+
+def _is_deeper(value: Any) -> bool:
+    """Whether dictionaries and lists stand inside one another more than DEEPEST times."""
+    level = [value]
+    for _ in range(DEEPEST + 1):
+        inside = [each.values() if isinstance(each, dict) else each for each in level if isinstance(each, (dict, list))]
+        level = [item for items in inside for item in items]
+    return bool(level)
 
 
 def _split_pitch(raw: dict[str, Any]) -> None:
@@ -258,69 +466,9 @@ def _material_table(name: str) -> dict[str, Any] | None:
     return {"young_GPa": own.young_pa / GPA, "density_kg_m3": known.density_kg_m3, "poisson": own.poisson}
 
 
-def toml_text(value: Any) -> str:
-    """A value as TOML text that --set reads back unchanged; whole floats written as whole numbers."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        return repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_text(item) for item in value) + "]"
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {toml_text(item)}" for key, item in value.items()) + "}"
-    return _quoted(value) if isinstance(value, str) else str(value)
-
-
 def _quoted(text: str) -> str:
     """A basic string of TOML, which takes every letter but control characters as it is."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-ALWAYS = ("solve", "bands", "damping")  # tables that hold settings only: absent means their defaults
-
-
-@dataclass(frozen=True)
-class CaseValues:
-    """What the file says, faults included; `tables` hold the valid values, defaults filled in."""
-
-    name: str
-    tables: Tables
-    materials: dict[str, Material]
-    rows: tuple[tuple[Tables, PillarShape | None], ...]  # as each row has them, once where all rows are alike
-    given: frozenset[str]
-    diagnostics: Diagnostics
-
-
-def read_values(raw: dict[str, Any], source: Path | None, overridden: Iterable[str]) -> CaseValues:
-    """Check a parsed case file table by table, then across tables; nothing is raised, `diagnostics` has the lines."""
-    diagnostics = Diagnostics(str(source) if source is not None else "case", overridden)
-    known = known_keys()
-    found: dict[str, Table] = {}
-    faulty: set[str] = set()
-    materials: dict[str, Material] = {}
-    for key in raw:
-        if key not in TABLES and key not in ("name", "material"):
-            diagnostics.unknown(key, raw[key], [*known, *TABLES] if not isinstance(raw[key], dict) else [*TABLES])
-    for table, model in TABLES.items():
-        if table not in raw and table not in ALWAYS:
-            continue
-        content = raw.get(table, {})
-        if not isinstance(content, dict):
-            diagnostics.add(table, content, f"must be a table [{table}]")
-            continue
-        hidden = "material" if table in MATERIAL_OWNERS else None
-        own = {key: value for key, value in content.items() if key != hidden}
-        found[table], bad = check_table(model, own, f"{table}.", known, diagnostics)
-        faulty |= bad
-    for owner in MATERIAL_OWNERS:
-        _read_material(raw if owner == "" else raw.get(owner, {}), owner, materials, known, diagnostics)
-    _check_contrast(materials, diagnostics)
-    name = _read_name(raw, source, diagnostics)
-    tables = Tables.of(found, faulty)
-    _add_all(chain(normalise_rows(tables), normalise_pitch(tables)), diagnostics)
-    rows = tuple((own, _read_shape(own, source, diagnostics)) for own in by_row(tables))
-    _check_across(rows, diagnostics)
-    return CaseValues(name, tables, materials, rows, _given(raw), diagnostics)
 
 
 def _read_material(

@@ -1,9 +1,10 @@
-"""The case file as written: its tables, keys, units and what each value may be."""
+"""The case file as written: its tables, keys, units and what each value may be, and the tables as keyword arguments."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypedDict
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, create_model
 from pydantic.json_schema import models_json_schema
@@ -11,59 +12,19 @@ from pydantic.json_schema import models_json_schema
 from geometry.fingertips import FINGERTIPS
 from geometry.lattice import KNOWN, labels_of
 from geometry.materials import Material
-from geometry.pillar_shapes.shapes import SHAPES, in_words
+from geometry.pillar_shapes import SHAPES, in_words
 from pipeline.case import limits
 from pipeline.case.limits import LENGTH_MM, Range, span
-from pipeline.units import GPA, KHZ, MM
+from pipeline.quantity import GPA, KHZ, MM
 
 ABOVE_0 = "a finite number above 0"
 NOT_NEGATIVE = "a finite number of 0 or more"
+
 FINGERTIP_ALLOWED = (
     f"the name of a fingertip ({', '.join(FINGERTIPS)}) or a table with stiffness_N_m, damping_N_s_m and mass_g, "
     f"{span(limits.IMPEDANCE)}"
 )
 
-
-def positive(within: Range, **more: Any) -> Any:
-    """A field for a number within the limits, which must be given unless a default is."""
-    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}", **more)
-
-
-def optional(within: Range) -> Any:
-    """The same, None where it is left out."""
-    return positive(within, default=None)
-
-
-def not_negative(within: Range) -> Any:
-    """A field for a number of 0 or more, 0 where it is left out."""
-    return Field(default=0.0, ge=within[0], le=within[1], description=f"{NOT_NEGATIVE}, {span(within)}")
-
-
-def _zero_or(within: Range) -> AfterValidator:
-    """Refuses what is neither 0 nor within the limits."""
-
-    def check(value: float) -> float:
-        if value != 0.0 and not within[0] <= value <= within[1]:
-            raise ValueError("out of range")
-        return value
-
-    return AfterValidator(check)
-
-
-def text(allowed: str, **limits: Any) -> Any:
-    """A field for a text, None where it is left out."""
-    return Field(default=None, description=allowed, **limits)
-
-
-def whole(low: int, high: int, **more: Any) -> Any:
-    """A field for a whole number."""
-    return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
-
-
-Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
-Deviation = Annotated[
-    float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
-]
 Coordinate = Annotated[float, Field(ge=-LENGTH_MM[1], le=LENGTH_MM[1])]
 Place = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 Frequency = Annotated[float, Field(ge=0, le=limits.FREQUENCY_KHZ[1])]
@@ -71,6 +32,13 @@ Gap = Annotated[float, Field(ge=limits.GAP_UM[0], le=limits.GAP_UM[1])]
 Extent = Annotated[float, Field(ge=LENGTH_MM[0], le=LENGTH_MM[1])]
 RowLengths = Annotated[list[Extent], Field(min_length=1, max_length=1000)]
 ONE_A_ROW = f"a list of numbers above 0, {span(LENGTH_MM)}, one a row from the zone outwards"
+SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # of any pillar's shape
+MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
+MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
+NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
+
+Numbers = Iterable[float]  # lists, tuples, arrays
+GivenMaterial = str | dict[str, float]  # a name, or young_GPa, density_kg_m3 and poisson
 
 
 class Table(BaseModel):
@@ -86,6 +54,11 @@ class Table(BaseModel):
         """Every key in SI, by the name of its property, such as band_hz of band_kHz."""
         names = (name.replace("_mm", "_m").replace("_kHz", "_hz") for name in type(self).model_fields)
         return {name: getattr(self, name) for name in names}
+
+
+def positive(within: Range, **more: Any) -> Any:
+    """A field for a number within the limits, which must be given unless a default is."""
+    return Field(ge=within[0], le=within[1], description=f"{ABOVE_0}, {span(within)}", **more)
 
 
 class MaterialTable(Table):
@@ -107,6 +80,16 @@ class PlateTable(Table):
     thickness_mm: float = positive(LENGTH_MM)
 
 
+def optional(within: Range) -> Any:
+    """The same, None where it is left out."""
+    return positive(within, default=None)
+
+
+def whole(low: int, high: int, **more: Any) -> Any:
+    """A field for a whole number."""
+    return Field(ge=low, le=high, description=f"a whole number from {low} to {high}", **more)
+
+
 class ZoneTable(Table):
     length_mm: float = positive(LENGTH_MM)
     width_mm: float = positive(LENGTH_MM)
@@ -116,22 +99,18 @@ class ZoneTable(Table):
     gap_mm: float | None = optional(LENGTH_MM)
 
 
-def _pillar_table() -> type[Table]:
-    """[pillar] with the keys of every registered shape."""
-    named = Field(default=next(iter(SHAPES)), description=in_words())
-    file = text("the path of a STEP file", min_length=1)
-    keys: dict[str, Any] = {"shape": (Literal[tuple(SHAPES)], named)}
-    for key in SIZE_KEYS:
-        keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
-    keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
-    faces = Field(
-        default="back", description="back, or both: the touch face beside the zone carries their mirror images"
-    )
-    keys |= {"faces": (Literal["back", "both"], faces)}
-    return create_model("PillarTable", __base__=Table, **keys)
+def _zero_or(within: Range) -> AfterValidator:
+    """Refuses what is neither 0 nor within the limits."""
+
+    def check(value: float) -> float:
+        if value != 0.0 and not within[0] <= value <= within[1]:
+            raise ValueError("out of range")
+        return value
+
+    return AfterValidator(check)
 
 
-SIZE_KEYS = tuple(dict.fromkeys(key for shape in SHAPES.values() for key in shape.keys))  # of any pillar's shape
+Length = Annotated[float, _zero_or(LENGTH_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(LENGTH_MM)}")]
 
 
 class TipTable(Table):
@@ -175,6 +154,11 @@ class SolveTable(Table):
     def near_hz(self) -> float | None:
         """The frequency near which modes are looked for, Hz."""
         return None if self.near_kHz is None else KHZ * self.near_kHz
+
+
+def text(allowed: str, **limits: Any) -> Any:
+    """A field for a text, None where it is left out."""
+    return Field(default=None, description=allowed, **limits)
 
 
 class BandsTable(Table):
@@ -223,6 +207,11 @@ class PatchesTable(Table):
     )
 
 
+def not_negative(within: Range) -> Any:
+    """A field for a number of 0 or more, 0 where it is left out."""
+    return Field(default=0.0, ge=within[0], le=within[1], description=f"{NOT_NEGATIVE}, {span(within)}")
+
+
 class FingertipTable(Table):
     stiffness_N_m: float = not_negative(limits.IMPEDANCE)
     damping_N_s_m: float = not_negative(limits.IMPEDANCE)
@@ -246,6 +235,11 @@ class MeasuredTable(Table):
     at_mm: Place | None = Field(default=None, description="two numbers [x, y], where the sweep's laser stood")
 
 
+Deviation = Annotated[
+    float, _zero_or(limits.DEVIATION_MM), Field(description=f"{NOT_NEGATIVE}: 0, or {span(limits.DEVIATION_MM)}")
+]
+
+
 class ToleranceTable(Table):
     height_mm: Deviation = 0.0
     side_mm: Deviation = 0.0
@@ -267,22 +261,6 @@ class ToleranceTable(Table):
     def position_m(self) -> float:
         """Standard deviation of a pillar's place along x and along y, m."""
         return MM * self.position_mm
-
-
-TABLES: dict[str, type[Table]] = {
-    "plate": PlateTable,
-    "zone": ZoneTable,
-    "pillar": _pillar_table(),
-    "tip": TipTable,
-    "array": ArrayTable,
-    "solve": SolveTable,
-    "bands": BandsTable,
-    "damping": DampingTable,
-    "patches": PatchesTable,
-    "touch": TouchTable,
-    "tolerance": ToleranceTable,
-    "measured": MeasuredTable,
-}
 
 
 @dataclass
@@ -333,9 +311,198 @@ class Tables:
         return table in self.present and f"{table}.{name}" not in self.faulty
 
 
-MATERIAL_OWNERS = ("", "pillar", "tip")  # the tables that may hold a material; "" is the top of the file
-MATERIAL_ALLOWED = "the name of a material or a table with young_GPa, density_kg_m3 and poisson"
-NAME_ALLOWED = "a text of 1 to 100 characters without slashes or control characters"
+class Zone(TypedDict, total=False):
+    """The active zone: a strip length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
+
+    >>> from antinode import Zone
+    >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]
+    20.0
+    """
+
+    length_mm: float
+    width_mm: float
+    nodal_lines: int
+    count: int
+    shared_rows: int
+    gap_mm: float
+
+
+class Pillar(TypedDict, total=False):
+    """One pillar: its shape with the sizes in mm that this shape takes, height_mm, fillet_mm, faces, a material of its own.
+
+    >>> from antinode import Pillar
+    >>> Pillar(shape="round", diameter_mm=2.0, height_mm=6.3)
+    {'shape': 'round', 'diameter_mm': 2.0, 'height_mm': 6.3}
+    """
+
+    shape: str
+    side_mm: float
+    diameter_mm: float
+    base_mm: float
+    tip_mm: float
+    arm_mm: float
+    file: str
+    height_mm: float
+    fillet_mm: float
+    faces: Literal["back", "both"]
+    material: GivenMaterial
+
+
+class Tip(TypedDict, total=False):
+    """A heavy tip on every pillar: a square prism of side_mm and height_mm, of a material of its own where that is given.
+
+    >>> from antinode import Tip
+    >>> Tip(side_mm=2.0, height_mm=1.0, material="brass")
+    {'side_mm': 2.0, 'height_mm': 1.0, 'material': 'brass'}
+    """
+
+    side_mm: float
+    height_mm: float
+    material: GivenMaterial
+
+
+class Array(TypedDict, total=False):
+    """Rows of pillars on each side of the zone at pitch_mm (or pitch_x_mm, pitch_y_mm), and extension_mm of plate beyond.
+
+    Rows that differ have a list each, from the zone outwards: heights_mm, sides_mm, pitches_y_mm. stagger shifts every other
+    row by half a pitch.
+
+    >>> from antinode import Array
+    >>> Array(pitch_mm=4.0, rows=3, extension_mm=25.0)["rows"]
+    3
+    """
+
+    pitch_mm: float
+    pitch_x_mm: float
+    pitch_y_mm: float
+    rows: int
+    heights_mm: Numbers
+    sides_mm: Numbers
+    pitches_y_mm: Numbers
+    stagger: bool
+    extension_mm: float
+
+
+class Solve(TypedDict, total=False):
+    """What to look for and how exactly: band_kHz or near_kHz with count, accuracy (relative), model, mesh.
+
+    >>> from antinode import Solve
+    >>> Solve(band_kHz=(30.0, 34.0), accuracy=0.003)["band_kHz"]
+    (30.0, 34.0)
+    """
+
+    band_kHz: Numbers
+    near_kHz: float
+    count: int
+    accuracy: float
+    model: Literal["auto", "analytic", "superelement", "solid"]
+    mesh: Literal["auto", "hex", "tet"]
+
+
+class BandPath(TypedDict, total=False):
+    """The table [bands]: path through the irreducible Brillouin zone, points (intervals per segment), count of bands.
+
+    >>> from antinode import BandPath
+    >>> BandPath(path="GXMG", points=25, count=10)["path"]
+    'GXMG'
+    """
+
+    path: str
+    points: int
+    count: int
+    grid: int
+
+
+class Damping(TypedDict, total=False):
+    """Losses of the whole plate by its quality factor.
+
+    >>> from antinode import Damping
+    >>> Damping(quality=300.0)["quality"]
+    300.0
+    """
+
+    quality: float
+
+
+class Patches(TypedDict, total=False):
+    """Piezoelectric patches: material, size_mm along x, y and z, face, at or centres_mm, sensors, drive_V, circuit.
+
+    >>> from antinode import Patches
+    >>> Patches(material="pz26", size_mm=(12.0, 3.0, 0.3), at="antinodes", sensors=(7,))["sensors"]
+    (7,)
+    """
+
+    material: str
+    size_mm: Numbers
+    face: Literal["back", "touch"]
+    at: Literal["antinodes"]
+    centres_mm: Iterable[Numbers]
+    behind_mm: float
+    sensors: Iterable[int]
+    drive_V: float
+    circuit: Literal["short", "open"]
+
+
+class Scatter(TypedDict, total=False):
+    """The table [tolerance]: standard deviations height_mm, side_mm, position_mm of single pillars, samples, seed.
+
+    >>> from antinode import Scatter
+    >>> Scatter(height_mm=0.05, samples=20)["samples"]
+    20
+    """
+
+    height_mm: float
+    side_mm: float
+    position_mm: float
+    samples: int
+    seed: int
+
+
+class Finger(TypedDict, total=False):
+    """The table [touch]: impedance (a name or a dictionary), at_mm, radius_mm, force_N with gap_um, the amplifier's limit_V.
+
+    >>> from antinode import Finger
+    >>> Finger(radius_mm=5.0, at_mm=(0.0, 0.0))["at_mm"]
+    (0.0, 0.0)
+    """
+
+    impedance: str | dict[str, float]
+    at_mm: Numbers
+    radius_mm: float
+    force_N: float
+    gap_um: Numbers
+    limit_V: float
+
+
+def _pillar_table() -> type[Table]:
+    """[pillar] with the keys of every registered shape."""
+    named = Field(default=next(iter(SHAPES)), description=in_words())
+    file = text("the path of a STEP file", min_length=1)
+    keys: dict[str, Any] = {"shape": (Literal[tuple(SHAPES)], named)}
+    for key in SIZE_KEYS:
+        keys[key] = (float | None, optional(LENGTH_MM)) if key.endswith("_mm") else (str | None, file)
+    keys |= {"height_mm": (float | None, optional(LENGTH_MM)), "fillet_mm": (Length, 0.0)}
+    faces = Field(
+        default="back", description="back, or both: the touch face beside the zone carries their mirror images"
+    )
+    keys |= {"faces": (Literal["back", "both"], faces)}
+    return create_model("PillarTable", __base__=Table, **keys)
+
+
+TABLES: dict[str, type[Table]] = {
+    "plate": PlateTable,
+    "zone": ZoneTable,
+    "pillar": _pillar_table(),
+    "tip": TipTable,
+    "array": ArrayTable,
+    "solve": SolveTable,
+    "bands": BandsTable,
+    "damping": DampingTable,
+    "patches": PatchesTable,
+    "touch": TouchTable,
+    "tolerance": ToleranceTable,
+    "measured": MeasuredTable,
+}
 
 
 def json_schema() -> dict[str, Any]:

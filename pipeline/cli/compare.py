@@ -8,21 +8,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.case.diagnostics import nearest_file
 from pipeline.case.limits import warn_of_doubts
 from pipeline.case.model import Case, load_case
+from pipeline.case.reading import nearest_file
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import REFERENCE, STUDIES
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import figure, frequency, percent, percentage, signed
+from pipeline.quantity import KHZ, figure, frequency, percent, percentage, signed
 from pipeline.questions.bands import NAMES, Bands, BandsResult
 from pipeline.questions.command import Answer, emit, of_case
 from pipeline.questions.question import Run, ask
 from pipeline.records import outputs, store
 from pipeline.records.outputs import bar_of, is_relative, reading_table
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -19,16 +19,16 @@ from typing import Any
 from firmware.mode_table import MAX_BYTES, VERSION, TableError, describe, from_bytes
 from geometry.materials import MATERIALS
 from pipeline import paths
-from pipeline.batch import known
-from pipeline.case.diagnostics import nearest
+from pipeline.batch import study_file
+from pipeline.case.reading import nearest
 from pipeline.case.schema import json_schema
 from pipeline.errors import InputError, reason
 from pipeline.paths import ROOT
+from pipeline.quantity import GIB, GPA
 from pipeline.questions.command import Answer, emit
 from pipeline.records import store
 from pipeline.records.outputs import table
 from pipeline.records.study import read_study
-from pipeline.units import GIB, GPA
 
 NEEDED = (
     *("numpy", "scipy", "cadquery", "pytetwild", "pyvista", "meshio"),
@@ -65,13 +65,13 @@ def doctor(arguments: Namespace) -> int:
 
 
 def _machine() -> dict[str, str]:
-    from solvers.fem.factor.choice import available
+    from solvers.machine import factorisations
 
     entries = {
         "python": sys.version.split()[0],
         "system": f"{platform.system()} {platform.machine()}",
         "cores": str(len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()),
-        "factorisation": ", ".join(available()),
+        "factorisation": ", ".join(factorisations()),
     }
     if importlib.util.find_spec("psutil"):
         import psutil
@@ -105,7 +105,7 @@ def studies(arguments: Namespace) -> int:
     """List the studies under the results folder with their cases by status."""
     rows = []
     ours = {place for place in paths.RESULTS.glob("*") if place.is_dir() and place.name != "reference"}
-    for folder in sorted(ours | {place.folder for place in known.known().values()}):
+    for folder in sorted(ours | {place.folder for place in study_file.known_places().values()}):
         try:
             cases = read_study(folder).cases
         except (store.StoreError, OSError):

@@ -1,4 +1,4 @@
-"""The command `antinode`: arguments in, one command run, errors told in one line each, an exit code out.
+"""The command `antinode`: arguments in, one command run, errors told in a line each, an exit code out; completions.
 
 Questions declare their commands (`pipeline.questions`), commands.toml those of all others. Nothing heavy is imported
 here: each command imports what it needs when it runs.
@@ -11,7 +11,8 @@ import importlib
 import os
 import sys
 import tomllib
-from collections.abc import Callable, Sequence
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -22,8 +23,10 @@ from pipeline.questions import Listed, listed, load
 
 DECLARED = Path(__file__).with_name("commands.toml")
 GROUPS = ("case", "files", "plan")  # of options that every question has
+
 # What commands read, by the names of their arguments: never written over.
 READ = ("case", "study", "target", "mesh_file", "measured", "map", "table", "sweep", "file")
+
 FAMILIES = {"active": ("analogy and control models", "active beam --gain 1e7 --gain 1e8 --out beam")}
 MAX_DIGITS = 40  # characters
 DONE, WRONG_INPUT, NOT_TRUSTED, CHECK_FAILED, UNAVAILABLE, INTERRUPTED = 0, 2, 3, 4, 5, 130
@@ -34,7 +37,7 @@ class _Parser(argparse.ArgumentParser):
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.dest == "command" and action.choices is not None and value not in action.choices:
-            from pipeline.case.diagnostics import nearest
+            from pipeline.case.reading import nearest
 
             raise argparse.ArgumentError(None, f"{value}: no such command{nearest(value, list(action.choices))}")
         super()._check_value(action, value)
@@ -44,12 +47,23 @@ class _Parser(argparse.ArgumentParser):
         raise SystemExit(WRONG_INPUT)
 
 
+class _Version(argparse.Action):
+    """Print the version and leave; only then is it looked up."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it."""
+        from importlib.metadata import version
+
+        print(f"antinode {version('antinode')}")
+        parser.exit()
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command line; the exit code is the contract with scripts."""
     words = sys.argv[1:] if argv is None else argv
     _open_streams()
     if "_ARGCOMPLETE" in os.environ:  # a shell asks what could come next
-        importlib.import_module("pipeline.cli.completion").complete(_parser())
+        complete(_parser())
     arguments = _read(_parser(_asked(words)), words)
     try:
         with terminable():
@@ -64,6 +78,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.debug:
             raise
         return _report_error(error)
+
+
+def completion(arguments: Namespace) -> int:
+    """Print the shell's code that asks `antinode` itself for completions."""
+    import argcomplete
+
+    print(argcomplete.shellcode(["antinode"], shell=arguments.shell).strip())
+    return 0
+
+
+def complete(parser: ArgumentParser) -> None:
+    """Answer a shell that asks what could come next, and end."""
+    import argcomplete
+    from argcomplete.completers import FilesCompleter
+
+    places = {"case": FilesCompleter(("toml",)), "study": _studies, "target": _studies, "set": _keys, "vary": _varied}
+    for command in next(iter(parser._subparsers._group_actions)).choices.values():  # type: ignore
+        for action in command._actions:
+            if action.dest in places:
+                action.completer = places[action.dest]
+    argcomplete.autocomplete(parser, always_complete_options=False)
 
 
 def _open_streams() -> None:
@@ -150,17 +185,6 @@ def _report_error(error: Exception) -> int:
     for line in lines:
         print(f"antinode: {one_line(line)}", file=sys.stderr)
     return code
-
-
-class _Version(argparse.Action):
-    """Print the version and leave; only then is it looked up."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        """Print it."""
-        from importlib.metadata import version
-
-        print(f"antinode {version('antinode')}")
-        parser.exit()
 
 
 def _parser(asked: str | None = None) -> argparse.ArgumentParser:
@@ -258,6 +282,37 @@ def _count(least: int, most: int) -> Callable[[str], int]:
         return value
 
     return number
+
+
+def _studies(prefix: str, **_: Any) -> list[str]:
+    """Studies by their names, and study files below the folder."""
+    from argcomplete.completers import FilesCompleter
+
+    from pipeline.batch.study_file import checkout_studies
+
+    files: list[str] = FilesCompleter(("toml",))(prefix)
+    return [*checkout_studies(), *files]
+
+
+def _keys(prefix: str, **_: Any) -> Iterator[str]:
+    """Keys of a case file with what a named choice may be."""
+    from typing import Literal, get_args, get_origin
+
+    from geometry.materials import MATERIALS
+    from pipeline.case.schema import TABLES
+
+    yield from (f"material={name}" for name in MATERIALS)
+    for table, schema in TABLES.items():
+        for name, field in schema.model_fields.items():
+            choices = get_args(field.annotation) if get_origin(field.annotation) is Literal else ("",)
+            yield from (f"{table}.{name}={choice}" for choice in choices)
+
+
+def _varied(prefix: str, **_: Any) -> list[str]:
+    """Keys that a search may vary."""
+    from pipeline.search.space import searchable_keys, word_keys
+
+    return [f"{key}=" for key in (*searchable_keys(), *word_keys())]
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ def add_options(new: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Ask where a person sits there and gave nothing, size zone and pillars, check the case, and write it."""
     from geometry.materials import MATERIALS
-    from pipeline.case.quantities import parse_frequency
+    from pipeline.case.limits import parse_frequency
     from pipeline.errors import InputError
     from pipeline.records.outputs import write_file
 
@@ -64,11 +64,10 @@ def run(arguments: Namespace) -> int:
 def case_text(name: str, wishes: dict[str, Any], frequency_hz: float) -> str:
     """The case whose zone and pillars are sized for a frequency. Raises InputError where no zone can be."""
     from geometry.layout import Pillar
-    from geometry.materials import MATERIALS
-    from geometry.stack import Stack
+    from geometry.materials import MATERIALS, Stack
     from pipeline.case.limits import MAX_NODAL_LINES
     from pipeline.errors import InputError
-    from pipeline.units import KHZ, MM
+    from pipeline.quantity import KHZ, MM
     from solvers.analytic.plates import Strip
     from solvers.analytic.predesign import min_nodal_lines, pillar_height_m, zone_width_m
     from solvers.errors import SolverError
@@ -108,7 +107,7 @@ def _check_frequency(wishes: dict[str, Any], frequency_hz: float, strip: Any, li
     from dataclasses import replace
 
     from pipeline.errors import InputError
-    from pipeline.units import KHZ, MM
+    from pipeline.quantity import KHZ, MM
     from solvers.analytic.plates import levy_hz
 
     narrowest, widest = max(2.0 * wishes["side"], wishes["thickness"]), 1000.0 * wishes["length"]

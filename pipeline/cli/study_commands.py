@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.batch import known
+from pipeline.batch import study_file
 from pipeline.batch.study_file import find_study, load_study
 from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
@@ -37,11 +37,10 @@ def _study(path_or_name: str) -> tuple[Any, Any]:
 def run(arguments: Namespace) -> int:
     """Run a batch study: plan it, compute what is missing, write the table and the report."""
     from pipeline.batch import runner
-    from pipeline.batch.progress import Progress
-    from pipeline.batch.runner import Options
+    from pipeline.batch.runner import Options, Progress
 
     kind, study = _study(arguments.study)
-    folder = known.folder_of(study.name, study.source, arguments.results)
+    folder = study_file.folder_of(study.name, study.source, arguments.results)
     jobs = kind.jobs_of(study, arguments.save_all_fields)
     options = Options(
         jobs=arguments.jobs,
@@ -57,7 +56,7 @@ def run(arguments: Namespace) -> int:
             if job.forecast.plan:
                 print("  " + job.forecast.plan.replace("\n", "\n  "))
         return 0
-    if warning := known.remember(study.name, study.source, folder):
+    if warning := study_file.remember_place(study.name, study.source, folder):
         print(f"antinode: warning: {warning}", file=sys.stderr)
     _log_summary(kind.conclude(study, folder), arguments.quiet)
     _log_without_effect(folder)
@@ -117,7 +116,7 @@ def _executor(address: str | None) -> Executor | None:
 def _stored(arguments: Namespace) -> tuple[Any, Any, Path]:
     """A study's kind, the study and the folder of its results. Raises InputError when nothing is stored."""
     kind, study = _study(arguments.study)
-    folder = known.stored_folder(study.name, study.source, arguments.results)
+    folder = study_file.stored_folder(study.name, study.source, arguments.results)
     if not (folder / "cases.json").exists():
         raise InputError(f"{arguments.study}: no results under {folder}; run it first: antinode run {arguments.study}")
     return kind, study, folder

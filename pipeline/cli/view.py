@@ -23,11 +23,10 @@ from pipeline.errors import InputError, NotAvailable
 from pipeline.logs import TerminalLog
 from pipeline.plots import rendering, style
 from pipeline.plots.fields import FloatArray, IntArray, skin_faces
-from pipeline.quantity import frequency
+from pipeline.quantity import MM, frequency
 from pipeline.records import outputs, store
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
-from pipeline.units import MM
 
 MAX_SHAPES = 7  # of a plate: the target mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
@@ -74,8 +73,7 @@ def view(arguments: Namespace) -> int:
 def _kind(target: str) -> str:
     """Whether the target is a file, a case or a study. Raises InputError when it is none of them."""
     from pipeline.batch.study_file import find_study
-    from pipeline.case.diagnostics import nearest_file
-    from pipeline.case.reading import read_toml
+    from pipeline.case.reading import nearest_file, read_toml
 
     if Path(target).suffix == ".vtu":
         if not Path(target).is_file():
@@ -121,7 +119,7 @@ def _answers(place: Any) -> bool:
 
 def of_study(target: str, case_id: str | None = None, results: str | None = None) -> Scene:
     """Return a stored case of a study with its stored modes; the best confined one unless named."""
-    from pipeline.batch import known
+    from pipeline.batch import study_file
     from pipeline.batch.script_study import load_script
     from pipeline.batch.study_file import find_study, load_study
     from pipeline.report import text
@@ -132,7 +130,7 @@ def of_study(target: str, case_id: str | None = None, results: str | None = None
         )
     location = load_study(target)
     try:
-        study = read_study(known.stored_folder(location.name, location.source, results))
+        study = read_study(study_file.stored_folder(location.name, location.source, results))
     except store.BadRecord as error:
         raise InputError(f"{target}: nothing is stored yet; run it first: antinode run {target}") from error
     names = [case.case_id for case in study.cases]

@@ -43,7 +43,8 @@ def write(case: Case, form: str, output: str | None, log: Log, part: str = "plat
     if output is not None:
         _check_ending(form, path)
     if form in SOLVER_FILES:
-        return import_module(f"pipeline.exchange.{form}").write(case, part, path, log)
+        written: list[Path] = getattr(import_module("pipeline.exchange.finite_elements"), form)(case, part, path, log)
+        return written
     if form in ONE_FILE:
         return [getattr(import_module("pipeline.exchange.results"), form)(case, path, log)]
     if form in CAD:
@@ -68,11 +69,11 @@ def places(form: str, output: str | Path) -> list[str | Path]:
     if not path.name or form in CAD or form in ONE_FILE or form == "vtu":
         return [output]
     from pipeline.board import export
-    from pipeline.exchange import aster, calculix
+    from pipeline.exchange import finite_elements
 
     if form == "calculix":
-        return [calculix.place(path)]
-    several = aster.places(path) if form == "aster" else export.places(path.parent, path.stem)
+        return [finite_elements.calculix_file(path)]
+    several = finite_elements.aster_files(path) if form == "aster" else export.places(path.parent, path.stem)
     if outputs.is_standard_output(output) or (path.exists() and not (path.is_file() or path.is_dir())):
         names = ", ".join(each.name for each in several)
         raise InputError(f"-o {output}: export {form} writes several files ({names}); must be a file's name")

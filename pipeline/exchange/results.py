@@ -13,7 +13,7 @@ from geometry.files import written_whole
 from geometry.lattice import Lattice
 from pipeline.case.model import Case
 from pipeline.errors import InputError
-from pipeline.exchange.part_mesh import rendered
+from pipeline.exchange.finite_elements import rendered
 from pipeline.logs import Log
 from pipeline.records import outputs
 

@@ -15,8 +15,8 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import Log
+from pipeline.models.answer_parts import SampleRecord
 from pipeline.models.parametric import cell_model, resized, sizes_of
-from pipeline.models.tolerance_parts import SampleRecord
 from pipeline.planning.simplifications import Simplification
 from solvers.variation.samples import CUT, Deviations
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from geometry.elements import FloatArray
+from geometry.elements import FloatArray, IntArray
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.reading import apply_overrides, parse_override
 from pipeline.errors import InputError
@@ -27,9 +27,8 @@ from pipeline.models.live_column import (
 )
 from pipeline.models.parametric import CellModel, sizes_of
 from pipeline.planning import mesh_rules
-from pipeline.quantity import figure, frequency, level, percent
-from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, MM
+from pipeline.quantity import GRAM, MM, figure, frequency, level, percent
+from pipeline.search.terms import mass_kg
 from solvers.errors import SolverError
 from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
@@ -70,6 +69,7 @@ WORDS = {
     "near": "a mode of the passive plate at {hz} lies near the target mode, whose frequency is known to {error}: "
     "the confinement may lie between {least} and {most}",
     "split": "the target shape is split among several modes: the plate may show another one of them",
+    "others": "within the error bars the strongest mode may also be that at {named}",
 }
 LIMITS = {
     "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
@@ -318,6 +318,7 @@ class Explorer:
             numbers["extension_db"] = None
         error = boundary_error(design) + layer + live.moved + mesh_error(frequency_hz)
         bar = Bar.over(live.within(error), found, error)
+        others = [replace(other, frequency_hz=other.frequency_hz * (1.0 - layer)) for other in bar.others]
         squares = live.plate.profile(live.modes.vectors @ found.turn[:, at])
         return numbers | {
             "frequency_hz": frequency_hz,
@@ -327,7 +328,8 @@ class Explorer:
             "status": bar.status,
             "near_hz": bar.near_hz,
             "rivals": len(found.verdict.rivals),
-            "warnings": bar.warnings(),
+            "others": list(map(asdict, others)),
+            "warnings": bar.warnings(others),
             "profile": _profile(*squares, design.half_span_m),
             "half_width_mm": 5e2 * design.width_m,
             "half_span_mm": 1e3 * design.half_span_m,
@@ -358,26 +360,49 @@ class Levels:
     half_db: float | None
 
     @classmethod
-    def over(cls, own: Detuned, known: list[Detuned], name: str) -> Levels:
-        """Of a mode and of what it becomes under changes."""
-        own_db = float(getattr(own.level, name)[own.verdict.index])
-        if not math.isfinite(own_db):
+    def over(cls, every: FloatArray) -> Levels:
+        """Levels of a mode and, after it, of what the mode becomes under changes."""
+        if not math.isfinite(every[0]):
             return cls(None, None, None)
-        every = np.concatenate([getattr(one.level, name)[list(one.tied)] for one in (own, *known)])
-        least, most = float(every.min()), float(every.max())
-        return cls(least, most, TIED + max(most - own_db, own_db - least))
+        least, most, own = float(every.min()), float(every.max()), float(every[0])
+        return cls(least, most, TIED + max(most - own, own - least))
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """Another mode that may be the target mode of the plate, with the error bars of its frequency (relative) and level."""
+
+    frequency_hz: float
+    frequency_error: float
+    confinement_db: float | None
+    confinement_error_db: float | None
+
+    @classmethod
+    def over(cls, hz: FloatArray, levels: FloatArray, error: float) -> Candidate:
+        """The middle of the frequencies and levels that the mode has under changes."""
+        low, high, least, most = hz.min(), hz.max(), levels.min(), levels.max()
+        is_known = math.isfinite(least + most)
+        return cls(
+            float(low + high) / 2.0,
+            float((high - low) / (high + low) + error),
+            float(least + most) / 2.0 if is_known else None,
+            float(most - least) / 2.0 + TIED if is_known else None,
+        )
 
 
 @dataclass(frozen=True)
 class Bar:
-    """What the target mode may be off by: relative frequency and levels, over all changes of zone's and rows' frequencies
-    within their error; near_hz: another mode that carries some of the target shape so near that these changes turn the level
-    over, None where there is none.
+    """Error bars of the target mode: relative frequency and levels, over all changes of zone's and rows' frequencies within
+    their error.
+
+    others: modes that a change makes the target mode, by frequency. near_hz: another mode that carries some of the target
+    shape so near that these changes turn the level over, None where there is none.
     """
 
     frequency: float
     confinement: Levels
     extension: Levels
+    others: tuple[Candidate, ...]
     status: str
     near_hz: float | None
     error: float
@@ -387,21 +412,43 @@ class Bar:
         """From the verdict and those over changes within an error."""
         known = [one for one in changed if one.verdict.index is not None]
         hz = np.concatenate([one.frequency_hz[list(one.tied)] for one in (own, *known)])
+        confinement, extension = (
+            np.concatenate([getattr(one.level, name)[list(one.tied)] for one in (own, *known)])
+            for name in ("confinement_db", "extension_db")
+        )
         single = len(known) == len(changed) and all(one.verdict.status == "single" for one in known)
-        confinement, extension = (Levels.over(own, known, name) for name in ("confinement_db", "extension_db"))
-        off = np.abs(hz / hz[0] - 1.0)
-        widest = float(np.max(off[off > error] + error, initial=error))  # another mode has an error of its own
-        return cls(widest, confinement, extension, "single" if single else "split", own.rival_hz(NEAR * error), error)
+        modes = apart(hz, error)
+        (same,) = (mode for mode in modes if 0 in mode)
+        off = np.abs(hz[same] / hz[0] - 1.0)
+        return cls(
+            float(np.max(off[off > error] + error, initial=error)),
+            Levels.over(confinement[same]),
+            Levels.over(extension[same]),
+            tuple(Candidate.over(hz[mode], confinement[mode], error) for mode in modes if mode is not same),
+            "single" if single else "split",
+            own.rival_hz(NEAR * error),
+            error,
+        )
 
-    def warnings(self) -> list[str]:
-        """What to know before believing the level."""
+    def warnings(self, others: list[Candidate]) -> list[str]:
+        """What limits the use of the answer."""
         said, least, most = [], self.confinement.least_db, self.confinement.most_db
         if self.near_hz is not None and least is not None and most is not None:
             near_hz, error = frequency(self.near_hz, self.error), percent(self.error)
             said.append(WORDS["near"].format(hz=near_hz, error=error, least=level(least), most=level(most)))
         if self.status == "split":
             said.append(WORDS["split"])
+        if others:
+            named = ", ".join(frequency(each.frequency_hz, each.frequency_error) for each in others)
+            said.append(WORDS["others"].format(named=named))
         return said
+
+
+def apart(hz: FloatArray, error: float) -> list[IntArray]:
+    """Group frequencies (n,) of which each lies within a relative error of the next: indices, ascending in each group."""
+    order = np.argsort(hz, kind="stable")
+    ends = np.flatnonzero(np.diff(hz[order]) > error * hz[order][:-1]) + 1
+    return [np.sort(group) for group in np.split(order, ends)]
 
 
 def _flexural_db(row: Row, frequency_hz: float) -> float | None:

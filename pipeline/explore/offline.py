@@ -21,12 +21,11 @@ from pipeline.models import live_column
 from pipeline.models.live_column import FACE, INNER, PANEL, boundary_error, end_layer, thin_error
 from pipeline.models.parametric import CellModel, MeshTable
 from pipeline.planning import mesh_rules
-from pipeline.quantity import figure
-from pipeline.search.limits import mass_kg
-from pipeline.units import GRAM, MM
+from pipeline.quantity import GRAM, MM, figure
+from pipeline.search.terms import mass_kg
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
-from solvers.fem import quadrature
+from solvers.fem import surface
 from solvers.measures import confinement, target_mode
 from solvers.parametric import affine, bands, bare, block, chain, finite
 from solvers.parametric.affine import NAMES
@@ -243,7 +242,7 @@ def _face(face: Interface) -> Plain:
 
 def _bare(law: Isotropic) -> Plain:
     """Lame's constants over Young's modulus, and the polynomials that bare panels are made of, by rising powers."""
-    gauss, weights = legendre.leggauss(quadrature.COUNT)
+    gauss, weights = legendre.leggauss(surface.COUNT)
     values = bare.line_values(gauss, False)
     along, through = (polynomial.polyfit(gauss, own, own.shape[1] - 1).T.tolist() for own in values)
     return {

@@ -12,12 +12,11 @@ from geometry.elements import ComplexArray, FloatArray
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.measured import files, parts, universal
+from pipeline.measured import files, parts
 from pipeline.measured.files import MeasuredField, MeasuredSweep
 from pipeline.models.forced import SolvedResponse
 from pipeline.planning.model_choice import driven_band_hz
-from pipeline.quantity import frequency, percentage
-from pipeline.units import MM
+from pipeline.quantity import MM, frequency, percentage
 from solvers.control.identification import Resonance, Sensor, Sweep, resonance
 from solvers.errors import SolverError
 from solvers.measures.confinement import CONFINED_DB
@@ -53,14 +52,14 @@ def read(
         return None
     case.require_plate(command="response")
     case.require("patches", command="response")
-    measured = _reader(sweep).read_sweep(sweep) if sweep is not None else None
+    measured = files.read_sweep(sweep) if sweep is not None else None
     if measured and measured.quantity == "sensor" and not (case.patches and case.patches.sensors):
         raise InputError(f"{sweep}: a sensor's voltage, but the case has no patches.sensors: must name one")
     if measured:
         key = "--band" if band_hz else "solve.band_kHz"
         what = f"{case.source or case.name}: measured.sweep = {measured.file}" if of_case else measured.file
         _refuse_elsewhere(measured, driven_band_hz(case, band_hz), str(what), key)
-    mapped = _reader(field).read_field(field, case.design) if field is not None else None
+    mapped = files.read_field(field, case.design) if field is not None else None
     try:
         weights = weigh(mapped.points_m, case.design) if mapped else None
     except SolverError as error:
@@ -75,11 +74,6 @@ def _refuse_elsewhere(measured: MeasuredSweep, band_hz: tuple[float, float], wha
         raise InputError(
             f"{what}: {low:g} to {high:g} Hz: must overlap the response, {band_hz[0]:g} to {band_hz[1]:g} Hz ({key})"
         )
-
-
-def _reader(path: str) -> Any:
-    """The module that reads a file of this name."""
-    return universal if Path(path).suffix.lower() in universal.SUFFIXES else files
 
 
 def _place(at: str | None, case: Case, what: str) -> tuple[float, float] | None:

@@ -1,9 +1,12 @@
-"""Measured sweeps and maps as CSV: units in the column names, the first error given with its line and column.
+"""Measured sweeps and maps, as CSV and as universal files: the first error given with its line.
 
 Lines that begin with # are comments, blank ones are skipped; the first other line names the columns. Commas, semicolons or
 tabs part them; beside semicolons and tabs a decimal comma is read. A value's column may begin with what it is (velocity_,
 displacement_, acceleration_, sensor_) and end in its unit, which may stand in brackets, too, or in a line of its own below the
 names. Lines "name: value" above the names, as vibrometers' text exports have them, are skipped.
+
+Only motion along z, the plate's normal, is read: directions +3, and -3 with its sign turned; 0 says nothing and counts as +3.
+A file with several responses serves as a sweep by that of the node which moves most along z.
 """
 
 from __future__ import annotations
@@ -14,17 +17,17 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from math import isfinite
 from pathlib import Path
-from typing import Literal, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
 from geometry.files import read_by_command
 from geometry.layout import Design
-from pipeline.case.diagnostics import nearest, nearest_file, quoted
 from pipeline.case.limits import FREQUENCY_KHZ, span
+from pipeline.case.reading import nearest, nearest_file, quoted
 from pipeline.errors import InputError
-from pipeline.units import KHZ, MM
+from pipeline.quantity import KHZ, MM
 from solvers.control.identification import Sweep
 
 Quantity = Literal["velocity", "displacement", "sensor"]
@@ -44,6 +47,13 @@ LARGEST = 1e30  # of any number: what is measured of a plate, in whatever unit, 
 LARGEST_DB = 600.0  # 20 log10 of it
 EDGE_M = 1e-6  # a point this far beyond the plate still lies on its edge
 SAME_M = 1e-9
+
+UNIVERSAL = (".uff", ".unv", ".bunv")
+FREQUENCY_RESPONSE = 4
+QUANTITIES: dict[int, Quantity] = {0: "velocity", 8: "displacement", 11: "velocity", 12: "displacement"}
+ACCELERATION = 12  # becomes a displacement: over -omega^2
+NORMAL = {0: 1.0, 3: 1.0, -3: -1.0}  # directions along the plate's normal, and their signs
+DIRECTIONS = {1: "x", 2: "y", 4: "rotation about x", 5: "rotation about y", 6: "rotation about z"}
 
 
 @dataclass(frozen=True)
@@ -65,107 +75,6 @@ class MeasuredField:
     quantity: Quantity
     points_m: FloatArray
     values: ComplexArray
-
-
-def read_sweep(path: str | Path) -> MeasuredSweep:
-    """A sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
-
-    InputError for what is no such file: one line with file, line, column and what is allowed.
-    """
-    table = _Table(Path(path))
-    tone = table.numbers("frequency", TONES["frequency"])
-    quantity, values = _values(table)
-    if quantity == "acceleration":
-        quantity, values = "displacement", values / -((2.0 * np.pi * np.maximum(tone, 1e-300)) ** 2)
-    for row, hertz in enumerate(tone):
-        if hertz <= 0.0:
-            raise table.error("must be above 0", row, "frequency")
-        if not FREQUENCY_KHZ[0] <= hertz / KHZ <= FREQUENCY_KHZ[1]:
-            raise table.error(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
-    order = np.argsort(tone, kind="stable")
-    twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
-    if len(twice):
-        first, second = sorted(order[twice[0] : twice[0] + 2])
-        raise table.error(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
-    if len(tone) < MIN_COUNT:
-        raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
-    return MeasuredSweep(str(path), table.synthetic, cast("Quantity", quantity), Sweep(tone[order], values[order]))
-
-
-def read_field(path: str | Path, design: Design) -> MeasuredField:
-    """A map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
-
-    InputError as read_sweep, and for points beyond the design's plate or given twice.
-    """
-    table = _Table(Path(path))
-    points = np.column_stack([table.numbers(axis, PLACES[axis]) for axis in "xy"])
-    quantity, values = _values(table)
-    if (
-        quantity == "acceleration"
-    ):  # of one frequency: a displacement but for a factor, which no comparison of maps uses
-        quantity, values = "displacement", -values
-    for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
-        beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
-        if len(beyond):
-            limit = f"beyond the plate: must be from {-half / MM:g} to {half / MM:g} mm"
-            raise table.error(limit, int(beyond[0]), "xy"[axis])
-    rounded = np.round(points / SAME_M).astype(np.int64)
-    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
-    again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
-    if len(again):
-        row = int(again[0])
-        raise table.error(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
-    return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
-
-
-def _values(table: _Table) -> tuple[str, ComplexArray]:
-    """What the values are, and the values as complex numbers."""
-    for first, second in PAIRS:
-        if first in table.roles and second in table.roles:
-            break
-    else:
-        lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
-        lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
-        raise table.error(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
-    kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
-    if kinds[0] != kinds[1] and not (second == "phase" and kinds[1] is None):
-        raise table.error(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
-    one, two = table.numbers(first), table.numbers(second)
-    if first == "real":
-        if units[0] != units[1]:
-            raise table.error(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
-        values = one + 1j * two
-    else:
-        values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
-    if not np.abs(values).max() > 1.0 / LARGEST:
-        raise table.error(
-            f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
-        )
-    return kinds[0] or "velocity", values
-
-
-def _parsed(name: str) -> tuple[str | None, str]:
-    match = VALUE.fullmatch(name.lower())
-    assert match is not None
-    return match.group(1), match.group(3) or ""
-
-
-def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
-    if unit == "db":
-        beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
-        if len(beyond):
-            raise table.error(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
-        return np.asarray(10.0 ** (values / 20.0))
-    below = np.flatnonzero(values < 0.0)
-    if len(below):
-        raise table.error("must be 0 or more (or amplitude_dB)", int(below[0]), "amplitude")
-    return values
-
-
-def _radians(table: _Table, values: FloatArray, unit: str) -> FloatArray:
-    if unit not in ("deg", "rad"):
-        raise table.error(f"column {table.name('phase')}: must be phase_deg or phase_rad")
-    return np.radians(values) if unit == "deg" else values
 
 
 class _Table:
@@ -255,6 +164,112 @@ class _Table:
         return roles
 
 
+def read_sweep(path: str | Path) -> MeasuredSweep:
+    """A sweep with the columns frequency_Hz (or _kHz, _MHz) and real, imag or amplitude, phase_deg (or phase_rad).
+
+    A universal file is known by its ending. InputError for what is no such file: one line with file, line, column and what is
+    allowed.
+    """
+    if Path(path).suffix.lower() in UNIVERSAL:
+        return _universal_sweep(Path(path))
+    table = _Table(Path(path))
+    tone = table.numbers("frequency", TONES["frequency"])
+    quantity, values = _values(table)
+    if quantity == "acceleration":
+        quantity, values = "displacement", values / -((2.0 * np.pi * np.maximum(tone, 1e-300)) ** 2)
+    for row, hertz in enumerate(tone):
+        if hertz <= 0.0:
+            raise table.error("must be above 0", row, "frequency")
+        if not FREQUENCY_KHZ[0] <= hertz / KHZ <= FREQUENCY_KHZ[1]:
+            raise table.error(f"must be {span(FREQUENCY_KHZ)} kHz", row, "frequency")
+    order = np.argsort(tone, kind="stable")
+    twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
+    if len(twice):
+        first, second = sorted(order[twice[0] : twice[0] + 2])
+        raise table.error(f"stands in line {table.lines[first]} already: each frequency once", int(second), "frequency")
+    if len(tone) < MIN_COUNT:
+        raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
+    return MeasuredSweep(str(path), table.synthetic, cast("Quantity", quantity), Sweep(tone[order], values[order]))
+
+
+def read_field(path: str | Path, design: Design) -> MeasuredField:
+    """A map with the columns x_mm, y_mm (or x_m, y_m; origin at the plate's centre) and values as in a sweep.
+
+    Universal files and InputError as read_sweep; points beyond the design's plate or given twice are refused, too.
+    """
+    if Path(path).suffix.lower() in UNIVERSAL:
+        return _universal_field(Path(path), design)
+    table = _Table(Path(path))
+    points = np.column_stack([table.numbers(axis, PLACES[axis]) for axis in "xy"])
+    quantity, values = _values(table)
+    if (
+        quantity == "acceleration"
+    ):  # of one frequency: a displacement but for a factor, which no comparison of maps uses
+        quantity, values = "displacement", -values
+    for axis, half in enumerate((design.length_m / 2.0, design.half_span_m)):
+        beyond = np.flatnonzero(np.abs(points[:, axis]) > half + EDGE_M)
+        if len(beyond):
+            limit = f"beyond the plate: must be from {-half / MM:g} to {half / MM:g} mm"
+            raise table.error(limit, int(beyond[0]), "xy"[axis])
+    rounded = np.round(points / SAME_M).astype(np.int64)
+    _, first, place = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
+    if len(again):
+        row = int(again[0])
+        raise table.error(f"stands in line {table.lines[int(first[place.ravel()[row]])]} already", row, "x")
+    return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
+
+
+def _values(table: _Table) -> tuple[str, ComplexArray]:
+    """What the values are, and the values as complex numbers."""
+    for first, second in PAIRS:
+        if first in table.roles and second in table.roles:
+            break
+    else:
+        lone = next((pair for pair in PAIRS if set(pair) & set(table.roles)), None)
+        lacking = "" if lone is None else f" ({next(role for role in lone if role not in table.roles)} is missing)"
+        raise table.error(f"columns {table.names_text}: must hold {PAIRS_ALLOWED}{lacking}")
+    kinds, units = zip(*(_parsed(table.name(role)) for role in (first, second)), strict=True)
+    if kinds[0] != kinds[1] and not (second == "phase" and kinds[1] is None):
+        raise table.error(f"columns {table.name(first)} and {table.name(second)}: must be of one quantity")
+    one, two = table.numbers(first), table.numbers(second)
+    if first == "real":
+        if units[0] != units[1]:
+            raise table.error(f"columns {table.name(first)} and {table.name(second)}: must have one unit")
+        values = one + 1j * two
+    else:
+        values = _amplitude(table, one, units[0]) * np.exp(1j * _radians(table, two, units[1]))
+    if not np.abs(values).max() > 1.0 / LARGEST:
+        raise table.error(
+            f"columns {table.name(first)} and {table.name(second)}: every value is 0: nothing was measured"
+        )
+    return kinds[0] or "velocity", values
+
+
+def _parsed(name: str) -> tuple[str | None, str]:
+    match = VALUE.fullmatch(name.lower())
+    assert match is not None
+    return match.group(1), match.group(3) or ""
+
+
+def _amplitude(table: _Table, values: FloatArray, unit: str) -> FloatArray:
+    if unit == "db":
+        beyond = np.flatnonzero(np.abs(values) > LARGEST_DB)
+        if len(beyond):
+            raise table.error(f"must be from {-LARGEST_DB:g} to {LARGEST_DB:g} dB", int(beyond[0]), "amplitude")
+        return np.asarray(10.0 ** (values / 20.0))
+    below = np.flatnonzero(values < 0.0)
+    if len(below):
+        raise table.error("must be 0 or more (or amplitude_dB)", int(below[0]), "amplitude")
+    return values
+
+
+def _radians(table: _Table, values: FloatArray, unit: str) -> FloatArray:
+    if unit not in ("deg", "rad"):
+        raise table.error(f"column {table.name('phase')}: must be phase_deg or phase_rad")
+    return np.radians(values) if unit == "deg" else values
+
+
 def _is_unit(cell: str) -> bool:
     return cell[:1] in ("[", "(") and cell[-1:] in ("]", ")")
 
@@ -298,3 +313,102 @@ def _text(path: Path) -> str:
         missing = isinstance(error, FileNotFoundError)
         why = f"no such file{nearest_file(path)}" if missing else f"cannot be read ({error.strerror})"
         raise InputError(f"{path}: {why}: must be a CSV file") from error
+
+
+def _universal_sweep(path: Path) -> MeasuredSweep:
+    """The response of the file, or of its node that moves most. InputError for a file that holds none."""
+    responses, _ = _read(path)
+    most = max(responses, key=lambda each: float(np.abs(each["data"]).max()))
+    frequency, values = _curve(most, path)
+    return MeasuredSweep(str(path), False, _quantity(most, path), Sweep(frequency, values))
+
+
+def _universal_field(path: Path, design: Design) -> MeasuredField:
+    """Every node's response at the frequency where all of them together move most.
+
+    InputError for nodes without a place, beyond the design's plate, or without a response of their own.
+    """
+    responses, places = _read(path)
+    curves = [_curve(each, path) for each in responses]
+    frequency = curves[0][0]
+    if any(len(tones) != len(frequency) or not np.allclose(tones, frequency) for tones, _ in curves):
+        raise InputError(f"{path}: the responses have different frequencies: a map needs one list of them")
+    values = np.stack([curve for _, curve in curves])
+    nodes = [int(each["rsp_node"]) for each in responses]
+    faults = [
+        f"{path}: node {node} has a response and no place (dataset 15 or 2411)" for node in nodes if node not in places
+    ]
+    if faults or len(set(nodes)) < len(nodes):
+        raise InputError(faults or f"{path}: a node has several responses: a map needs one each")
+    points = np.array([places[node] for node in nodes])
+    beyond = np.abs(points) > np.array([design.length_m / 2.0, design.half_span_m]) + EDGE_M
+    if beyond.any():
+        node = nodes[int(np.flatnonzero(beyond.any(axis=1))[0])]
+        raise InputError(
+            f"{path}: node {node} lies beyond the plate: coordinates count from its centre, in the file's unit (164)"
+        )
+    peak = int(np.argmax((np.abs(values) ** 2).sum(axis=0)))
+    return MeasuredField(str(path), False, _quantity(responses[0], path), points, values[:, peak])
+
+
+def _read(path: Path) -> tuple[list[dict[str, Any]], dict[int, FloatArray]]:
+    """Frequency responses, and the places (x, y) of nodes in m."""
+    import pyuff
+
+    read_by_command(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file: must be a universal file")
+    try:
+        sets = pyuff.UFF(str(path)).read_sets()
+    except Exception as fault:  # pyuff raises whatever a line makes it trip over
+        raise InputError(f"{path}: no universal file that can be read ({fault})") from fault
+    listed = sets if isinstance(sets, list) else [sets]
+    responses = [each for each in listed if each.get("type") == 58 and each.get("func_type") == FREQUENCY_RESPONSE]
+    if not responses:
+        raise InputError(
+            f"{path}: holds no frequency response: must have a dataset 58 of function type {FREQUENCY_RESPONSE}"
+        )
+    normal = [each for each in responses if _direction(each) in NORMAL]
+    if not normal:
+        there = ", ".join(sorted({DIRECTIONS.get(abs(_direction(each)), "unknown") for each in responses}))
+        raise InputError(
+            f"{path}: responses along {there} alone: must have some along z, the plate's normal (record 6)"
+        )
+    length = next((float(each["length"]) for each in listed if each.get("type") == 164), 1.0)
+    if not 0.0 < length < np.inf:
+        raise InputError(f"{path}: dataset 164: a length factor of {length:g}: must be above 0")
+    places: dict[int, FloatArray] = {}
+    for each in listed:
+        if each.get("type") in (15, 2411):
+            numbers = np.atleast_1d(each.get("node_nums", each.get("grid_global")))
+            columns = [np.atleast_1d(each[axis]) for axis in "xy"]
+            if {len(column) for column in columns} != {len(numbers)} or not np.isfinite([numbers, *columns]).all():
+                raise InputError(f"{path}: dataset {each['type']}: every node must have a number and finite x, y and z")
+            places |= {int(number): np.array(place) / length for number, *place in zip(numbers, *columns, strict=True)}
+    return normal, places
+
+
+def _direction(response: dict[str, Any]) -> int:
+    return int(response.get("rsp_dir") or 0)
+
+
+def _curve(response: dict[str, Any], path: Path) -> tuple[FloatArray, ComplexArray]:
+    """Frequencies above 0 and complex values along z; an acceleration's displacement."""
+    frequency, values = np.asarray(response["x"], dtype=float), np.asarray(response["data"], dtype=complex)
+    above = frequency > 0.0
+    if above.sum() < MIN_COUNT:
+        raise InputError(f"{path}: {above.sum()} frequencies above 0: must be at least {MIN_COUNT}")
+    if not np.isfinite(values).all():
+        raise InputError(f"{path}: node {response['rsp_node']}: every value must be a finite number")
+    frequency, values = frequency[above], NORMAL[_direction(response)] * values[above]
+    if int(response["ordinate_spec_data_type"]) == ACCELERATION:
+        values = values / -((2.0 * np.pi * frequency) ** 2)
+    return frequency, np.asarray(values, dtype=complex)
+
+
+def _quantity(response: dict[str, Any], path: Path) -> Quantity:
+    code = int(response["ordinate_spec_data_type"])
+    if code not in QUANTITIES:
+        known = "8 (displacement), 11 (velocity), 12 (acceleration) or 0 (read as a velocity)"
+        raise InputError(f"{path}: ordinate of type {code}: must be {known}")
+    return QUANTITIES[code]

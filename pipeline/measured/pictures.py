@@ -11,10 +11,9 @@ from pipeline.measured.parts import MeasuredMapRecord, MeasuredRecord, MeasuredS
 from pipeline.plots import style
 from pipeline.plots.fields import draw_outlines, flat_height_in, frame_plate
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import KHZ, MM, frequency, level
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import frequency, level
 from pipeline.records.record import DesignRecord
-from pipeline.units import KHZ, MM
 
 SQUARE = 0.6  # width over length of a plate from which on two fit beside each other
 AROUND = 10.0  # half-power widths about both resonances that are shown

@@ -16,9 +16,9 @@ from pipeline.case.model import Case
 from pipeline.measured.comparison import operating_field
 from pipeline.measured.files import SYNTHETIC
 from pipeline.models.forced import SolvedResponse
+from pipeline.quantity import MM
 from pipeline.records import outputs
 from pipeline.records.outputs import folder, write_file
-from pipeline.units import MM
 from solvers.piezo.responses import loudest_point, point_response
 
 SWEEP, FIELD = "sweep.csv", "field.csv"

@@ -12,18 +12,17 @@ import numpy as np
 from geometry.elements import BoolArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
+from pipeline.models.answer_parts import AttenuationPoint, Transmission, Wave
 from pipeline.models.bands import sampled_cell
 from pipeline.models.broadband import transmitted_shares, wavevectors
 from pipeline.models.unit_cell import CLEAR, LatticeModel, bare_cell, lattice_model
-from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
 from pipeline.planning import refinement
 from pipeline.planning.model_choice import ModelChoice
 from pipeline.quantity import frequency, with_bar
 from pipeline.records.record import MeshRecord
 from solvers.plates.column import level_bars
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import ReducedLattice
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import KeptRow, Row, RowStiffness, RowWaves, chain

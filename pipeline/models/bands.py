@@ -33,13 +33,11 @@ from pipeline.planning.refinement import (
 from pipeline.planning.resources import Demand
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
-from solvers.accuracy.bands import MeshErrors, mesh_error, truncation_bars, waves_of
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.plate import ModeErrors
+from solvers.accuracy.reduction import MeshErrors, ModeErrors, mesh_error, truncation_bars, waves_of
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import ReductionSettings
-from solvers.superelement.lattice import ReducedLattice
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.threads import one_thread
 from solvers.waves.branches import Branches, Label, Mirrors, Solved, follow
 from solvers.waves.gaps import (
@@ -47,18 +45,16 @@ from solvers.waves.gaps import (
     DirectionalGap,
     Gap,
     PolarisationGap,
-    complete_gaps,
     directional_gaps,
     labels_along,
     path_gaps,
     path_lines,
     polarisation_gaps,
-    sampled_extreme,
+    sampled_lines,
+    searched_extreme,
     zone_extreme,
     zone_gaps,
 )
-
-SAMPLED = 0.5  # of the larger step to a neighbouring sample: a kink half-way between two samples rises by no more
 
 
 def edge_error(frequency_hz: FloatArray, error: FloatArray, edge_hz: float, sign: int) -> float | None:
@@ -101,19 +97,6 @@ def nearest_error(frequencies_hz: FloatArray, errors: FloatArray, edge_hz: float
     """Relative half-width of the bar of the frequency nearest to an edge, over all bands (wavevectors, bands)."""
     error = float(errors.flat[np.argmin(np.abs(frequencies_hz - edge_hz))])
     return None if np.isnan(error) else error
-
-
-def of_samples(path: Path, frequencies_hz: FloatArray) -> FloatArray:
-    """Bound how far a band's extreme may lie beyond its samples, relative, (wavevectors, bands).
-
-    Half of the larger step to a neighbour on the same segment; 0 at a segment's ends, where a band is extreme by symmetry.
-    """
-    steps = np.zeros_like(frequencies_hz)
-    for segment in path.segments:
-        here = frequencies_hz[segment.first : segment.last + 1]
-        change = np.abs(np.diff(here, axis=0))
-        steps[segment.first + 1 : segment.last] = np.maximum(change[:-1], change[1:])
-    return np.asarray(SAMPLED * steps / np.maximum(frequencies_hz, 1e-300))
 
 
 def widest(path: Path, by_mesh: FloatArray, truncated: FloatArray) -> WidestBar:
@@ -233,14 +216,7 @@ class SolvedBands:
         found: dict[str, Sequence[Any]] = {"gaps": self.gaps} | (self.detail.gaps if self.detail else {})
         if self.zone_gaps is not None:
             found["zone_gaps"] = self.zone_gaps
-        return {kind: self._with_edges(gaps) for kind, gaps in found.items()}
-
-    def _with_edges(self, gaps: Sequence[Any]) -> list[dict[str, Any]]:
-        """The fields of gaps with their edges' bars; where bands were only sampled, what they do between samples counts."""
-        bars = self.error
-        if self.lattice is None:
-            bars = bars + of_samples(self.path, self.frequencies_hz)
-        return with_edges(gaps, self.path, self.frequencies_hz, bars)
+        return {kind: with_edges(gaps, self.path, self.frequencies_hz, self.error) for kind, gaps in found.items()}
 
     @property
     def widest_bar(self) -> WidestBar:
@@ -344,19 +320,21 @@ def _widest(errors: list[ModeErrors]) -> Bar:
 
 
 def _sampled(case: Case, choice: ModelChoice, path: Path, log: Log) -> SolvedBands:
-    """Solve a cell that gives frequencies and sampled gaps only."""
+    """Solve a cell that gives frequencies only; gaps are searched between the samples, too."""
     choice, cell, _ = sampled_cell(case, choice, path, log)
     meshes = [mesh_record("cell", cell.mesh)] if isinstance(cell, WholeCell) else []
     log.left_out("polarisation, branches and group velocity", "this cell gives frequencies only")
     with log.step(f"{len(path.wavevectors)} wavevectors"):
         rows, estimates = _each_once(path.wavevectors, case.bands.count, _solver(cell))
-    gaps, zone = complete_gaps(rows), None
+    frequencies = partial(cell.frequencies, count=case.bands.count)
+    with log.step("gaps"):
+        gaps, zone = path_gaps(sampled_lines(frequencies, path, rows)), None
     if case.bands.grid:
         grid = case.design.lattice.grid(case.bands.grid, case.design.cell_mirrors)
         with log.step(f"grid of {len(grid)} wavevectors"):
-            values = np.array([cell.frequencies(k, case.bands.count) for k in grid])
-        every, found = np.vstack([path.wavevectors, grid]), np.vstack([rows, values])
-        zone = zone_gaps(gaps, partial(sampled_extreme, every, found))
+            values = np.array([frequencies(k) for k in grid])
+            every, found = np.vstack([path.wavevectors, grid]), np.vstack([rows, values])
+            zone = zone_gaps(gaps, partial(searched_extreme, frequencies, every, found))
         _log_zone(gaps, zone, log)
     errors = MeshErrors(np.array([each.taken for each in estimates]), np.array([each.mesh for each in estimates]))
     truncated = MARGIN * truncation_bars(np.array([each.total for each in estimates]))

@@ -16,8 +16,8 @@ from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.answer_parts import BroadbandPoint, Transmission
 from pipeline.models.cell_cache import CellCache
-from pipeline.models.wave_parts import BroadbandPoint, Transmission
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, driven_band_hz
 from pipeline.planning.refinement import MARGIN
@@ -27,7 +27,7 @@ from solvers.measures.confinement import CONFINED_DB
 from solvers.measures.target_mode import verdict
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column, Driven, level_bars
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.threads import one_thread
 from solvers.waves.branches import label_of
 from solvers.waves.complex_bands import Row, RowStiffness, RowWaves, chain, scatter

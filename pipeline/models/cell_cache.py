@@ -21,7 +21,7 @@ import numpy as np
 from geometry import files
 from geometry.elements import FloatArray
 from pipeline.paths import RESULTS
-from pipeline.records import fingerprint
+from pipeline.records import store
 from solvers.superelement.cell import Cell
 from solvers.variation.cells import CellFamily, nodes_of
 
@@ -101,7 +101,7 @@ def _seal(name: str, content: bytes | memoryview) -> bytes:
 
 @lru_cache(maxsize=1)
 def _salt() -> str:
-    return fingerprint.code_hash()[:16]
+    return store.code_hash()[:16]
 
 
 class ArrayCache(Cache):

@@ -1,4 +1,4 @@
-"""A case's plate with its patches bonded, its forced response, and the error bars of that.
+"""The forced response of a case's plate to its patches, and of several zones, each driven in turn.
 
 Curves over frequency have bars, and so have a peak's quality factor and its level over the passive face.
 """
@@ -18,14 +18,14 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
+from pipeline.models.answer_parts import DrivenZone
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
 from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
 from pipeline.planning.resources import Demand
-from pipeline.quantity import frequency
+from pipeline.quantity import MM, figure, frequency
 from pipeline.records.record import MeshRecord
-from pipeline.units import MM
 from solvers.accuracy import calibration
 from solvers.control.identification import half_power_points
 from solvers.driven.curve_bars import doubts, rms_bars, with_peak
@@ -33,6 +33,7 @@ from solvers.driven.error_bars import (
     Louder,
     Variation,
     WidthRates,
+    frequency_error,
     frequency_errors,
     half_widths,
     is_known,
@@ -41,18 +42,56 @@ from solvers.driven.error_bars import (
     width_rates,
 )
 from solvers.driven.forms import face_grams
+from solvers.driven.several_patches import curve_half_widths, peak_half_widths, zone_volts, zones_of
 from solvers.measures.confinement import ratio_db
-from solvers.piezo import peak_errors
-from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
+from solvers.measures.target_mode import SIMILAR
+from solvers.piezo import responses
 from solvers.piezo.forced import Curve, Drive, ForcedPlate
-from solvers.piezo.patch import BondedPatch, bonded_patch
+from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch, patch_mesh, pillars_beneath
 from solvers.piezo.patched_plate import PatchedPlate, coupled_classes
-from solvers.piezo.peak_errors import height_error
-from solvers.piezo.responses import Peak, curve_about, driven_hz, highest_hz, near_hz, own_or, peak_of, resonances_hz
+from solvers.piezo.responses import (
+    Peak,
+    curve_about,
+    driven_hz,
+    height_error,
+    highest_hz,
+    near_hz,
+    own_or,
+    peak_of,
+    resonances_hz,
+)
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 
 FOLLOWS = 0.2  # of its own lowest resonance: below it motion inside a patch adds at most 4 % to what follows statically
+GRID = 160
+DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
+AROUND_PEAK = 65  # points over them, and more at the peak
+FIRST_ORDER = 0.05  # of a change: what its second order may add where the plate is not computed again
+
+
+@dataclass(frozen=True)
+class SolvedResponse:
+    """The response curve, the target mode's peak (None where the band has none), the highest peak, and the plate behind them.
+
+    widest_bar is that of the frequencies in the band.
+    """
+
+    forced: ForcedPlate
+    curve: Curve
+    target: Peak | None
+    highest: Peak
+    widest_bar: WidestBar
+
+    @property
+    def expected_error(self) -> float | None:
+        """The largest half-width of a frequency's bar in the band, relative: mesh, reduction and bonding together."""
+        return self.widest_bar.error
+
+    @property
+    def peak(self) -> Peak:
+        """The target mode's peak; the highest one where there is none."""
+        return self.target or self.highest
 
 
 @one_thread()
@@ -101,90 +140,11 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, target_window_hz=_search_window_hz(case))
 
 
-def _search_window_hz(case: Case) -> tuple[float, float] | None:
-    """Where the target mode is searched first; None for several zones, which share no mode."""
-    return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
-
-
 def refuse_patches(case: Case, band_hz: tuple[float, float]) -> None:
     """InputError for patches that no assembled plate can carry in this band, before anything of the plate is computed."""
     tiling = tile(case.design, case.design.length_m)
     _refuse_over_pillars(case, tiling)
     _refuse_ringing(case, min(patch.own_hz for patch in _bonded(case, tiling)), band_hz[1])
-
-
-def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
-    """The case's patches; those of one size are one, and kept."""
-    patches = case.patches
-    assert patches is not None
-    material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
-    return [
-        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box), ArrayCache())
-        for box in patches.boxes_m()
-    ]
-
-
-def _refuse_over_pillars(case: Case, tiling: Tiling) -> None:
-    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
-    patches = case.patches
-    assert patches is not None
-    if patches.face == "touch" and not any(pillar.faces == 2 for pillar in case.design.kinds):
-        return
-    for number, box in enumerate(patches.boxes_m()):
-        for _, j in pillars_beneath(tiling, box):
-            low, high = (end / MM for end in tiling.y[j : j + 2])
-            y0, y1 = (end / MM for end in box[2:])
-            raise InputError(
-                f"{case.source or case.name}: patches: patch {number} reaches from y = {y0:g} to {y1:g} mm: must stay clear of "
-                f"the strip from {low:g} to {high:g} mm, where pillars stand on its face"
-            )
-
-
-def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
-    """InputError where a patch would ring by itself on the plate, which it follows statically."""
-    if high_hz > FOLLOWS * own_hz:
-        assert case.patches is not None
-        size = " x ".join(f"{each / MM:g}" for each in case.patches.size_m)
-        raise InputError(
-            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {frequency(own_hz)}: the "
-            f"band must end below a fifth of that, {frequency(FOLLOWS * own_hz)}, or the patch be flatter"
-        )
-
-
-def _demand(case: Case, band_hz: tuple[float, float]) -> Demand:
-    """What the response over a band is foreseen to take."""
-    choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
-    return driven_demand.of_response(case, choice, band_hz, 0)
-
-
-# -- the response ------------------------------------------------------------------------------------------------------
-
-
-GRID = 160
-
-
-@dataclass(frozen=True)
-class SolvedResponse:
-    """The response curve, the target mode's peak (None where the band has none), the highest peak, and the plate behind them.
-
-    widest_bar is that of the frequencies in the band.
-    """
-
-    forced: ForcedPlate
-    curve: Curve
-    target: Peak | None
-    highest: Peak
-    widest_bar: WidestBar
-
-    @property
-    def expected_error(self) -> float | None:
-        """The largest half-width of a frequency's bar in the band, relative: mesh, reduction and bonding together."""
-        return self.widest_bar.error
-
-    @property
-    def peak(self) -> Peak:
-        """The target mode's peak; the highest one where there is none."""
-        return self.target or self.highest
 
 
 @one_thread()
@@ -205,22 +165,6 @@ def solve_response(
     return SolvedResponse(forced, curve, target, peak_of(curve, highest), _widest_bar(forced, low, high))
 
 
-def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar:
-    """Find the widest bar of the resonances in a band, and what it is made of; unknown where one of them has none."""
-    known = []
-    for basis in forced.modes:
-        errors, tones = peak_errors.frequency_errors(basis), basis.frequency_hz
-        inside = (tones >= low_hz) & (tones <= high_hz)
-        known.append(np.array([tones, errors.mesh, errors.reduction, errors.bonding])[:, inside])
-    every = np.hstack(known) if known else np.zeros((4, 0))
-    total = every[1:].sum(axis=0)
-    if not total.size or np.isnan(total).any():
-        return WidestBar(None)
-    tone, *parts = every[:, int(np.argmax(total))].tolist()
-    of = f"the resonance at {frequency(tone, sum(parts))}"
-    return WidestBar(sum(parts), of, dict(zip(("mesh", "reduction", "bonding"), parts, strict=True)))
-
-
 def gridded(points: FloatArray, values: ComplexArray) -> dict[str, Any]:
     """Return a field on the touch face at an even grid of about GRID points along its longer side, as a picture draws it."""
     from scipy.spatial import cKDTree
@@ -231,14 +175,6 @@ def gridded(points: FloatArray, values: ComplexArray) -> dict[str, Any]:
     grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 2)
     nearest = values[cKDTree(points).query(grid)[1]]
     return {"response_xy": grid.astype(np.float32), "response_uz": nearest.astype(np.complex64)}
-
-
-# -- error bars --------------------------------------------------------------------------------------------------------
-
-
-DECAYED = 4.0  # half-power widths to both sides of a peak: where its quality factor is read
-AROUND_PEAK = 65  # points over them, and more at the peak
-FIRST_ORDER = 0.05  # of a change: what its second order may add where the plate is not computed again
 
 
 def quality_error(forced: ForcedPlate, peak: Peak) -> float | None:
@@ -307,6 +243,134 @@ def curve_errors(forced: ForcedPlate, curve: Curve) -> FloatArray | None:
     return half if np.isfinite(half).all() else None
 
 
+def check_zones(case: Case) -> None:
+    """Raise InputError for patches that do not drive each zone with the others' at 0 V."""
+    patches, design = case.patches, case.design
+    assert patches is not None
+    said = []
+    if patches.circuit != "short":
+        said.append(f"patches.circuit = {patches.circuit!r}: must be 'short', zones at rest hold their patches at 0 V")
+    y = np.array([patches.centres_m[i][1] for i in patches.drivers])
+    bare = [i + 1 for i, mid in enumerate(design.zone_centres_m) if not (np.abs(y - mid) < design.width_m / 2.0).any()]
+    if bare:
+        said.append(f"patches.centres_mm: zone {', '.join(map(str, bare))} has no patch that drives it")
+    if said:
+        raise InputError(f"{case.source or case.name}: {text}" for text in said)
+
+
+def solve(
+    case: Case, log: Log, band_hz: tuple[float, float] | None, points: int, meshes: list[MeshRecord],
+    is_announced: bool = False,
+) -> dict[str, Any]:  # fmt: skip
+    """Drive each zone at its own peak and measure every zone, there and at so many frequencies of a band.
+
+    Returns columns of `CrosstalkResult` by name. InputError as `check_zones` and `forced_plate`.
+    """
+    case.require("patches", command="crosstalk")
+    check_zones(case)
+    forced = forced_plate(case, log, band_hz, meshes, is_announced)
+    patches, design = case.patches, case.design
+    assert patches is not None
+    with log.step(f"{design.zones} zones, each driven in turn"), one_thread():
+        zones, volts = zones_of(forced), zone_volts(forced, np.array(patches.centres_m))
+        frequencies = np.linspace(*forced.band_hz, points)
+        errors, known = frequency_errors(forced), doubts(forced, calibration.mixing())
+        curves = curve_half_widths(zones, volts, frequencies, known)
+        driven = []
+        for zone, fed in enumerate(volts):
+            peak = zones.peak_hz(fed, zone)
+            (at,) = zones.rms(fed, np.array([peak]))
+            driven.append(
+                DrivenZone(
+                    centre_m=float(design.zone_centres_m[zone]),
+                    drivers=np.flatnonzero(fed).tolist(),
+                    peak_hz=peak,
+                    rms_m_per_V=at[:-1].tolist(),
+                    level_db=ratio_db(at[:-1], at[zone]).tolist(),
+                    passive_db=float(ratio_db(at[-1], at[zone])),
+                    mac=zones.mac(fed, peak, zone),
+                    over_rms_m_per_V=zones.rms(fed, frequencies)[:, :-1].T.tolist(),
+                    over_rms_error_m_per_V=curves[zone].tolist(),
+                    peak_error=frequency_error(forced, peak, errors),
+                    **peak_half_widths(zones, fed, zone, peak, known),
+                )
+            )
+            _warn_of_shape(zone, driven[-1], log)
+    return {
+        "model": f"{forced.plate.name} with {patches.count} patches",
+        "dof": sum(group.pencil.dof for group in forced.plate.groups),
+        "shared_rows": design.shared_rows,
+        "gap_m": design.zone_gap_m,
+        "frequency_hz": frequencies.tolist(),
+        "zones": driven,
+    }
+
+
+def _search_window_hz(case: Case) -> tuple[float, float] | None:
+    """Where the target mode is searched first; None for several zones, which share no mode."""
+    return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
+
+
+def _bonded(case: Case, tiling: Tiling) -> list[BondedPatch]:
+    """The case's patches; those of one size are one, and kept."""
+    patches = case.patches
+    assert patches is not None
+    material, thickness, back = patches.material, patches.size_m[2], patches.face == "back"
+    return [
+        bonded_patch(material, box, thickness, back, patch_mesh(case.design, tiling, box), ArrayCache())
+        for box in patches.boxes_m()
+    ]
+
+
+def _refuse_over_pillars(case: Case, tiling: Tiling) -> None:
+    """InputError where a patch shares a face with a pillar whose panel it reaches over: that face is not kept there."""
+    patches = case.patches
+    assert patches is not None
+    if patches.face == "touch" and not any(pillar.faces == 2 for pillar in case.design.kinds):
+        return
+    for number, box in enumerate(patches.boxes_m()):
+        for _, j in pillars_beneath(tiling, box):
+            low, high = (end / MM for end in tiling.y[j : j + 2])
+            y0, y1 = (end / MM for end in box[2:])
+            raise InputError(
+                f"{case.source or case.name}: patches: patch {number} reaches from y = {y0:g} to {y1:g} mm: must stay clear of "
+                f"the strip from {low:g} to {high:g} mm, where pillars stand on its face"
+            )
+
+
+def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
+    """InputError where a patch would ring by itself on the plate, which it follows statically."""
+    if high_hz > FOLLOWS * own_hz:
+        assert case.patches is not None
+        size = " x ".join(f"{each / MM:g}" for each in case.patches.size_m)
+        raise InputError(
+            f"{case.source or case.name}: patches.size_mm: a patch of {size} mm rings by itself at {frequency(own_hz)}: the "
+            f"band must end below a fifth of that, {frequency(FOLLOWS * own_hz)}, or the patch be flatter"
+        )
+
+
+def _demand(case: Case, band_hz: tuple[float, float]) -> Demand:
+    """What the response over a band is foreseen to take."""
+    choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
+    return driven_demand.of_response(case, choice, band_hz, 0)
+
+
+def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar:
+    """Find the widest bar of the resonances in a band, and what it is made of; unknown where one of them has none."""
+    known = []
+    for basis in forced.modes:
+        errors, tones = responses.frequency_errors(basis), basis.frequency_hz
+        inside = (tones >= low_hz) & (tones <= high_hz)
+        known.append(np.array([tones, errors.mesh, errors.reduction, errors.bonding])[:, inside])
+    every = np.hstack(known) if known else np.zeros((4, 0))
+    total = every[1:].sum(axis=0)
+    if not total.size or np.isnan(total).any():
+        return WidestBar(None)
+    tone, *parts = every[:, int(np.argmax(total))].tolist()
+    of = f"the resonance at {frequency(tone, sum(parts))}"
+    return WidestBar(sum(parts), of, dict(zip(("mesh", "reduction", "bonding"), parts, strict=True)))
+
+
 def _parted(rates: WidthRates, every: list[tuple[Variation, ...]]) -> tuple[float, list[tuple[Variation, ...]]]:
     """Relative half-width by all sources whose change is that of first order, and the other sources."""
     far: list[float] = []
@@ -330,3 +394,13 @@ def _curve(forced: ForcedPlate, tone: float) -> tuple[float, Curve]:
     top = near_hz(forced, tone)
     reach = DECAYED * top * forced.loss
     return top, curve_about(forced, top - reach, top + reach, AROUND_PEAK, [top])
+
+
+def _warn_of_shape(number: int, zone: DrivenZone, log: Log) -> None:
+    """Warn of a zone that moves most in another shape than the target's."""
+    if zone.mac is not None and zone.mac < SIMILAR:
+        log.warning(
+            "OTHER_PEAK",
+            f"zone {number + 1} moves most at {frequency(zone.peak_hz, zone.peak_error)}, but not in the target shape "
+            f"(MAC {figure(zone.mac, zone.mac_error)}): the levels are another mode's; give a --band about the target mode",
+        )

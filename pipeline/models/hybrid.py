@@ -12,8 +12,8 @@ from geometry.layout import Design, Pillar
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.forced import forced_plate
+from pipeline.quantity import UM
 from pipeline.records.record import MeshRecord
-from pipeline.units import UM
 from solvers.accuracy import calibration
 from solvers.driven.curve_bars import Change, Doubts, changes, doubts, half_widths, in_parts
 from solvers.driven.error_bars import frequency_error, frequency_errors

@@ -17,7 +17,7 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
-from pipeline.models.mode_parts import CountRecord, TargetRecord
+from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import foresight, refinement, simplifications
@@ -49,13 +49,21 @@ from pipeline.quantity import level as level_text
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
 from solvers.accuracy.mesh import largest
-from solvers.accuracy.plate import ModeErrors, mode_errors, more_below
+from solvers.accuracy.reduction import ModeErrors, mode_errors, more_below
 from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, modes_near
-from solvers.fem.factor.factoriser import side_by_side
+from solvers.fem.factor import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
-from solvers.measures.confinement import Confinement, measure, share_error, strength_force, target_symmetry
-from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
+from solvers.measures.confinement import (
+    Confinement,
+    Overlaps,
+    measure,
+    mixed_energy,
+    mixed_shares,
+    share_error,
+    strength_force,
+    target_symmetry,
+)
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
 

@@ -32,7 +32,7 @@ from pipeline.paths import RESULTS
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.quantity import percent
 from pipeline.workers import LocalWorkers
-from solvers.accuracy.bands import mesh_error
+from solvers.accuracy.reduction import mesh_error
 from solvers.errors import SolverError
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, own_error, rich_sectors

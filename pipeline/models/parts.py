@@ -24,7 +24,7 @@ from pipeline.logs import Log, TerminalLog
 from pipeline.models.cell_cache import CellCache
 from pipeline.planning import foresight, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
-from pipeline.records import fingerprint
+from pipeline.records import store
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import (
     CoarserMeshes,
@@ -197,7 +197,7 @@ def panel_mesher(design: Design, choice: ModelChoice, log: Log) -> tuple[Callabl
             return scenes.tet_panel(design, panel, edge)
 
     file = design.pillar.file if design.pillar else None
-    return mesh, f"tet {edge!r} {fingerprint.file_hash(Path(file)) if file else ''}"
+    return mesh, f"tet {edge!r} {store.file_hash(Path(file)) if file else ''}"
 
 
 def tet_cell(design: Design, edge_m: float, log: Log) -> tuple[Mesh, tuple[int, ...]]:

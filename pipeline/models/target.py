@@ -14,7 +14,7 @@ from typing import Any
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.mode_parts import ModeRecord, RivalRecord, TargetMode, TargetRecord
+from pipeline.models.answer_parts import ModeRecord, RivalRecord, TargetMode, TargetRecord
 from pipeline.planning.model_choice import SIGNS, Expected
 from pipeline.planning.refinement import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar

@@ -11,9 +11,9 @@ from pipeline.case.model import Case
 from pipeline.case.schema import ToleranceTable
 from pipeline.errors import InputError
 from pipeline.logs import Log
+from pipeline.models.answer_parts import SampleRecord
 from pipeline.models.cell_cache import CellCache, ParametricCellCache
 from pipeline.models.forced import AROUND_PEAK, DECAYED, driven, refuse_patches
-from pipeline.models.tolerance_parts import SampleRecord
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SUPERELEMENT, ModelChoice
 from pipeline.planning.simplifications import khz

@@ -1,30 +1,32 @@
-"""Two modes of the zone held a quarter period apart: a wave that travels inside it, its power, and the board's table for it."""
+"""Waves that travel inside the zone, their power, and the shear that they leave under a finger."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log, pi
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from geometry.elements import BoolArray, ComplexArray, FloatArray
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
-from pipeline.case.model import Case
+from pipeline.case.model import Case, Touch
 from pipeline.logs import Log
-from pipeline.models import shear
+from pipeline.models.answer_parts import PatternMode, ShearRecord
 from pipeline.models.forced import forced_plate
-from pipeline.models.shear import Driven
-from pipeline.models.travel_parts import PatternMode
+from pipeline.models.touch import contacts_at, missing_at_ends
+from pipeline.quantity import GIB, KHZ, MM, UM, figure
 from pipeline.records.record import MeshRecord
-from pipeline.units import KHZ, UM
 from solvers.accuracy import calibration
+from solvers.driven.curve_bars import Contacts
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
 from solvers.driven.several_patches import motion_at, plate_table, power_flow
 from solvers.errors import SolverError
+from solvers.machine import room_bytes
 from solvers.measures.confinement import ratio_db, target_shape
 from solvers.piezo.forced import ForcedPlate
-from solvers.piezo.peak_errors import height_error
+from solvers.piezo.responses import face_motion, height_error
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
 from solvers.shaping.travelling_wave import (
     ModePair,
@@ -34,11 +36,43 @@ from solvers.shaping.travelling_wave import (
     travelling_wave_ratio,
 )
 from solvers.threads import one_thread
+from solvers.touch.effects import (
+    MAX_WAVE_SHARE,
+    CrestMotion,
+    OutOfValidity,
+    Places,
+    SqueezeFilm,
+    TouchMap,
+    crest_motion,
+    drive_share,
+    lattice,
+    needed_bytes,
+)
+from solvers.touch.touched_plate import Finger, TouchedPlate
 
 ALONG, ACROSS = 61, 5  # points over the zone: an odd number across has its centre line
 MIN_SHARE = 0.1  # of a mode's mass that moves in the shape asked for
 NEAR_FIELD = 0.1  # what is left of the ends' near field, e^{-kx}, where the wave is judged
 MAX_WINDOW = 0.3  # of the length, at each end, that is left out at most
+
+FIGURES = {
+    "twr": "twr_error",
+    "alone_twr": "alone_twr_error",
+    "best_twr": "best_twr_error",
+    "wavenumber_per_m": "wavenumber_error_per_m",
+    "confinement_db": "confinement_error_db",
+    "drive_V_at_1um": "drive_error_V_at_1um",
+    "lost_W": "lost_error_W",
+}
+
+LISTS = {
+    "flow_W": "flow_error_W",
+    "patches_W": "patches_error_W",
+    "standing_flow_W": "standing_flow_error_W",
+    "field_m": "field_error_m",
+}
+
+Field = list[list[float | None]]
 
 
 @dataclass(frozen=True)
@@ -77,8 +111,80 @@ class Travelling:
         return every
 
 
+class Driven(NamedTuple):
+    """How the patches hold a wave: volts (patches,) in V and the frequency, of the plate or of one within its bars."""
+
+    volts: ComplexArray
+    frequency_hz: float
+    each: Variation | Louder | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class _Spots:
+    """The finger at three places: of the fastest crest and of the largest net shear at least and at most.
+
+    rows: u_x at them per unit of the columns of the groups that are driven, (3, columns) each.
+    """
+
+    case: Case
+    places: Places
+    numbers: IntArray
+    contacts: Contacts
+    rows: list[FloatArray]
+
+    @classmethod
+    def of(cls, case: Case, places: Places, numbers: IntArray) -> _Spots:
+        i, j = np.divmod(numbers, places.shape[1])
+        x, y = (places.points.spacing_m * each for each in places.points.places)
+        at_m = np.column_stack([x[i], y[j]])
+        rows = [face_motion(basis.group, at_m, 0) @ basis.columns for basis in places.touched.free.modes]
+        return cls(case, places, numbers, contacts_at(places, numbers), rows)
+
+    def figures(self, driven: Driven, factor: float = 1.0, missing_m_n: float = 0.0) -> FloatArray:
+        """Crest speed, net shear at least and at most, (3,); NaN where one is not known."""
+        touched, points = self.places.touched, self.places.points
+        tone, root, free = driven.frequency_hz, np.sqrt(points.weights), touched.free
+        contacts, at = self._contacts(driven.each), touched.plate.scale.eigenvalue(tone)
+        stiffness = factor * touched.finger.dynamic_stiffness(tone)
+        before, motion = (
+            (contacts.motions(at, *how).answers @ driven.volts[touched.drivers])[:, : len(root)]
+            for how in ((), (stiffness or None, missing_m_n))
+        )
+        other = (driven.each.of(free) if driven.each else free).driven_by(driven.volts)
+        fed, pairs = other.volts(at), zip(free.modes, other.modes, self.rows, strict=True)
+        along = np.sum(
+            [
+                (driven.each.of_columns(own, row) if driven.each else row) @ basis.amplitudes(at, other.loss, fed)
+                for own, basis, row in pairs
+            ],
+            axis=0,
+        )
+        slope = ((motion - before) / root) @ points.slope_weights
+        crest = crest_motion((along + self.case.design.thickness_m / 2.0 * slope)[None], (motion @ root)[None], tone)
+        touch, speed = self.case.touch, float(crest.crest_m_s[0, 0])
+        assert touch is not None
+        if touch.force_n is None or touch.gap_m is None:
+            return np.array([speed, np.nan, np.nan])
+        low, high, _ = _shear(touch, np.linalg.norm(motion, axis=1)[None], crest, tone)
+        return np.array([speed, low[0][1], high[0][2]], dtype=float)
+
+    def _contacts(self, each: Variation | Louder | None) -> Contacts:
+        """Of a plate within the bars: other eigenvalues, modes mixed, louder patches."""
+        if each is None:
+            return self.contacts
+        gains, value, first = self.contacts.gains.copy(), self.contacts.value.copy(), 0
+        patches = len(self.contacts.capacitance_f)
+        for basis in self.places.touched.free.all_modes:
+            own = slice(first, first := first + len(basis.eigenvalue))
+            other = each.of_basis(basis)
+            value[own] = other.eigenvalue
+            gains[:, own, :patches] = other.gain[:, :patches]
+            gains[:, own, patches:] = each.of_columns(basis, gains[:, own, patches:].swapaxes(1, 2)).swapaxes(1, 2)
+        return replace(self.contacts, gains=gains, value=value)
+
+
 @one_thread()
-def solve(
+def solve_travelling(
     case: Case, log: Log, band_hz: tuple[float, float] | None, others: float, meshes: list[MeshRecord]
 ) -> tuple[dict[str, Any], Travelling]:
     """Hold the target mode and its neighbour with one nodal line more or less; the pair that runs best.
@@ -91,7 +197,7 @@ def solve(
         values = _values(wave, case.design)
     with log.step("error bars"):
         bars, varied = _bars(values, forced, case.design, others)
-    felt = shear.solve(case, forced, _driven(wave, values), values["wavenumber_per_m"], log, varied)
+    felt = solve_shear(case, forced, _driven(wave, values), values["wavenumber_per_m"], log, varied)
     return {**values, **bars, "shear": felt}, wave
 
 
@@ -128,6 +234,58 @@ def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[Flo
     return Travelling(forced, best, pair, window, line, unit)
 
 
+def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
+    """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
+    shape = target_shape(replace(design, nodal_lines=lines), table.points_m)
+    per_point = design.stack.mass_kg_m2 * design.length_m * design.width_m / len(shape)
+    return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
+
+
+@one_thread()
+def solve_shear(
+    case: Case, forced: ForcedPlate, driven: Driven, wavenumber_per_m: float, log: Log,
+    varied: Sequence[tuple[Driven, ...]] = (),
+) -> ShearRecord | None:  # fmt: skip
+    """The case's finger at every place while the patches hold a wave. None without [touch], or without memory.
+
+    varied: how plates within the bars are driven, those of one source together; without them there are no bars.
+    """
+    touch = case.touch
+    if touch is None:
+        return None
+    volts, frequency_hz, _ = driven
+    touched = TouchedPlate(forced, Finger(touch.tip, touch.at_m, touch.radius_m)).driven_by(volts)
+    points = lattice(case.design, touched)
+    needed, room = needed_bytes(touched, points), room_bytes()
+    if needed > room:
+        log.left_out(
+            "the finger on the wave", f"{figure(needed / GIB)} GiB are needed, {figure(room / GIB)} GiB are free"
+        )
+        return None
+    with log.step("the finger on the wave"):
+        places = Places.of(touched, points, frequency_hz)
+        mapped = places.map()
+        motion = _motion(case, forced.driven_by(volts), mapped)
+    why = _why_not(touch, abs(wavenumber_per_m))
+    low, high, missed = (None, None, None) if why else _shear(touch, mapped.touched_m, motion, frequency_hz)
+    unknown = [f"net shear: {reason}" for reason in (why, missed and f"at some places {missed}") if reason]
+    for reason in unknown:
+        log.warning("NOT_TOLD", reason)
+    record = ShearRecord(
+        fingertip=touch.tip.name,
+        radius_m=touch.radius_m,
+        force_N=touch.force_n,
+        x_m=mapped.x_m.tolist(),
+        y_m=mapped.y_m.tolist(),
+        touched_m=mapped.touched_m.tolist(),
+        crest_m_s=motion.crest_m_s.tolist(),
+        shear_low=low,
+        shear_high=high,
+        unknown=unknown,
+    )
+    return _with_bars(record, case, places, driven, varied) if varied else record
+
+
 def _reversed(table: ModalTable, pair: ModePair, window: BoolArray, others: float) -> ComplexArray:
     """The same pair towards -x: its places turned round."""
     turned = replace(table, points_m=table.points_m * np.array([-1.0, 1.0]))
@@ -149,13 +307,6 @@ def _window(design: Design) -> tuple[float, float]:
     k = pi / (design.half_wavelength_m or design.width_m)
     margin = min(-log(NEAR_FIELD) / k, MAX_WINDOW * design.length_m)
     return margin - design.length_m / 2.0, design.length_m / 2.0 - margin
-
-
-def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
-    """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
-    shape = target_shape(replace(design, nodal_lines=lines), table.points_m)
-    per_point = design.stack.mass_kg_m2 * design.length_m * design.width_m / len(shape)
-    return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
 
 
 def _mode(table: ModalTable, design: Design, lines: int) -> int | None:
@@ -207,25 +358,6 @@ def _values(wave: Travelling, design: Design) -> dict[str, Any]:
         "standing_flow_W": (power_flow(stand, tone).flow_w * (UM / standing) ** 2).tolist(),
         "inner_sections": max(len(flow.x_m) - 2, 0),
     }
-
-
-FIGURES = {
-    "twr": "twr_error",
-    "alone_twr": "alone_twr_error",
-    "best_twr": "best_twr_error",
-    "wavenumber_per_m": "wavenumber_error_per_m",
-    "confinement_db": "confinement_error_db",
-    "drive_V_at_1um": "drive_error_V_at_1um",
-    "lost_W": "lost_error_W",
-}
-
-
-LISTS = {
-    "flow_W": "flow_error_W",
-    "patches_W": "patches_error_W",
-    "standing_flow_W": "standing_flow_error_W",
-    "field_m": "field_error_m",
-}
 
 
 def _driven(wave: Travelling, values: dict[str, Any], each: Variation | Louder | None = None) -> Driven:
@@ -286,3 +418,72 @@ def _figures(values: dict[str, Any]) -> FloatArray:
 
 def _neighbours(design: Design) -> tuple[int, ...]:
     return design.nodal_lines - 1, design.nodal_lines, design.nodal_lines + 1
+
+
+def _with_bars(
+    record: ShearRecord, case: Case, places: Places, driven: Driven, varied: Sequence[tuple[Driven, ...]]
+) -> ShearRecord:
+    """The record with the half-widths of the bars of its largest crest and shears, each at its own place."""
+    fields = [record.crest_m_s, record.shear_low, record.shear_high]
+    sizes = [None if each is None else np.nan_to_num(np.abs(np.array(each, dtype=float))) for each in fields]
+    spots = [0 if size is None else int(np.argmax(size)) for size in sizes]
+    finger, missing = _Spots.of(case, places, np.array(spots)), missing_at_ends(places)
+    if missing is None:
+        return record
+    nominal, by_rule = finger.figures(driven), places.rule_error
+    half = half_widths(nominal, varied, finger.figures)
+    for more in ((1.0 + by_rule, 0.0), (1.0, missing)):
+        half = half + np.abs(finger.figures(driven, *more) - nominal)
+    fastest, low, high = (half + by_rule * np.abs(nominal)).tolist()
+    return replace(record, fastest_error_m_s=fastest, shear_low_error=low, shear_high_error=high)
+
+
+def _motion(case: Case, forced: ForcedPlate, mapped: TouchMap) -> CrestMotion:
+    """The free plate's own motion along x, and (h/2) dw/dx of what the finger changes."""
+    places = np.stack(np.meshgrid(mapped.x_m, mapped.y_m, indexing="ij"), axis=-1)
+    along = forced.motion_by(lambda group: face_motion(group, places.reshape(-1, 2), 0), mapped.frequency_hz)
+    free = along.reshape(mapped.under.shape)
+    along = free + case.design.thickness_m / 2.0 * mapped.slope_change
+    return crest_motion(along, mapped.under, mapped.frequency_hz)
+
+
+def _why_not(touch: Touch, wavenumber_per_m: float) -> str | None:
+    """Why nothing is said of the shear; None where the relations can be asked."""
+    if touch.force_n is None or touch.gap_m is None:
+        return "touch.gap_um and touch.force_N are not given"
+    if 2.0 * touch.radius_m * wavenumber_per_m > MAX_WAVE_SHARE * 2.0 * pi:
+        half = pi / wavenumber_per_m / MM
+        return f"the contact is {2.0 * touch.radius_m / MM:g} mm wide, more than half a wave of {figure(half)} mm"
+    return None
+
+
+def _shear(
+    touch: Touch, amplitude_m: FloatArray, motion: CrestMotion, frequency_hz: float
+) -> tuple[Field, Field, str | None]:
+    """Net shear over the friction at rest, signed, at least and at most; and why it is left out at the first such place.
+
+    At least: the skin's elastic part alone presses in phase with the crests; at most: all of its impedance does.
+    """
+    assert touch.force_n is not None
+    impedance, omega = touch.tip.impedance_n_s_m(frequency_hz, pi * touch.radius_m**2), 2.0 * pi * frequency_hz
+    layers_n_m = max(0.0, -omega * impedance.imag), omega * abs(impedance)
+    fields: tuple[Field, Field] = tuple([[None] * amplitude_m.shape[1] for _ in amplitude_m] for _ in range(2))  # type: ignore[assignment]
+    missed = None
+    for i, j in np.ndindex(amplitude_m.shape):
+        amplitude, sign = float(amplitude_m[i, j]), float(np.sign(motion.crest_m_s[i, j]))
+        try:
+            left = _left(touch, amplitude, frequency_hz)
+        except OutOfValidity as reason:
+            missed = missed or str(reason)
+            continue
+        for field, share, layer in zip(fields, left, layers_n_m, strict=True):
+            dragged = drive_share(layer * amplitude / touch.force_n, motion.lag(i, j))
+            field[i][j] = sign * share * dragged + 0.0
+    return *fields, missed
+
+
+def _left(touch: Touch, amplitude_m: float, frequency_hz: float) -> list[float]:
+    """What the film of air leaves of the friction, at least and at most over the gaps. Raises OutOfValidity."""
+    assert touch.gap_m is not None and touch.force_n is not None
+    films = [SqueezeFilm(gap, touch.radius_m, touch.force_n) for gap in touch.gap_m]
+    return sorted(film.friction_ratio(amplitude_m, frequency_hz) for film in films)

@@ -24,14 +24,15 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
 from pipeline.planning import foresight, mesh_rules
-from pipeline.planning.coarse_cell import ORDER, coarse_settings
-from pipeline.planning.model_choice import SUPERELEMENT, ModelChoice
+from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
 from pipeline.planning.resources import Demand
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
-from solvers.accuracy.bands import (
+from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
+from solvers.accuracy.reduction import (
     STILL,
+    ModeErrors,
     ReductionError,
     cutoff_hz,
     error_of_waves,
@@ -43,8 +44,6 @@ from solvers.accuracy.bands import (
     truncation,
     truncation_bars,
 )
-from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
-from solvers.accuracy.plate import ModeErrors
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import PlainPencil, lowest_pairs

@@ -15,14 +15,14 @@ from geometry.formats.reader import MeshFile, read_mesh
 from geometry.layout import Design, region_materials
 from geometry.materials import Material
 from geometry.mesh import AnyMesh
-from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case
+from pipeline.case.reading import nearest
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
 from pipeline.models.parts import mesh_record, warn_of_locking
 from pipeline.models.target import ModeRow, look_among, mode_rows
-from pipeline.units import MM
+from pipeline.quantity import MM
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import AXES, SolidModel
 from solvers.fem.surface import Frame

@@ -168,7 +168,7 @@ class _Patches:
 
     @cached_property
     def _meshes(self) -> list[HexSettings]:
-        from solvers.piezo.beneath import patch_mesh
+        from solvers.piezo.patch import patch_mesh
 
         mesh = patch_mesh(self.case.design, self.own.tiling, self.boxes[0])
         return [mesh, mesh.coarser]

@@ -18,7 +18,7 @@ from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
 from pipeline.planning.resources import Demand, refuse, too_much
-from solvers.analytic.plate_waves import highest_hz, pillar_modes, plate_modes
+from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
     Cost,
     Fill,
@@ -472,7 +472,7 @@ def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
 
 def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
     """The choice with degrees along the sides and a cut-off as coarse cells are foreseen to advise for the bands."""
-    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
+    from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
 
     reduction, design, accuracy = choice.reduction, case.design, case.solve.accuracy
     if reduction is None or design.pillar is None:
@@ -531,7 +531,7 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
     """Fixed-interface modes of a cell to expect up to its cut-off: those that a coarse one has, or where its elements do not
     follow so many, what their density says, at most as those of a volume grow.
     """
-    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
+    from pipeline.planning.model_choice import coarse_cell  # solves: a plan of a plate loads no solver
 
     coarse, top_hz = coarse_cell(case.design, case.bands.count), reduction.top_hz
     count = coarse.fixed_modes(top_hz)

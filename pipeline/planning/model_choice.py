@@ -1,26 +1,116 @@
-"""How each part of a scene is modelled and what is looked for in it: what a plan lists, and what computations then build."""
+"""How each part of a scene is modelled and what is looked for in it: what a plan lists and computations then build.
+
+One element of order 3 through the plate, the pillar a box as wide as its foot. A coarse mesh's frequencies lie above those of
+finer ones, so that no band asked for lies above what is found here.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import inf
+from functools import cached_property, lru_cache
+from math import ceil, inf, sqrt
+from typing import TYPE_CHECKING
 
+from geometry.hex.boxes import cell_boxes, hex_mesh
+from geometry.hex.panels import square_of
 from geometry.hex.scenes import HexSettings
+from geometry.layout import Design, region_materials
 from pipeline.case.limits import MIN_GAP
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.planning import mesh_rules, simplifications
-from pipeline.planning.mesh_rules import MeshLevel
 from pipeline.planning.simplifications import CLASSES, Simplification
 from pipeline.quantity import figure, percent
-from solvers.accuracy.calibration import HEX, TET, TET_ORDER
+from solvers.accuracy.calibration import HEX, TET, TET_ORDER, MeshLevel
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_symmetry
 from solvers.superelement.interface import ReductionSettings
 
+if TYPE_CHECKING:
+    from solvers.fem.assembly import System
+    from solvers.fem.eigen import PlainPencil
+
+ORDER = 3
+STEP = 1.2  # factor within which the highest band is found
+MANY = 4  # elements of a plate thin compared with its pitch, along the longer pitch
+SLENDER = 4.0  # widths of a foot that an element along the pillar is long at least
+FEW = 25  # bands that one element of a stub holds
+RESOLVED = 1.0 / 16.0  # of the coarse cell's degrees of freedom: more modes are too short for its elements
+HALF_WAVES = 3.0  # bands for each half-wave along a pillar: two bending modes, one of torsion or longitudinal
+
 # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
 BEYOND = 4.0
+
 SUPERELEMENT, SOLID = "superelement", "solid"
+DEFAULT_COUNT = 20
+SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
+MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target mode
+
+
+class CoarseCell:
+    """A coarse mesh of a design's unit cell, solved for its `count` lowest bands."""
+
+    def __init__(self, design: Design, count: int) -> None:
+        box = square_of(design.pillar) if design.pillar else None
+        self.design, self.count = replace(design, pillar=box), count
+        self._ends_hz: dict[float, float] = {}
+        self._fixed: dict[float, int] = {}
+
+    @cached_property
+    def _system(self) -> System:
+        from solvers.fem.assembly import assemble  # slow to import, and plans that ask for no bands need none
+
+        settings = coarse_settings(self.design, self.count)
+        settings = replace(settings, size_m=max(settings.size_m, max(self.design.lattice.cell_m) / MANY))
+        mesh = hex_mesh(cell_boxes(self.design, settings), settings.order)
+        return assemble(mesh, region_materials(self.design.stack, self.design.pillar))
+
+    @cached_property
+    def _waves(self) -> PlainPencil:
+        """K and M at the zone's corner, where all phases are real and every band counts once."""
+        from solvers.waves.bloch import BlochCell
+
+        lattice = self.design.lattice
+        return BlochCell(self._system, lattice).pencil(lattice.reciprocal_per_m.sum(axis=0) / 2.0)[0]
+
+    def bands_end_hz(self, below_hz: float) -> float:
+        """Frequency, Hz, below which the bands asked for end at the zone's corner, within STEP; at most below_hz.
+
+        By bisection of inertia counts, from a guess by a count that goes as the frequency squared.
+        """
+        if below_hz not in self._ends_hz:
+            found = next((end for below, end in self._ends_hz.items() if end < below), None)
+            self._ends_hz[below_hz] = self._bisected_hz(below_hz) if found is None else min(found, below_hz)
+        return self._ends_hz[below_hz]
+
+    def resolves(self, modes: float) -> bool:
+        """Whether the elements follow so many modes."""
+        return modes <= RESOLVED * self._system.mesh.dof
+
+    def fixed_modes(self, below_hz: float) -> int:
+        """Modes below a frequency, Hz, of the cell with its four sides held."""
+        if below_hz not in self._fixed:
+            from solvers.fem.eigen import count_below
+            from solvers.fem.solid import constrain, free_mask
+
+            sides = free_mask(self._system.mesh, ("x-", "x+", "y-", "y+"), {})
+            self._fixed[below_hz] = count_below(constrain(self._system, sides), below_hz)
+        return self._fixed[below_hz]
+
+    def _bisected_hz(self, below_hz: float) -> float:
+        from solvers.fem.eigen import count_below
+        from solvers.fem.factor import Factoriser
+
+        factorise = Factoriser()  # one symbolic analysis for all counts
+        low, high, found = 0.0, below_hz, count_below(self._waves, below_hz, factorise)
+        while found >= self.count and high > STEP * low:
+            middle = sqrt(low * high) if low else high * sqrt(self.count / found) / STEP
+            number = count_below(self._waves, middle, factorise)
+            if number >= self.count:
+                high, found = middle, number
+            else:
+                low = middle
+        return high
 
 
 @dataclass(frozen=True)
@@ -72,15 +162,56 @@ class ModelChoice:
         return f"hexahedra of order {self.hexahedra.order}, {_mm(self.hexahedra.size_m)}{through}{graded}"
 
 
+@dataclass(frozen=True)
+class Expected:
+    """The target mode as another model has it: its frequency and its strength in the target shape."""
+
+    frequency_hz: float
+    strength: float
+
+
+@dataclass(frozen=True)
+class Request:
+    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
+
+    search: look for the target mode in its own window, beyond what is asked for; else among the modes found alone.
+    expected: look for it in the band asked for, which is widened only while it holds no mode as strong as that one.
+    """
+
+    part: str = "plate"
+    band_hz: tuple[float, float] | None = None
+    near_hz: float | None = None
+    count: int | None = None
+    symmetry: str | None = None
+    search: bool = True
+    expected: Expected | None = None
+
+    @property
+    def highest_hz(self) -> float | None:
+        """Up to where a model has to be good, Hz; None where the request does not say."""
+        return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
+
+
+def coarse_settings(design: Design, count: int, through: int = 1) -> HexSettings:
+    """Elements of the coarse cell for its lowest bands, each of a slender pillar at most a half-wave long."""
+    size_m, pillar, parts = 2.0 * design.thickness_m, design.pillar, ceil(sqrt(count / FEW))
+    if pillar is None:
+        return HexSettings(ORDER, size_m, 0, through=through)
+    size_m = min(size_m, pillar.base_m / parts) if parts > 1 else size_m
+    along = min(pillar.height_m / parts, max(SLENDER * pillar.base_m, HALF_WAVES * pillar.height_m / count))
+    return HexSettings(ORDER, size_m, 0, pillar_size_m=along, through=through)
+
+
+@lru_cache(maxsize=64)
+def coarse_cell(design: Design, count: int) -> CoarseCell:
+    """The coarse cell of a design for its lowest bands."""
+    return CoarseCell(design, count)
+
+
 def model_choice_of(case: Case, part: str, high_hz: float) -> ModelChoice:
     """Choose model and mesh of a part for modes up to a frequency. Raises InputError for a model that cannot serve."""
     check_model(case, part == "zone" or _hexahedra(case, part))
     return _plate(case, high_hz) if part == "plate" else _lone_part(case, part, high_hz)
-
-
-def _hexahedra(case: Case, part: str) -> bool:
-    """Whether hexahedra serve a part, where the case asks for them by name."""
-    return case.solve.mesh != HEX or simplifications.hexahedra(case, part) is not None
 
 
 def check_model(case: Case, hexahedra: bool) -> None:
@@ -96,39 +227,6 @@ def check_model(case: Case, hexahedra: bool) -> None:
         faults.append(f"solve.mesh = 'hex': must be auto or tet, hexahedra do not follow {what} here")
     if faults:
         raise InputError(f"{case.source or case.name}: {fault}" for fault in faults)
-
-
-def _lone_part(case: Case, part: str, high_hz: float) -> ModelChoice:
-    """The zone between clamped sides, or the pillar on a clamped foot, whose tetrahedra mesh it whole."""
-    design, accuracy = case.design, case.solve.accuracy
-    if part == "pillar":
-        case.require_one_kind("the lone pillar is")
-    no_cad = simplifications.hexahedra(case, part)
-    quarter = simplifications.mirror_images(design, part) if no_cad or part == "zone" else None
-    level, top_hz = mesh_rules.reaching(part, design, accuracy, high_hz)
-    hexahedra = mesh_rules.lone_mesh(part, design, level, top_hz) if no_cad else None
-    smallest_m = design.pillar.smallest_m if part == "pillar" and design.pillar else 2.0 * design.thickness_m
-    edge = None if no_cad else mesh_rules.tet_edge_m(smallest_m, accuracy)
-    return _choice(case, part, SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
-
-
-def _plate(case: Case, high_hz: float) -> ModelChoice:
-    design, accuracy = case.design, case.solve.accuracy
-    bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.hexahedra(case, "plate")
-    taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
-    if case.solve.model == SOLID:
-        level = mesh_rules.whole_level(design, accuracy, high_hz)
-        hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
-        edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
-        return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
-    if design.is_staggered:
-        check_stagger(case)
-    reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
-    edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
-    why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
-    taken = (*taken, simplifications.alike_cells(design))
-    level = mesh_rules.cell_level(accuracy)
-    return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
 
 
 def check_stagger(case: Case) -> None:
@@ -164,89 +262,6 @@ def cell_model_choice(case: Case, high_hz: float = 0.0) -> ModelChoice:
     edge = None if no_cad else mesh_rules.tet_cell_edge_m(design, accuracy)
     why, level = "one reduced pair serves every wavevector", mesh_rules.cell_level(accuracy)
     return _choice(case, "cell", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
-
-
-def _modes_end_hz(case: Case, high_hz: float) -> float:
-    """No fixed-interface mode above it is worth its place; infinity where no pillar has modes below the plate's.
-
-    Panels of staggered rows keep as many as a plate's do.
-    """
-    design = case.design
-    if design.pillar is None:
-        return inf
-    from pipeline.planning.coarse_cell import coarse_cell  # solves: a plan of a plate loads no solver
-
-    plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
-    try:
-        end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)
-    except SolverError:  # beyond what a coarse mesh can count
-        return inf
-    return max((mesh_rules.REACH if design.stagger else BEYOND) * end_hz, mesh_rules.REACH * high_hz)
-
-
-def _choice(
-    case: Case, part: str, model: str, level: MeshLevel, hexahedra: HexSettings | None, edge_m: float | None,
-    taken: tuple[Simplification | None, ...], reduction: ReductionSettings | None = None, why: str = "", table: str = "",
-    good_to_hz: float | None = None,
-) -> ModelChoice:  # fmt: skip
-    left_out = tuple(simplification for simplification in taken if simplification)
-    boxes = hexahedra if edge_m is None else None
-    return ModelChoice(
-        part, model, hexahedra, edge_m, reduction, any(each.rule == "mirror_images" for each in left_out), left_out,
-        (*([why] if why else []), *_because(case, table or part, boxes, level, reduction is not None)),
-        mesh_rules.good_to_hz(part, case.design) if good_to_hz is None or not boxes else good_to_hz,
-        level if boxes else None,
-    )  # fmt: skip
-
-
-def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLevel, reduced: bool) -> tuple[str, ...]:
-    accuracy = f"accuracy {case.solve.accuracy:g}"
-    if hexahedra:
-        error = None if reduced else mesh_rules.expected_error(part, level)
-        known = "" if error is None else f"{percent(error)} were measured on the calibrated design, "
-        reason = f"{known}two coarser meshes tell its own error, and a finer one is taken where it misses"
-        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
-    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
-    return (shape, f"{accuracy} sets their edges, and shorter ones are taken where their stresses tell that it misses")
-
-
-def _mm(length_m: float) -> str:
-    return f"{figure(1e3 * length_m)} mm"
-
-
-DEFAULT_COUNT = 20
-SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
-MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target mode
-
-
-@dataclass(frozen=True)
-class Expected:
-    """The target mode as another model has it: its frequency and its strength in the target shape."""
-
-    frequency_hz: float
-    strength: float
-
-
-@dataclass(frozen=True)
-class Request:
-    """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
-
-    search: look for the target mode in its own window, beyond what is asked for; else among the modes found alone.
-    expected: look for it in the band asked for, which is widened only while it holds no mode as strong as that one.
-    """
-
-    part: str = "plate"
-    band_hz: tuple[float, float] | None = None
-    near_hz: float | None = None
-    count: int | None = None
-    symmetry: str | None = None
-    search: bool = True
-    expected: Expected | None = None
-
-    @property
-    def highest_hz(self) -> float | None:
-        """Up to where a model has to be good, Hz; None where the request does not say."""
-        return self.band_hz[1] if self.band_hz else 2.0 * (self.near_hz or 0.0) or None
 
 
 def with_defaults(case: Case, request: Request) -> Request:
@@ -309,3 +324,88 @@ def with_search(case: Case, query: Request) -> Request:
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
     """Band of a response or an attenuation: the given one, else the case's, else about the target mode."""
     return band_hz or case.solve.band_hz or mesh_rules.target_window_hz(case.design)
+
+
+def _hexahedra(case: Case, part: str) -> bool:
+    """Whether hexahedra serve a part, where the case asks for them by name."""
+    return case.solve.mesh != HEX or simplifications.hexahedra(case, part) is not None
+
+
+def _lone_part(case: Case, part: str, high_hz: float) -> ModelChoice:
+    """The zone between clamped sides, or the pillar on a clamped foot, whose tetrahedra mesh it whole."""
+    design, accuracy = case.design, case.solve.accuracy
+    if part == "pillar":
+        case.require_one_kind("the lone pillar is")
+    no_cad = simplifications.hexahedra(case, part)
+    quarter = simplifications.mirror_images(design, part) if no_cad or part == "zone" else None
+    level, top_hz = mesh_rules.reaching(part, design, accuracy, high_hz)
+    hexahedra = mesh_rules.lone_mesh(part, design, level, top_hz) if no_cad else None
+    smallest_m = design.pillar.smallest_m if part == "pillar" and design.pillar else 2.0 * design.thickness_m
+    edge = None if no_cad else mesh_rules.tet_edge_m(smallest_m, accuracy)
+    return _choice(case, part, SOLID, level, hexahedra, edge, (no_cad, quarter), good_to_hz=top_hz)
+
+
+def _plate(case: Case, high_hz: float) -> ModelChoice:
+    design, accuracy = case.design, case.solve.accuracy
+    bare, no_cad = simplifications.no_pillars(design, "plate"), simplifications.hexahedra(case, "plate")
+    taken: tuple[Simplification | None, ...] = (bare, no_cad, simplifications.mirror_images(design, "plate"))
+    if case.solve.model == SOLID:
+        level = mesh_rules.whole_level(design, accuracy, high_hz)
+        hexahedra = mesh_rules.cell_mesh(design, level) if no_cad else None
+        edge = None if no_cad else mesh_rules.tet_plate_edge_m(design, accuracy)
+        return _choice(case, "plate", SOLID, level, hexahedra, edge, taken, why="the case asks for it", table="whole")
+    if design.is_staggered:
+        check_stagger(case)
+    reduction = mesh_rules.plate_reduction(design, accuracy, high_hz)
+    edge = None if no_cad or bare else mesh_rules.tet_cell_edge_m(design, accuracy)
+    why = "cells assembled cost one reduction a kind; one mesh level finer where their own estimate asks for it"
+    taken = (*taken, simplifications.alike_cells(design))
+    level = mesh_rules.cell_level(accuracy)
+    return _choice(case, "plate", SUPERELEMENT, level, reduction.hexahedra, edge, taken, reduction, why)
+
+
+def _modes_end_hz(case: Case, high_hz: float) -> float:
+    """No fixed-interface mode above it is worth its place; infinity where no pillar has modes below the plate's.
+
+    Panels of staggered rows keep as many as a plate's do.
+    """
+    design = case.design
+    if design.pillar is None:
+        return inf
+
+    plate_hz = mesh_rules.lattice_reduction(design, case.solve.accuracy).top_hz
+    try:
+        end_hz = coarse_cell(design, case.bands.count).bands_end_hz(plate_hz)
+    except SolverError:  # beyond what a coarse mesh can count
+        return inf
+    return max((mesh_rules.REACH if design.stagger else BEYOND) * end_hz, mesh_rules.REACH * high_hz)
+
+
+def _choice(
+    case: Case, part: str, model: str, level: MeshLevel, hexahedra: HexSettings | None, edge_m: float | None,
+    taken: tuple[Simplification | None, ...], reduction: ReductionSettings | None = None, why: str = "", table: str = "",
+    good_to_hz: float | None = None,
+) -> ModelChoice:  # fmt: skip
+    left_out = tuple(simplification for simplification in taken if simplification)
+    boxes = hexahedra if edge_m is None else None
+    return ModelChoice(
+        part, model, hexahedra, edge_m, reduction, any(each.rule == "mirror_images" for each in left_out), left_out,
+        (*([why] if why else []), *_because(case, table or part, boxes, level, reduction is not None)),
+        mesh_rules.good_to_hz(part, case.design) if good_to_hz is None or not boxes else good_to_hz,
+        level if boxes else None,
+    )  # fmt: skip
+
+
+def _because(case: Case, part: str, hexahedra: HexSettings | None, level: MeshLevel, reduced: bool) -> tuple[str, ...]:
+    accuracy = f"accuracy {case.solve.accuracy:g}"
+    if hexahedra:
+        error = None if reduced else mesh_rules.expected_error(part, level)
+        known = "" if error is None else f"{percent(error)} were measured on the calibrated design, "
+        reason = f"{known}two coarser meshes tell its own error, and a finer one is taken where it misses"
+        return (f"{accuracy} asks for order {hexahedra.order} with {hexahedra.layers} graded layers: {reason}",)
+    shape = "the case asks for tetrahedra" if case.solve.mesh == TET else "hexahedra do not follow the pillar"
+    return (shape, f"{accuracy} sets their edges, and shorter ones are taken where their stresses tell that it misses")
+
+
+def _mm(length_m: float) -> str:
+    return f"{figure(1e3 * length_m)} mm"

@@ -1,7 +1,7 @@
 """What will be computed for a case, and what will not: the steps with model, mesh, classes, window, and the reasons.
 
 Every entry is asked from the functions that the computation itself asks (`model_choice`, `request`, `simplifications`),
-so that a plan is what happens; `pipeline.batch.measures` runs a study's case by its plan. Nothing here solves or
+so that a plan is what happens; `pipeline.batch.case_study` runs a study's case by its plan. Nothing here solves or
 meshes.
 """
 

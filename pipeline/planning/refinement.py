@@ -20,7 +20,7 @@ from pipeline.planning.resources import Demand
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from solvers.accuracy.calibration import TET
-from solvers.accuracy.plate import MARGIN
+from solvers.accuracy.reduction import MARGIN
 from solvers.errors import SolverError
 from solvers.superelement.interface import Interface, ReductionSettings
 

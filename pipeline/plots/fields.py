@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from pipeline.plots import style
 from pipeline.plots.style import ReportFigure
-from pipeline.quantity import frequency, level, percentage
+from pipeline.quantity import MM, frequency, level, percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import MM
 from solvers.measures.confinement import CONFINED_DB
 
 if TYPE_CHECKING:

@@ -25,11 +25,10 @@ from geometry.decimation import with_sides
 from pipeline.plots import style
 from pipeline.plots.fields import KINDS, FloatArray, IntArray, mode_at, moving_design, skin_faces, zone_peak
 from pipeline.plots.style import ReportFigure
+from pipeline.quantity import GRAM, MM, UM, percentage
 from pipeline.quantity import figure as figure_text
-from pipeline.quantity import percentage
 from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase
-from pipeline.units import GRAM, MM, UM
 from pipeline.workers import LocalWorkers, WorkerLost
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from typing import Any, NamedTuple
 
-MECHANISM = ("question", "result", "command", "method", "hints", "late", "study", "__main__")
+MECHANISM = ("question", "result", "command", "late", "study", "__main__")
 INDEX = Path(__file__).with_name("index.json")
 # of help and reference; what is not listed follows
 IN_ORDER = (

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import QUALITY
 from pipeline.errors import InputError
+from pipeline.quantity import KHZ, MM
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column, live
-from pipeline.units import KHZ, MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pipeline.case.model import Case
     from pipeline.planning.plan import Plan
     from pipeline.plots.style import ReportFigure
-    from solvers.thesis.active_study import Case as LoopedBeam
+    from solvers.thesis.active_beam import Case as LoopedBeam
     from solvers.thesis.circuit import MasonStudy
 
 MASON_HIGHEST = 100  # of the mode to confine: the wavelength of 5/3 cells is 2 mm, the bar's thickness, for the default
@@ -303,8 +303,7 @@ class ActivePillar(
 
         from pipeline.active import thesis
         from solvers.analytic.predesign import pillar_frequencies_hz
-        from solvers.thesis.pillar_row import pillar_filter
-        from solvers.thesis.scattering import point_force
+        from solvers.thesis.scattering import pillar_filter, point_force
 
         assert case.design.pillar is not None
         clamped = float(pillar_frequencies_hz(case.design.pillar, "timoshenko")[0])
@@ -442,7 +441,7 @@ class ActiveBeam(
     def compute(self, case: Case | None, plan: Plan, run: Run) -> BeamResult:
         """Close the loops at each frequency and gain."""
         from pipeline.active import thesis
-        from solvers.thesis.active_study import ActiveBeamData, active_beam_study
+        from solvers.thesis.active_beam import ActiveBeamData, active_beam_study
 
         data = ActiveBeamData() if case is None else ActiveBeamData(material=case.design.stack.material)
         data = replace(

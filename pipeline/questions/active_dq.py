@@ -6,13 +6,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pipeline.quantity import figure, frequency
+from pipeline.quantity import KHZ, MS, US, figure, frequency
 from pipeline.questions.active import COMPARED, Compared, Modelled, asked, compared, quality_option
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import outputs
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, outputs
 from pipeline.questions.question import Question, Run, option
 from pipeline.records.part import column
-from pipeline.units import KHZ, MS, US
 
 if TYPE_CHECKING:
     from firmware.mode_table import ModeTable

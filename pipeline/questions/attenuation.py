@@ -8,15 +8,26 @@ from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_WAVENUMBER
 from pipeline.errors import InputError
-from pipeline.models.wave_parts import AttenuationPoint
-from pipeline.quantity import figure, frequency, level, level_with_bar, with_bar
+from pipeline.models.answer_parts import AttenuationPoint
+from pipeline.quantity import KHZ, figure, frequency, level, level_with_bar, with_bar
 from pipeline.questions.bands import plan_of_cell
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure, Simplification
-from pipeline.questions.late import confinement, foresight, np, plans, simplifications, style
+from pipeline.questions.late import (
+    Axes,
+    Case,
+    FloatArray,
+    Plan,
+    ReportFigure,
+    Simplification,
+    confinement,
+    foresight,
+    np,
+    plans,
+    simplifications,
+    style,
+)
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
 from pipeline.questions.result import Result, figure_at, stacked
 from pipeline.records.part import bar, column, live
-from pipeline.units import KHZ
 
 POINTS, SHOWN = 201, 20
 STUDY_POINTS = 101
@@ -190,7 +201,7 @@ def over(result: Result, frequency_hz: FloatArray) -> str:
 class Attenuation(
     Question[AttenuationResult],
     needs=("plate", "array.pitch_mm", "pillar"),
-    pictures=("report.dispersion_picture.attenuation",),
+    pictures=("report.gallery.attenuation",),
 ):
     """Compute the decay per row in dB across the zone's border at a wavenumber along it.
 

@@ -7,12 +7,23 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline import quantity
 from pipeline.errors import InputError
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, Simplification
-from pipeline.questions.late import foresight, np, outputs, plans, simplifications, style
+from pipeline.quantity import KHZ
+from pipeline.questions.late import (
+    Axes,
+    Case,
+    FloatArray,
+    Plan,
+    Simplification,
+    foresight,
+    np,
+    outputs,
+    plans,
+    simplifications,
+    style,
+)
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Figure, Result, figure, figure_at, stacked
 from pipeline.records.part import Part, bar, column
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.models.bands import SolvedBands
@@ -338,9 +349,7 @@ def plan_of_cell(case: Case, step: Step) -> Plan:
     return plans.plan_of(case, step, simplifications.no_plate_modes(), given, simplifications.no_figures())
 
 
-class Bands(
-    Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=("report.dispersion_picture.dispersion",)
-):
+class Bands(Question[BandsResult], needs=("plate", "array.pitch_mm"), pictures=("report.gallery.dispersion",)):
     """Compute Bloch bands and gaps of the unit cell along the case's path.
 
     >>> import antinode

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from pipeline.quantity import figure, frequency
-from pipeline.questions.hints import Case, Plan
+from pipeline.questions.late import Case, Plan
 from pipeline.questions.question import Question, Run, Unanswered
 from pipeline.questions.result import Result
 from pipeline.records.part import column
@@ -36,7 +36,7 @@ class BoardResult(Result, axes=()):
 
     def lines(self) -> Iterator[str]:
         """Yield the mode that the image drove, and how long the step took."""
-        from pipeline.units import MS
+        from pipeline.quantity import MS
 
         if self.fault is not None:
             yield f"emulated board: {self.fault}"
@@ -50,7 +50,7 @@ class BoardResult(Result, axes=()):
         )
 
 
-class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("plots.board.board",)):
+class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures=("report.gallery.board",)):
     """Play the mode table of the case by the firmware's image on the emulated board, a step of the reference."""
 
     step = (NAME, "the firmware's image and the mode table")
@@ -89,7 +89,7 @@ def sources_hash() -> str:
     import hashlib
 
     from pipeline.paths import ROOT
-    from pipeline.records.fingerprint import file_hash
+    from pipeline.records.store import file_hash
 
     folders = ("core", "board", "emulate", "host")
     paths = [path for name in folders for path in (ROOT / "firmware" / name).rglob("*") if path.suffix in SOURCES]

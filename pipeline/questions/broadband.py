@@ -6,16 +6,14 @@ from collections.abc import Iterator
 from math import nan
 
 from pipeline.case.limits import MAX_FREQUENCIES
-from pipeline.models.wave_parts import BroadbandPoint
+from pipeline.models.answer_parts import BroadbandPoint
+from pipeline.quantity import KHZ, frequency_with_bar, interval, with_bar
 from pipeline.quantity import figure as in_digits
-from pipeline.quantity import frequency_with_bar, interval, with_bar
 from pipeline.questions.attenuation import over
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import confinement, np, simplifications, style
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, confinement, np, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import bar, column
-from pipeline.units import KHZ
 
 POINTS, SHOWN = 201, 20
 ENDS = "relative half-widths of the error bars of both ends of each interval of `{}`"

@@ -1,4 +1,4 @@
-"""Commands: the options of questions from their declarations, and where an answer goes.
+"""Commands and methods of a plate: the options of questions from their declarations, and where an answer goes.
 
 Text is for people, one JSON document for scripts; files go into a folder.
 """
@@ -6,6 +6,7 @@ Text is for people, one JSON document for scripts; files go into a folder.
 from __future__ import annotations
 
 import argparse
+import inspect
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,16 +14,16 @@ from dataclasses import dataclass, fields, replace
 from math import nan
 from pathlib import Path
 from shlex import join
-from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
+from types import MethodType
+from typing import TYPE_CHECKING, Any, Generic, Literal, ParamSpec, TypeVar, get_args, get_origin
 
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
 from pipeline.paths import STUDIES
+from pipeline.quantity import KHZ
 from pipeline.questions.late import outputs, simplifications, style
 from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
-from pipeline.records.part import DOCUMENT_SCHEMA
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -33,6 +34,42 @@ FIELDS = "write the field of every mode into --out DIR (fields.npz)"
 MAX_DIGITS = 40  # characters of a number that are read and shown
 FORMATS = (".png", ".pdf", ".svg")
 OF_UNIT = {"rad/m": "per_m", "N/m": "N_per_m"}  # ends of options' names, where these are not the unit itself
+
+P = ParamSpec("P")
+R = TypeVar("R", bound=Result)
+
+RAISES = """Raises
+------
+InputError
+    Where the case lacks what the question needs.
+SolverError
+    Where a result could not be trusted."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
+
+    document: dict[str, Any]
+    lines: Sequence[str]
+    head: Sequence[str] = ()
+    rows: Sequence[Sequence[Any]] = ()
+    pictures: Callable[[], Sequence[ReportFigure]] = tuple
+    figure: Callable[[], Any] | None = None
+
+
+class asks(Generic[P, R]):
+    """A method that asks a question: `bands = asks(Bands)` in the class of a plate.
+
+    The plate has `case` and `_log(progress)`, the log of a computation.
+    """
+
+    def __init__(self, question: Callable[P, Question[R]]) -> None:
+        self.function = _function(question)
+
+    def __get__(self, plate: Any, owner: type | None = None) -> Callable[P, R]:
+        bound: Callable[P, R] = self.function if plate is None else MethodType(self.function, plate)
+        return bound
 
 
 def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
@@ -45,6 +82,101 @@ def add_options(sub: argparse.ArgumentParser, question: Kind) -> None:
         known |= kind.options.keys()
     if hasattr(question.result, "fields"):
         sub.add_argument("--save-all-fields", action="store_true", help=FIELDS)
+
+
+def flag(name: str, about: Option, default: Any = None) -> str:
+    """Return the flag of an option: its name without its unit."""
+    words = about.flag or name.removesuffix(f"_{OF_UNIT.get(about.unit, about.unit)}").replace("_", "-")
+    return f"--no-{words}" if default is True else f"--{words}"
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command of a question: read its case, then explain, or ask and write the answer."""
+    from pipeline.case.limits import warn_of_doubts
+
+    kind = _asked(arguments)
+    case, log = _case(arguments, kind), TerminalLog(arguments.quiet)
+    if case:
+        warn_of_doubts(case.design, log)
+    question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
+    if arguments.explain:
+        case = case and question.asked_of(case)
+        question.check(case)  # type: ignore[arg-type]
+        plan = question.plan(case)  # type: ignore[arg-type]
+        undrawn = simplifications.no_figures(bool(arguments.out or arguments.plot))
+        plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
+        return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
+    return answer(arguments, case, question, log)
+
+
+def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
+    """Ask a question and write its answer to where the command line asks for it."""
+    from pipeline.records import store
+
+    kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
+    folder = outputs.folder(arguments.out) if arguments.out else None
+    run = Run(log, detailed=kept, folder=folder, asked_by=join(["antinode", *arguments.words]))
+    result: Result = ask(case, question, run)
+    rows = result.to_rows()
+    lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
+    head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]
+    whole = Answer(result.to_dict(), lines, head, cells, result.pictures, figure=result.as_figure)
+    code = emit(arguments, question.instead_of or question.name, whole, log)
+    if getattr(arguments, "save_all_fields", False):
+        store.save_arrays(outputs.folder(arguments.out), result.fields(), store.FIELDS)  # type: ignore[attr-defined]
+    return code
+
+
+def of_case(arguments: argparse.Namespace, case: Case) -> Case:
+    """The case, kept as the one that is answered; places are looked at once more, now that it is known what it reads."""
+    arguments.answered = case
+    outputs.check_places(arguments)
+    return case
+
+
+def check(arguments: argparse.Namespace) -> None:
+    """Before computing: InputError for a --plot in a format that is not drawn, or a place that cannot be written."""
+    place = getattr(arguments, "plot", None)
+    if place and Path(place).suffix.lower() not in FORMATS:
+        raise InputError(f"--plot = {place}: must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
+    outputs.check_places(arguments)
+
+
+def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
+    """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
+
+    Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
+    """
+    case: Case | None = getattr(arguments, "answered", None)
+    from importlib.metadata import version  # slow to import, and what only explains needs none
+
+    about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
+    seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
+    document = {"schema": 1, **about, **answer.document, **seconds}
+    wants_json = arguments.json or getattr(arguments, "out", None)
+    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
+    written = _files(arguments, name, answer, encoded)
+    for place, data in written.items():
+        if not outputs.is_standard_output(place):
+            outputs.write_file(place, data)
+    if out := getattr(arguments, "out", None):
+        _draw(answer, outputs.folder(out))
+    if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
+        _save(_figure(answer), Path(arguments.plot))
+    _print(arguments, answer, written)  # last: whoever reads it may have left
+    return 0
+
+
+def numpydoc(question: type[Question[Any]]) -> str:
+    """Return the docstring of a question's method."""
+    summary, _, examples = (inspect.getdoc(question) or "").partition("\n>>> ")
+    options = [f"{n}\n    {each.help}{each.unit and f', in {each.unit}'}." for n, each in question.options.items()]
+    progress = "progress\n    Whether to report on standard error; None: in a terminal or a notebook."
+    listed = "\n".join(["Parameters", "----------", *options, progress])
+    of_result = (inspect.getdoc(question.result) or "").splitlines()[0]
+    returned = f"Returns\n-------\n{question.result.__name__}\n    {of_result}"
+    shown = f"\n\nExamples\n--------\n>>> {examples}" if examples else ""
+    return "\n\n".join([summary.rstrip(), listed, returned, RAISES]) + shown + "\n"
 
 
 def _variants(question: Kind) -> list[Kind]:
@@ -78,12 +210,6 @@ def _add(sub: argparse.ArgumentParser, name: str, about: Option, kind: Any, defa
     sub.add_argument(flag(name, about, default), **words)
 
 
-def flag(name: str, about: Option, default: Any = None) -> str:
-    """Return the flag of an option: its name without its unit."""
-    words = about.flag or name.removesuffix(f"_{OF_UNIT.get(about.unit, about.unit)}").replace("_", "-")
-    return f"--no-{words}" if default is True else f"--{words}"
-
-
 def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
     """Return what reads the text of a number, with the faults of the question itself."""
 
@@ -100,25 +226,6 @@ def _reader(kind: Any, about: Option) -> Callable[[str], Any]:
         return value
 
     return read
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command of a question: read its case, then explain, or ask and write the answer."""
-    from pipeline.case.limits import warn_of_doubts
-
-    kind = _asked(arguments)
-    case, log = _case(arguments, kind), TerminalLog(arguments.quiet)
-    if case:
-        warn_of_doubts(case.design, log)
-    question = kind(**{name: _given(arguments, kind, name, about) for name, about in kind.options.items()})
-    if arguments.explain:
-        case = case and question.asked_of(case)
-        question.check(case)  # type: ignore[arg-type]
-        plan = question.plan(case)  # type: ignore[arg-type]
-        undrawn = simplifications.no_figures(bool(arguments.out or arguments.plot))
-        plan = replace(plan, whole=(*plan.whole, *([undrawn] if undrawn else [])))
-        return emit(arguments, "plan", Answer(plan.to_dict(), [plan.text()]))
-    return answer(arguments, case, question, log)
 
 
 def _case(arguments: argparse.Namespace, kind: Kind) -> Case | None:
@@ -186,7 +293,7 @@ def _given(arguments: argparse.Namespace, kind: Kind, name: str, about: Option) 
 
 
 def _of_text(text: str, kind: Any, about: Option, named: str) -> Any:
-    from pipeline.case.quantities import parse_band, parse_frequency, parse_seconds
+    from pipeline.case.limits import parse_band, parse_frequency, parse_seconds
 
     if about.unit == "kHz":
         return parse_frequency(text, named) / KHZ if kind is float else tuple(e / KHZ for e in parse_band(text, named))
@@ -216,79 +323,6 @@ def _items(texts: list[str], item: Any, about: Option, named: str) -> tuple[Any,
     if lines:
         raise InputError(lines)
     return tuple(found)
-
-
-def answer(arguments: argparse.Namespace, case: Case | None, question: Question[Any], log: TerminalLog) -> int:
-    """Ask a question and write its answer to where the command line asks for it."""
-    from pipeline.records import store
-
-    kept = any(getattr(arguments, name) for name in ("json", "out", "csv", "markdown")) or arguments.verbose
-    folder = outputs.folder(arguments.out) if arguments.out else None
-    run = Run(log, detailed=kept, folder=folder, asked_by=join(["antinode", *arguments.words]))
-    result: Result = ask(case, question, run)
-    rows = result.to_rows()
-    lines = [*result.lines(), *(result.details() if arguments.verbose else ())]
-    head, cells = tuple(rows[0]) if rows else tuple(result.heading()), [list(row.values()) for row in rows]
-    whole = Answer(result.to_dict(), lines, head, cells, result.pictures, figure=result.as_figure)
-    code = emit(arguments, question.instead_of or question.name, whole, log)
-    if getattr(arguments, "save_all_fields", False):
-        store.save_arrays(outputs.folder(arguments.out), result.fields(), store.FIELDS)  # type: ignore[attr-defined]
-    return code
-
-
-# -- where an answer goes ----------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A document, lines of text, rows under a head for CSV; pictures for --out, drawn when asked for; a figure for --plot."""
-
-    document: dict[str, Any]
-    lines: Sequence[str]
-    head: Sequence[str] = ()
-    rows: Sequence[Sequence[Any]] = ()
-    pictures: Callable[[], Sequence[ReportFigure]] = tuple
-    figure: Callable[[], Any] | None = None
-
-
-def of_case(arguments: argparse.Namespace, case: Case) -> Case:
-    """The case, kept as the one that is answered; places are looked at once more, now that it is known what it reads."""
-    arguments.answered = case
-    outputs.check_places(arguments)
-    return case
-
-
-def check(arguments: argparse.Namespace) -> None:
-    """Before computing: InputError for a --plot in a format that is not drawn, or a place that cannot be written."""
-    place = getattr(arguments, "plot", None)
-    if place and Path(place).suffix.lower() not in FORMATS:
-        raise InputError(f"--plot = {place}: must end in {', '.join(FORMATS[:-1])} or {FORMATS[-1]}")
-    outputs.check_places(arguments)
-
-
-def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: TerminalLog | None = None) -> int:
-    """Text on standard output unless a document goes there; JSON, CSV, pictures and files to where they are asked for.
-
-    Every document also says which case it answers, with defaults, and by which version; with a log its seconds.
-    """
-    case: Case | None = getattr(arguments, "answered", None)
-    from importlib.metadata import version  # slow to import, and what only explains needs none
-
-    about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
-    seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
-    document = {"schema": DOCUMENT_SCHEMA, **about, **answer.document, **seconds}
-    wants_json = arguments.json or getattr(arguments, "out", None)
-    encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
-    written = _files(arguments, name, answer, encoded)
-    for place, data in written.items():
-        if not outputs.is_standard_output(place):
-            outputs.write_file(place, data)
-    if out := getattr(arguments, "out", None):
-        _draw(answer, outputs.folder(out))
-    if answer.head and getattr(arguments, "plot", None):  # a plan has neither rows nor a figure
-        _save(_figure(answer), Path(arguments.plot))
-    _print(arguments, answer, written)  # last: whoever reads it may have left
-    return 0
 
 
 def _print(arguments: argparse.Namespace, answer: Answer, written: Mapping[Path, bytes]) -> None:
@@ -334,3 +368,17 @@ def _draw(answer: Answer, place: Path) -> None:
     with style.style():
         for picture in answer.pictures():
             style.save(picture, place)
+
+
+def _function(kind: Any) -> Any:
+    def method(self: Any, *options: Any, **named: Any) -> Any:
+        question = kind(*options, **named)
+        return ask(self.case, question, self._log(question.progress))
+
+    given = inspect.signature(kind)
+    own = inspect.Parameter("self", inspect.Parameter.POSITIONAL_ONLY)
+    method.__name__, method.__qualname__, method.__doc__ = kind.name, f"Plate.{kind.name}", numpydoc(kind)
+    method.__signature__ = given.replace(  # type: ignore[attr-defined]
+        parameters=[own, *given.parameters.values()], return_annotation=kind.result
+    )
+    return method

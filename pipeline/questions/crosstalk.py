@@ -6,14 +6,12 @@ from collections.abc import Iterator
 from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
-from pipeline.models.zone_parts import DrivenZone, worst_of
-from pipeline.quantity import frequency_with_bar, level, level_figure, level_with_bar
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import np, plans, style
+from pipeline.models.answer_parts import DrivenZone, worst_of
+from pipeline.quantity import KHZ, MM, NM, frequency_with_bar, level, level_figure, level_with_bar
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column
-from pipeline.units import KHZ, MM, NM
 
 POINTS = 401
 DARK = -25.0  # dB: below it letters are white
@@ -23,7 +21,7 @@ class CrosstalkResult(Result, table="zones", axes=("driven", "measured")):
     """Several zones on one plate, each driven in turn: levels of all of them over the driven one's, dB.
 
     >>> import antinode
-    >>> from pipeline.models.zone_parts import DrivenZone
+    >>> from pipeline.models.answer_parts import DrivenZone
     >>> zone = {"centre_m": 0.0, "drivers": [0], "peak_hz": 33e3, "passive_db": None, "over_rms_m_per_V": []}
     >>> zones = [DrivenZone(**zone, rms_m_per_V=[1e-9, 2e-11], level_db=[0.0, -34.0])] * 2
     >>> levels = antinode.Crosstalk(model="", dof=0, shared_rows=3, gap_m=0.01, frequency_hz=[], zones=zones)
@@ -124,7 +122,7 @@ class Crosstalk(
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without patches that drive each of its zones, the others' at 0 V."""
-        from pipeline.models.driven_zones import check_zones
+        from pipeline.models.forced import check_zones
 
         super().check(case)
         check_zones(case)
@@ -139,7 +137,7 @@ class Crosstalk(
 
     def compute(self, case: Case, plan: Plan, run: Run) -> CrosstalkResult:
         """Drive each zone at its own peak and measure every zone."""
-        from pipeline.models.driven_zones import solve
+        from pipeline.models.forced import solve
 
         result = CrosstalkResult(**solve(case, run, hz(self.band_kHz), self.points, run.meshes, is_announced=True))
         run.report(result)

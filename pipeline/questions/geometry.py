@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from pipeline.quantity import figure, percentage, signed
-from pipeline.questions.hints import Case, Plan
+from pipeline.quantity import GRAM, MM, figure, percentage, signed
+from pipeline.questions.late import Case, Plan
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
-from pipeline.units import GRAM, MM
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -84,7 +83,7 @@ def checked(case: Case, body: Any, stl: Path, log: Log, files: tuple[str, ...]) 
 
 def about(case: Case) -> dict[str, str]:
     """Return what a 3MF file says of itself."""
-    from pipeline.records.fingerprint import input_hash
+    from pipeline.records.store import input_hash
 
     return {
         "Title": case.name,

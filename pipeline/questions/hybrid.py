@@ -8,13 +8,11 @@ from typing import Any
 
 from pipeline.case.limits import MAX_FREQUENCIES
 from pipeline.errors import InputError
-from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, percentage, with_bar
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
-from pipeline.questions.late import confinement, np, plans, style
+from pipeline.quantity import KHZ, frequency, frequency_with_bar, level, level_with_bar, percentage, with_bar
+from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, confinement, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Figure, Result, figure, stacked
 from pipeline.records.part import Part, bar, column
-from pipeline.units import KHZ
 
 POINTS = 61
 ALPHA = 0.3  # on the thesis' plate a tenth of the voltage for 0.3 dB less than the most

@@ -1,4 +1,4 @@
-"""Modules that questions compute and draw with, each loaded at its first use: help stays quick."""
+"""Names of questions that are loaded late, modules at their first use, types by type checkers alone: help stays quick."""
 
 from __future__ import annotations
 
@@ -7,10 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import numpy as np
+    from matplotlib.axes import Axes
 
+    from geometry.elements import ComplexArray, FloatArray
+    from pipeline.case.model import Case
     from pipeline.planning import foresight, simplifications
     from pipeline.planning import plan as plans
+    from pipeline.planning.plan import Plan
+    from pipeline.planning.simplifications import Simplification
     from pipeline.plots import fields, style
+    from pipeline.plots.style import ReportFigure
     from pipeline.records import outputs
     from solvers.measures import confinement
 else:
@@ -28,5 +34,7 @@ else:
     fields, style = map(_Late, ("pipeline.plots.fields", "pipeline.plots.style"))
     foresight, plans = map(_Late, ("pipeline.planning.foresight", "pipeline.planning.plan"))
     simplifications = _Late("pipeline.planning.simplifications")
+    Axes = Case = ComplexArray = FloatArray = Plan = ReportFigure = Simplification = Any
 
-__all__ = ["confinement", "fields", "foresight", "np", "outputs", "plans", "simplifications", "style"]
+__all__ = ["Axes", "Case", "ComplexArray", "FloatArray", "Plan", "ReportFigure", "Simplification", "confinement"]
+__all__ += ["fields", "foresight", "np", "outputs", "plans", "simplifications", "style"]

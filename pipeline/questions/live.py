@@ -8,8 +8,7 @@ from typing import Any, Self
 
 from pipeline.errors import InputError
 from pipeline.quantity import frequency, level_with_bar
-from pipeline.questions.hints import Case, Plan
-from pipeline.questions.late import np, simplifications
+from pipeline.questions.late import Case, Plan, np, simplifications
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import bar, column

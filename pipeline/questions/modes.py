@@ -10,14 +10,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
-from pipeline.models.mode_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
-from pipeline.quantity import HZ, frequency_figure, interval
-from pipeline.questions.hints import Axes, Case, Plan, Simplification
-from pipeline.questions.late import confinement, np, outputs, plans, simplifications, style
+from pipeline.models.answer_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
+from pipeline.quantity import HZ, KHZ, frequency_figure, interval
+from pipeline.questions.late import (
+    Axes,
+    Case,
+    Plan,
+    Simplification,
+    confinement,
+    np,
+    outputs,
+    plans,
+    simplifications,
+    style,
+)
 from pipeline.questions.question import Pair, Question, Run, Unanswered, hz, option
 from pipeline.questions.result import Result, figure, figure_at, stacked
 from pipeline.records.part import column, live
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pipeline.models.modes import PartModes
@@ -201,9 +210,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return full_fields(self.solved)
 
     def _repr_html_(self) -> str:
-        from pipeline.records.frames import html_table
-
-        return super()._repr_html_() + html_table(*self._read(), self._marked)
+        return super()._repr_html_() + outputs.html_table(*self._read(), self._marked)
 
     def __repr__(self) -> str:
         ends = [(mode.frequency_hz, mode.error) for mode in (self[0], self[-1])] if len(self) else []
@@ -390,7 +397,7 @@ class MeshModes(Question[ModesResult], instead_of="modes", by="mesh_file"):
 
     def check(self, case: Case) -> None:
         """Raise InputError for a band beside a frequency, and for a file that is not there."""
-        from pipeline.case.diagnostics import nearest_file
+        from pipeline.case.reading import nearest_file
 
         _check_window(self.near_kHz, self.band_kHz)
         if not Path(self.mesh_file).exists():

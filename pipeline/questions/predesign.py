@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from pipeline.quantity import figure, frequency, percent, percentage
-from pipeline.questions.hints import Axes, Case, Plan
-from pipeline.questions.late import outputs, style
+from pipeline.questions.late import Axes, Case, Plan, outputs, style
 from pipeline.questions.question import Question, Run
 from pipeline.questions.result import Result
 from pipeline.records.part import Part, column

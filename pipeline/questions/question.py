@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from contextlib import AbstractContextManager
 from dataclasses import KW_ONLY, dataclass, field, fields
+from functools import cache
 from inspect import cleandoc
 from math import inf, isfinite
 from operator import index
@@ -30,17 +31,16 @@ from typing import (
 )
 
 from pipeline.errors import InputError
-from pipeline.questions.hints import Case, Plan, Simplification
-from pipeline.questions.late import foresight, plans
+from pipeline.quantity import KHZ
+from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
 from pipeline.questions.result import Origin, Result
 from pipeline.records.part import ABOUT, Axis, plain
-from pipeline.units import KHZ
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.logs import Log
-    from pipeline.models.mode_parts import TargetMode
+    from pipeline.models.answer_parts import TargetMode
     from pipeline.records.record import MeshRecord
 
 T = TypeVar("T")
@@ -238,7 +238,7 @@ class Question(Declared, Generic[R]):
         """Return what an option must be, or '' where it is so."""
         value, kind = getattr(self, name), kind_of(type(self), name)
         if value is None:
-            return "" if NoneType in get_args(get_type_hints(type(self))[name]) else f"must be {_in_words(kind)}"
+            return "" if NoneType in get_args(_hints(type(self))[name]) else f"must be {_in_words(kind)}"
         if get_origin(kind) is Literal and value not in get_args(kind):
             *first, last = get_args(kind)
             return f"must be {', '.join(first)} or {last}"
@@ -361,9 +361,12 @@ def announce(plan: Plan, run: Run) -> None:
         foresight.announce(name, demand, run)
 
 
+_hints: Any = cache(get_type_hints)
+
+
 def kind_of(question: type[Question[Any]], name: str) -> Any:
     """Return the type of an option, without None."""
-    hint = get_type_hints(question)[name]
+    hint = _hints(question)[name]
     return next(each for each in get_args(hint) if each is not NoneType) if NoneType in get_args(hint) else hint
 
 

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 from pipeline.case.limits import MAX_FREQUENCIES, MAX_SEED
 from pipeline.errors import InputError
 from pipeline.measured.parts import MeasuredRecord
+from pipeline.quantity import KHZ, MM, NM, frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.quantity import figure as in_digits
-from pipeline.quantity import frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.questions.attenuation import over
-from pipeline.questions.hints import Axes, Case, FloatArray, Plan, ReportFigure
-from pipeline.questions.late import np, outputs, plans, style
+from pipeline.questions.late import Axes, Case, FloatArray, Plan, ReportFigure, np, outputs, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import Part, bar, column, live
-from pipeline.units import KHZ, MM, NM
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -142,8 +140,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     def of_solved(cls, solved: SolvedResponse, case: Case) -> ResponseResult:
         """Return the result of a solved response, with the error bars of its curves and peaks."""
         from pipeline.models.forced import curve_errors
-        from solvers.piezo.peak_errors import frequency_error
-        from solvers.piezo.responses import circuit_shift
+        from solvers.piezo.responses import circuit_shift, frequency_error
 
         forced, curve, patches, shift = solved.forced, solved.curve, case.patches, circuit_shift(solved.forced)
         assert patches
@@ -309,7 +306,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 def _peak(peak: Peak, forced: ForcedPlate, same: PeakRecord | None = None) -> PeakRecord:
     """Return a peak with its error bars; `same` is that of the same resonance, whose factor and level have the same bar."""
     from pipeline.models.forced import level_error_db, quality_error
-    from solvers.piezo.peak_errors import frequency_error, height_error
+    from solvers.piezo.responses import frequency_error, height_error
 
     return PeakRecord.of(
         peak,

@@ -12,9 +12,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar, overload
 
-from pipeline.questions.hints import Axes, FloatArray, ReportFigure
-from pipeline.questions.late import np, outputs, style
-from pipeline.records.frames import dataset, frame
+from pipeline.questions.late import Axes, FloatArray, ReportFigure, np, outputs, style
 from pipeline.records.part import DOCUMENT_SCHEMA, Axis, Part, part_of, rows_of
 
 if TYPE_CHECKING:
@@ -198,7 +196,7 @@ class Result(Part):
 
     def to_dataframe(self) -> Any:
         """Return the main table as a pandas DataFrame, units in the column names. Raises ImportError without pandas."""
-        return frame(self.to_rows(), self.heading())
+        return outputs.frame(self.to_rows(), self.heading())
 
     def to_xarray(self) -> Any:
         """Return the main table as an xarray Dataset over its axes, `units` in the attributes.
@@ -207,7 +205,7 @@ class Result(Part):
         """
         rows = self.to_rows()
         held = [axis for axis in self.axes if rows and axis in rows[0]]
-        return dataset(rows, held)
+        return outputs.dataset(rows, held)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the JSON document that --json writes: the declared fields, and the case and the version that they answer."""

@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pipeline.case.limits import MAX_EVALUATIONS
 from pipeline.errors import InputError
-from pipeline.quantity import frequency, level, level_figure, level_with_bar, signed, with_bar
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import np, outputs, plans, style
+from pipeline.quantity import GRAM, KHZ, MM, frequency, level, level_figure, level_with_bar, signed, with_bar
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, np, outputs, plans, style
 from pipeline.questions.question import Question, Run, option
 from pipeline.questions.result import Result, scaled
 from pipeline.records.part import Part, bar, column, live
-from pipeline.search.limits import Limits
-from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, FoundDesign, Range, unit_of
-from pipeline.units import GRAM, KHZ, MM
+from pipeline.search.terms import COLUMN, GOALS, LESS, PLATE, STRIP, FoundDesign, Limits, Range, unit_of
 
 if TYPE_CHECKING:
-    from pipeline.search.designs import Outcome, Settings
+    from pipeline.search.optimiser import Outcome, Settings
     from pipeline.search.space import Space
 
 Goal = Literal["confinement", "extension", "worst", "widest", "isolation", "closest"]
@@ -357,7 +354,7 @@ class Search(
         return space_of(case, self.vary)
 
     def _settings(self) -> Settings:
-        from pipeline.search.designs import Settings
+        from pipeline.search.optimiser import Settings
 
         limits = Limits(
             lowest_hz=KHZ * self.min_frequency_kHz,

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from pipeline.models.mode_parts import CountRecord
+from pipeline.models.answer_parts import CountRecord
 from pipeline.questions.bands import Bands, BandsResult
-from pipeline.questions.hints import Case, Plan, Simplification
-from pipeline.questions.late import foresight, plans
+from pipeline.questions.late import Case, Plan, Simplification, foresight, plans
 from pipeline.questions.question import Question, Run, Unanswered, ask
 from pipeline.questions.result import Result
 from pipeline.records.part import column

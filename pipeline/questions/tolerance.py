@@ -8,14 +8,12 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any
 
 from pipeline.case.limits import MAX_SAMPLES, MAX_SEED
-from pipeline.models.tolerance_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
-from pipeline.quantity import figure, frequency, interval, level, percent, signed
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import confinement, np, plans, style
+from pipeline.models.answer_parts import SampleRecord, SpreadRecord, known, spread_of, statistics
+from pipeline.quantity import KHZ, NM, figure, frequency, interval, level, percent, signed
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, confinement, np, plans, style
 from pipeline.questions.question import Declared, Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at
 from pipeline.records.part import column
-from pipeline.units import KHZ, NM
 
 if TYPE_CHECKING:
     from pipeline.models.tolerance import VariedPlates

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from pipeline.models.touch_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.models.answer_parts import LoadedModeRecord, LoopRecord, TouchMapRecord, TouchStateRecord
+from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, signed, with_bar
 from pipeline.quantity import figure as in_digits
-from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, signed, with_bar
-from pipeline.questions.hints import Axes, Case, Plan, ReportFigure
-from pipeline.questions.late import fields, np, plans, simplifications, style
+from pipeline.questions.late import Axes, Case, Plan, ReportFigure, fields, np, plans, simplifications, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure_at, scaled
 from pipeline.records.part import column
-from pipeline.units import MM, UM
 
 
 class TouchResult(Result, table="states", axes=("state",)):

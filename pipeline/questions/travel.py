@@ -8,15 +8,13 @@ from math import pi
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.models.travel_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.models.answer_parts import PatternMode, PlayedPattern, PlayFault, ShearRecord
+from pipeline.quantity import MM, UM, frequency, frequency_with_bar, level_with_bar, percent, with_bar
 from pipeline.quantity import figure as in_digits
-from pipeline.quantity import frequency, frequency_with_bar, level_with_bar, percent, with_bar
-from pipeline.questions.hints import Axes, Case, ComplexArray, Plan, ReportFigure
-from pipeline.questions.late import fields, np, plans, style
+from pipeline.questions.late import Axes, Case, ComplexArray, Plan, ReportFigure, fields, np, plans, style
 from pipeline.questions.question import Pair, Question, Run, hz, option
 from pipeline.questions.result import Result, figure, figure_at, scaled
 from pipeline.records.part import bar, column
-from pipeline.units import MM, UM
 
 
 class TravelResult(Result, axes=("x_m",)):
@@ -273,11 +271,11 @@ class Travel(
         return self._computed(case, run, is_played=False)
 
     def _computed(self, case: Case, run: Run, is_played: bool) -> TravelResult:
-        from pipeline.board import played
+        from pipeline.board import six_channels
         from pipeline.models import travelling
 
-        values, wave = travelling.solve(case, run, hz(self.band_kHz), self.others, run.meshes)
-        outcome = played.board_outcome(wave, run, run.folder, is_played)
+        values, wave = travelling.solve_travelling(case, run, hz(self.band_kHz), self.others, run.meshes)
+        outcome = six_channels.board_outcome(wave, run, run.folder, is_played)
         result = TravelResult(**values, **outcome, others=self.others)
         run.report(result)
         return result

@@ -1,4 +1,4 @@
-"""Places that a command writes to, looked at before anything is computed; tables as text, CSV and Markdown."""
+"""Places that a command writes to, looked at before anything is computed; tables as text, CSV, Markdown, for pandas."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from argparse import Namespace
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
 from geometry import files
@@ -24,6 +25,85 @@ from pipeline.records.store import StoreError, write_atomic
 STANDARD_OUTPUT = "-"
 DOCUMENTS = ("json", "csv", "markdown")  # what a command writes where an option says, or alone on standard output
 FORMULA = ("=", "+", "-", "@", "\t", "\n")  # what begins a formula in some spreadsheet
+RIGID = 1e-4  # of the largest frequency of a table: with a bar of 0 below it, a rigid-body wave at rest
+UNREAD = ("residual",)  # for whoever checks a solver: in files alone
+
+# bars that decide digits, and stand in files alone
+UNREAD_BARS = re.compile(r"band_\d+_error|(zone_share|mac|strength)_error")
+
+OF_ITS_OWN = ("quantity", "value")  # a row's name of a figure, and the figure
+
+BARS = {  # named after more than their figure
+    "frequency_hz": "error",
+    "db_per_row": "db_error",
+    "quality_factor": "quality_error",
+    "reference_hz": "allowed",
+    "found_hz": "allowed",
+}
+
+UNITS = {
+    "hz": "Hz", "khz": "kHz", "db": "dB", "m": "m", "mm": "mm", "kg": "kg", "per_m": "rad/m", "m_per_V": "m/V",
+    "GPa": "GPa", "deg": "deg",
+}  # fmt: skip
+
+
+class Form(NamedTuple):
+    """How figures of a name are shown where no bar says more: unit, factor, and whether they were given, not computed."""
+
+    unit: str
+    factor: float = 1.0
+    is_given: bool = False
+
+
+PERCENT = Form("%", 100.0)
+
+
+GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
+
+
+ENDINGS = {
+    "_error_db": Form("dB"),
+    "_error": PERCENT,
+    "_hz": Form("kHz", 1e-3),
+    "_rms_m_per_V": Form("nm/V", 1e9),
+    "_rms_m_per_N": Form("nm/N", 1e9),
+    "_per_m": Form("rad/m"),
+    "_db": Form("dB"),
+    "_mm": Form("mm", is_given=True),
+}
+
+
+KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3)
+
+
+NAMES = {
+    "frequency_hz": ("frequency", GIVEN_HZ),
+    "detuning_hz": ("detuning", GIVEN_HZ),
+    "kx_per_m": ("kx", Form("rad/m", is_given=True)),
+    "ky_per_m": ("ky", Form("rad/m", is_given=True)),
+    "db_per_row": ("decay per row", Form("dB")),
+    "quality_error": ("± quality factor", Form("")),
+    "db_error": ("± decay per row", Form("dB")),
+    "formula_hz": ("beam formula", KHZ),
+    "pinned_hz": ("pinned sides (Mindlin)", KHZ),
+    "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),
+    "clamped_hz": ("clamped sides (Mindlin)", KHZ),
+    "timoshenko_height_mm": ("height (Timoshenko)", ENDINGS["_mm"]),
+    "given_euler_hz": ("given (Euler)", KHZ),
+    "given_timoshenko_hz": ("given (Timoshenko)", KHZ),
+    "gain_n_m": ("gain K'", Form("N/m", is_given=True)),
+    "largest_force_n": ("largest force", Form("N")),
+    "reached_95_s": ("95 % reached", MS),
+    "settled_5_s": ("settled within 5 %", MS),
+    "limited_periods": ("saturated periods", Form("")),
+    "mass_g": ("mass", Form("g")),
+    "band_khz": ("stop band", Form("kHz")),
+    "given_second_hz": ("given, second bending", KHZ),
+    "allowed": ("allowed", PERCENT),
+    "young_GPa": ("young GPa", Form("", is_given=True)),
+    "density_kg_m3": ("density kg m3", Form("", is_given=True)),
+    "poisson": ("poisson", Form("", is_given=True)),
+}
 
 
 def is_standard_output(place: str | os.PathLike[str] | None) -> bool:
@@ -52,46 +132,10 @@ def check_places(arguments: Namespace) -> None:
         raise InputError(lines)
 
 
-def _same_place(places: Mapping[str, str | None]) -> list[str]:
-    """One line for each option whose file an earlier option writes, too."""
-    first: dict[str, str] = {}
-    lines = []
-    for option, place in places.items():
-        if not place or is_standard_output(place):
-            continue
-        other = first.setdefault(os.path.realpath(place), option)
-        if other != option and not Path(place).is_char_device():
-            lines.append(f"{option} = {place}: {other} writes this file, too; name another one")
-    return lines
-
-
 def check_files(option: str, places: Iterable[str | Path]) -> None:
     """Before computing: InputError with a line for each place of an option that cannot be written."""
     if lines := _violations(option, places):
         raise InputError(lines)
-
-
-def _violations(option: str, places: Iterable[str | Path | None]) -> list[str]:
-    """One line a reason: several files that lack the same folder are one fault."""
-    first: dict[str, str | Path] = {}
-    for place in places:
-        if place is not None and (reason := _obstacle(place)):
-            first.setdefault(reason, place)
-    return [f"{option} = {place}: cannot be written ({reason})" for reason, place in first.items()]
-
-
-def _obstacle(place: str | Path) -> str | None:
-    if not str(place):
-        return "it has no name"
-    return None if is_standard_output(place) else files.obstacle(place)
-
-
-def _known_files(arguments: Namespace) -> list[Path]:
-    """Files that stand where a command is known to write one into its folders."""
-    into, measured = getattr(arguments, "out", None), getattr(arguments, "synthetic_data", None)
-    known = [Path(into, f"{arguments.command}{ending}") for ending in (".json", ".csv")] if into else []
-    known += [Path(measured, name) for name in ("sweep.csv", "field.csv")] if measured else []
-    return [path for path in known if path.exists()]
 
 
 def folder_obstacle(path: str) -> str | None:
@@ -144,18 +188,6 @@ def delivered(place: Path) -> Iterator[Path]:
         raise InputError(f"{place}: cannot be written ({error.strerror or error})") from error
 
 
-@contextmanager
-def _for_standard_output() -> Iterator[Path]:
-    if sys.stdout.isatty():
-        raise InputError("-o -: standard output is a terminal; send it to a file or a pipe")
-    with tempfile.TemporaryDirectory(prefix="antinode-") as place:
-        temporary = Path(place, "output")
-        yield temporary
-        sys.stdout.flush()
-        sys.stdout.buffer.write(temporary.read_bytes())
-        sys.stdout.flush()
-
-
 def table(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
     """Aligned columns of text; None shows as a dash."""
     cells = [list(head), *([_shown(value) for value in row] for row in rows)]
@@ -187,83 +219,6 @@ def no_formula(text: str) -> str:
     except ValueError:
         return f"'{text}"
     return text
-
-
-def _shown(value: Any) -> str:
-    if value is None:
-        return "-"
-    return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-# -- tables for people -------------------------------------------------------------------------------------------------
-# A figure has as many digits as its bar allows; units stand in the head line, and the row that answers is marked. The bar
-# stands in the same row: `error` of `frequency_hz`, `band_1_error` of `band_1_hz` (relative), `mac_error` of `mac`,
-# `confinement_error_db` of `confinement_db` (in its own unit). A figure without a bar has few digits, and what was given has
-# six at most. CSV and JSON keep full figures in SI units under the same names.
-
-RIGID = 1e-4  # of the largest frequency of a table: with a bar of 0 below it, a rigid-body wave at rest
-
-
-class Form(NamedTuple):
-    """How figures of a name are shown where no bar says more: unit, factor, and whether they were given, not computed."""
-
-    unit: str
-    factor: float = 1.0
-    is_given: bool = False
-
-
-PERCENT = Form("%", 100.0)
-GIVEN_HZ = Form("kHz", 1e-3, is_given=True)
-ENDINGS = {
-    "_error_db": Form("dB"),
-    "_error": PERCENT,
-    "_hz": Form("kHz", 1e-3),
-    "_rms_m_per_V": Form("nm/V", 1e9),
-    "_rms_m_per_N": Form("nm/N", 1e9),
-    "_per_m": Form("rad/m"),
-    "_db": Form("dB"),
-    "_mm": Form("mm", is_given=True),
-}
-KHZ, MS = ENDINGS["_hz"], Form("ms", 1e3)
-NAMES = {
-    "frequency_hz": ("frequency", GIVEN_HZ),
-    "detuning_hz": ("detuning", GIVEN_HZ),
-    "kx_per_m": ("kx", Form("rad/m", is_given=True)),
-    "ky_per_m": ("ky", Form("rad/m", is_given=True)),
-    "db_per_row": ("decay per row", Form("dB")),
-    "quality_error": ("± quality factor", Form("")),
-    "db_error": ("± decay per row", Form("dB")),
-    "formula_hz": ("beam formula", KHZ),
-    "pinned_hz": ("pinned sides (Mindlin)", KHZ),
-    "thin_clamped_hz": ("clamped sides (thin plate)", KHZ),
-    "clamped_hz": ("clamped sides (Mindlin)", KHZ),
-    "timoshenko_height_mm": ("height (Timoshenko)", ENDINGS["_mm"]),
-    "given_euler_hz": ("given (Euler)", KHZ),
-    "given_timoshenko_hz": ("given (Timoshenko)", KHZ),
-    "gain_n_m": ("gain K'", Form("N/m", is_given=True)),
-    "largest_force_n": ("largest force", Form("N")),
-    "reached_95_s": ("95 % reached", MS),
-    "settled_5_s": ("settled within 5 %", MS),
-    "limited_periods": ("saturated periods", Form("")),
-    "mass_g": ("mass", Form("g")),
-    "band_khz": ("stop band", Form("kHz")),
-    "given_second_hz": ("given, second bending", KHZ),
-    "allowed": ("allowed", PERCENT),
-    "young_GPa": ("young GPa", Form("", is_given=True)),
-    "density_kg_m3": ("density kg m3", Form("", is_given=True)),
-    "poisson": ("poisson", Form("", is_given=True)),
-}
-UNREAD = ("residual",)  # for whoever checks a solver: in files alone
-# bars that decide digits, and stand in files alone
-UNREAD_BARS = re.compile(r"band_\d+_error|(zone_share|mac|strength)_error")
-OF_ITS_OWN = ("quantity", "value")  # a row's name of a figure, and the figure
-BARS = {  # named after more than their figure
-    "frequency_hz": "error",
-    "db_per_row": "db_error",
-    "quality_factor": "quality_error",
-    "reference_hz": "allowed",
-    "found_hz": "allowed",
-}
 
 
 def named(name: str) -> tuple[str, Form]:
@@ -342,14 +297,6 @@ def cells(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str]
     return words, [[cell(name, row) for name in read] for row in named_rows]
 
 
-def _is_empty_bar(name: str, at: int, rows: Sequence[Sequence[Any]]) -> bool:
-    return "error" in name and len(rows) > 0 and all(row[at] is None for row in rows)
-
-
-def _in_unit(form: Form, unit: Unit) -> Form:
-    return form._replace(unit=unit.symbol, factor=1.0 / unit.size)
-
-
 def filled(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
     """Head and rows without the columns that nobody reads or that have no meaning here: nothing in any row.
 
@@ -375,6 +322,117 @@ def reading_markdown(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return markdown(heading, [["-" if cell is None else str(cell) for cell in row] for row in cells])
 
 
+def unit_of(name: str) -> str | None:
+    """The unit at the end of a column's name; None for a name without one.
+
+    >>> from pipeline.records.outputs import unit_of
+    >>> unit_of("zone_rms_m_per_V"), unit_of("kx_per_m"), unit_of("mac")
+    ('m/V', 'rad/m', None)
+    """
+    ends = [end for end in UNITS if name.endswith(f"_{end}")]
+    return UNITS[max(ends, key=len)] if ends else None
+
+
+def frame(rows: Sequence[dict[str, Any]], heading: Sequence[str] = ()) -> Any:
+    """The rows as a pandas DataFrame, of these columns where there is no row. Raises ImportError without pandas."""
+    return _needed("pandas").DataFrame(list(rows), columns=None if rows else list(heading))
+
+
+def dataset(rows: Sequence[dict[str, Any]], dimensions: Sequence[str]) -> Any:
+    """The rows as an xarray Dataset over columns that number them; `units` in the attributes.
+
+    Raises ImportError without pandas and xarray.
+    """
+    _needed("xarray")
+    data = frame(rows).set_index(list(dimensions)).to_xarray()
+    for name, variable in data.variables.items():
+        if unit := unit_of(str(name)):
+            variable.attrs["units"] = unit
+    return data
+
+
+def html_table(names: Sequence[str], rows: Sequence[Sequence[Any]], marked: Collection[int] = ()) -> str:
+    """Rows as an HTML table with units in its head, digits by the bars; the `marked` ones in bold with a star.
+
+    >>> from pipeline.records.outputs import html_table
+    >>> html_table(["confinement_db"], [[11.52], [None]], [0])[-66:]
+    '<tr><td><b>11.5 *</b></td></tr><tr><td>-</td></tr></tbody></table>'
+    """
+    from html import escape
+
+    words, shown = cells(names, rows)
+    head = "".join(f"<th>{escape(each)}</th>" for each in words)
+    lines = []
+    for number, row in enumerate(shown):
+        texts = [escape(str("-" if value is None else value)) for value in row]
+        if number in marked:
+            texts = [f"<b>{text}{' *' if place == 0 else ''}</b>" for place, text in enumerate(texts)]
+        lines.append("<tr>" + "".join(f"<td>{text}</td>" for text in texts) + "</tr>")
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(lines)}</tbody></table>"
+
+
+def _same_place(places: Mapping[str, str | None]) -> list[str]:
+    """One line for each option whose file an earlier option writes, too."""
+    first: dict[str, str] = {}
+    lines = []
+    for option, place in places.items():
+        if not place or is_standard_output(place):
+            continue
+        other = first.setdefault(os.path.realpath(place), option)
+        if other != option and not Path(place).is_char_device():
+            lines.append(f"{option} = {place}: {other} writes this file, too; name another one")
+    return lines
+
+
+def _violations(option: str, places: Iterable[str | Path | None]) -> list[str]:
+    """One line a reason: several files that lack the same folder are one fault."""
+    first: dict[str, str | Path] = {}
+    for place in places:
+        if place is not None and (reason := _obstacle(place)):
+            first.setdefault(reason, place)
+    return [f"{option} = {place}: cannot be written ({reason})" for reason, place in first.items()]
+
+
+def _obstacle(place: str | Path) -> str | None:
+    if not str(place):
+        return "it has no name"
+    return None if is_standard_output(place) else files.obstacle(place)
+
+
+def _known_files(arguments: Namespace) -> list[Path]:
+    """Files that stand where a command is known to write one into its folders."""
+    into, measured = getattr(arguments, "out", None), getattr(arguments, "synthetic_data", None)
+    known = [Path(into, f"{arguments.command}{ending}") for ending in (".json", ".csv")] if into else []
+    known += [Path(measured, name) for name in ("sweep.csv", "field.csv")] if measured else []
+    return [path for path in known if path.exists()]
+
+
+@contextmanager
+def _for_standard_output() -> Iterator[Path]:
+    if sys.stdout.isatty():
+        raise InputError("-o -: standard output is a terminal; send it to a file or a pipe")
+    with tempfile.TemporaryDirectory(prefix="antinode-") as place:
+        temporary = Path(place, "output")
+        yield temporary
+        sys.stdout.flush()
+        sys.stdout.buffer.write(temporary.read_bytes())
+        sys.stdout.flush()
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _is_empty_bar(name: str, at: int, rows: Sequence[Sequence[Any]]) -> bool:
+    return "error" in name and len(rows) > 0 and all(row[at] is None for row in rows)
+
+
+def _in_unit(form: Form, unit: Unit) -> Form:
+    return form._replace(unit=unit.symbol, factor=1.0 / unit.size)
+
+
 def _in_words(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> tuple[list[str], list[list[Any]]]:
     if not set(OF_ITS_OWN) <= set(head):
         return cells(head, list(rows))
@@ -394,3 +452,12 @@ def _one_quantity(row: dict[str, Any], bar: float | None) -> list[Any]:
         form, scaled = _in_unit(form, unit), value / unit.size
         text = quantity.figure(scaled, None if bar is None else abs(scaled) * bar)
     return [*(row | {"quantity": f"{words} ({form.unit})" if form.unit else words, "value": text}).values()]
+
+
+def _needed(name: str) -> ModuleType:
+    from importlib import import_module
+
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as fault:
+        raise ImportError(f"tables need {fault.name}: pip install 'antinode[tables]'") from fault

@@ -19,8 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import stored_shape
+from geometry.pillar_shapes import PillarShape, stored_shape
 from pipeline.records import part, store
 from solvers.measures.confinement import CONFINED_DB
 

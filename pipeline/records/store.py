@@ -1,4 +1,4 @@
-"""One folder per case; every file appears whole or not at all, and record.json, the proof of all, appears last."""
+"""One folder per case, whose files appear whole or not at all and record.json last; what a result depends on."""
 
 from __future__ import annotations
 
@@ -6,18 +6,36 @@ import errno
 import hashlib
 import io
 import json
+import platform
 import re
 from contextlib import suppress
+from dataclasses import dataclass
+from fnmatch import fnmatch
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from geometry import files
 from pipeline.errors import CommandError
-from pipeline.records.fingerprint import Fingerprint, file_hash, input_hash
+from pipeline.paths import ROOT
 from pipeline.records.part import DOCUMENT_SCHEMA, plain
 
 if TYPE_CHECKING:
     import numpy as np
+
+COMPUTING_FOLDERS = ("geometry", "solvers", "pipeline", "firmware")
+TABLE_LAYOUT = "firmware/mode_table.py"  # all of firmware/ that decides bytes of a record
+
+# Files of pipeline/ that only dispatch, show or file away: editing them leaves every number as it is.
+SHOWING = (
+    *(f"pipeline/{name}.py" for name in ("logs", "paths", "process", "workers")),
+    *(f"pipeline/{folder}/*" for folder in ("cli", "plots", "report")),
+    "pipeline/active/plots*.py",
+    *(f"pipeline/records/{name}.py" for name in ("outputs", "study", "tables")),
+    *(f"pipeline/batch/{name}.py" for name in ("job", "runner", "script_study")),
+)
+
+COMPUTING_PACKAGES = ("numpy", "scipy", "cadquery", "cadquery-ocp", "pytetwild", "meshio", "trimesh", "rslab")
 
 FIELDS = "fields.npz"  # every mode in full: written on demand only
 INPUT, RECORD, ARRAYS = "input.json", "record.json", "arrays.npz"
@@ -30,6 +48,24 @@ PROOF = "proof"
 NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 CASE_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+=,@-]*")
+
+
+@dataclass(frozen=True)
+class Fingerprint:
+    """Hash of the sources and versions of the packages: what all cases of a study have in common."""
+
+    code_hash: str
+    versions: dict[str, str]
+
+    def differs_from(self, record: dict[str, Any]) -> str | None:
+        """Why a record does not stem from these sources and packages, or None."""
+        if record.get("code_hash") != self.code_hash:
+            return "the program's sources changed"
+        old = record.get("versions") or {}
+        for name in sorted(old.keys() | self.versions.keys()):
+            if old.get(name) != self.versions.get(name):
+                return f"{name} was {old.get(name, 'absent')}, is {self.versions.get(name, 'absent')}"
+        return None
 
 
 class StoreError(CommandError):
@@ -46,6 +82,55 @@ class BadRecord(StoreError):
     """A record or its arrays are missing, torn or of another schema."""
 
     exit_code = 2
+
+
+def canonical_json(value: Any) -> str:
+    """One text for one value: keys sorted, no blanks, shortest floats that read back the same."""
+    return json.dumps(plain(value), sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def input_hash(payload: dict[str, Any]) -> str:
+    """sha256 of the canonical JSON of an input."""
+    return hashlib.sha256(canonical_json(payload).encode()).hexdigest()
+
+
+def file_hash(path: Path) -> str:
+    """sha256 of a file's bytes."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def computing_sources(root: Path = ROOT) -> list[Path]:
+    """Every source file whose edit may change a number: all of them but the few that only dispatch and show."""
+    paths = (path for folder in COMPUTING_FOLDERS for path in (root / folder).rglob("*.py"))
+    return sorted(path for path in paths if not _only_shows(path.relative_to(root)))
+
+
+def code_hash(root: Path = ROOT) -> str:
+    """sha256 over names and bytes of the computing sources."""
+    total = hashlib.sha256()
+    for path in computing_sources(root):
+        total.update(f"{path.relative_to(root).as_posix()} {file_hash(path)}\n".encode())
+    return total.hexdigest()
+
+
+def package_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that compute; one that is not installed is left out."""
+    from importlib import metadata  # slow to import, and only a record needs it
+
+    versions = {"python": platform.python_version()}
+    for name in COMPUTING_PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions
+
+
+@lru_cache(maxsize=1)
+def current_fingerprint() -> Fingerprint:
+    """The fingerprint of this process, taken once: what was imported does not change with the files."""
+    return Fingerprint(code_hash(), package_versions())
 
 
 def refuse_earlier(place: Path | str, document: Any, schema: int = DOCUMENT_SCHEMA) -> None:
@@ -71,14 +156,6 @@ def write_atomic(path: Path, data: bytes) -> None:
         raise _named(error, path, len(data)) from error
 
 
-def _named(error: OSError, path: Path, size: int) -> StoreError:
-    if isinstance(error, files.UnwritableError):
-        return StoreError(str(error))
-    if error.errno in NO_SPACE:
-        return DiskFull(f"{path}: no space left on the disk for {size} bytes; make room and run again")
-    return StoreError(f"{path}: cannot be written ({error.strerror or error})")
-
-
 def write_json(path: Path, value: Any) -> None:
     """Write a value as readable JSON, atomically; NaN and infinity become null."""
     write_atomic(path, (json.dumps(plain(value), indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode())
@@ -100,10 +177,6 @@ def parsed_json(text: str) -> Any:
     if SURROGATE.search(text):
         json.dumps(value, ensure_ascii=False).encode()  # UnicodeEncodeError is a ValueError
     return value
-
-
-def _no_number(name: str) -> NoReturn:
-    raise ValueError(f"{name} is no number of JSON")
 
 
 def save_arrays(folder: Path, arrays: dict[str, np.ndarray], name: str = ARRAYS) -> None:
@@ -177,12 +250,6 @@ def read_sealed(path: Path) -> dict[str, Any]:
     return value
 
 
-def _proof(record: dict[str, Any], listed: Any) -> str:
-    """sha256 over a record and the list of its files, both as JSON. Raises ValueError for what JSON cannot hold."""
-    text = json.dumps([record, listed], sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()
-
-
 def manifest(folder: Path) -> dict[str, dict[str, Any]]:
     """Size and sha256 of every file that the case produced."""
     kept = sorted(p for p in folder.iterdir() if p.is_file() and p.name not in UNLISTED and not p.name.startswith("."))
@@ -192,6 +259,56 @@ def manifest(folder: Path) -> dict[str, dict[str, Any]]:
 def read_record(folder: Path) -> dict[str, Any]:
     """Record of a case. Raises BadRecord when it is missing, torn, edited, another case's or of another schema."""
     return _proven(folder)[0]
+
+
+def read_listed(folder: Path, name: str) -> Any:
+    """Read a JSON file of a case. Raises BadRecord when it is missing or torn, or not what the case's record proves."""
+    if name in UNLISTED:
+        return read_json(folder / name)
+    _proven_bytes(folder, name, _proven(folder)[1])
+    return read_json(folder / name)
+
+
+def why_recompute(folder: Path, payload: dict[str, Any], fingerprint: Fingerprint) -> str | None:
+    """Why a case has to be computed, in a few words; None when its record stands."""
+    if not (folder / RECORD).exists():
+        return "not finished before" if (folder / INPUT).exists() else "new"
+    try:
+        record, listed = _proven(folder)
+        for name in {*listed, *(name for name in (ARRAYS, FIELDS) if (folder / name).exists())}:
+            _proven_bytes(folder, name, listed)
+    except BadRecord as error:
+        return str(error)
+    if record.get("input_hash") != input_hash(payload):
+        return "its input changed"
+    changed = fingerprint.differs_from(record)
+    if changed:
+        return changed
+    return "it failed before" if record.get("status") == "FAILED" else None
+
+
+def _only_shows(relative: Path) -> bool:
+    if relative.parts[0] == "firmware":
+        return relative.as_posix() != TABLE_LAYOUT
+    return any(fnmatch(relative.as_posix(), pattern) for pattern in SHOWING)
+
+
+def _named(error: OSError, path: Path, size: int) -> StoreError:
+    if isinstance(error, files.UnwritableError):
+        return StoreError(str(error))
+    if error.errno in NO_SPACE:
+        return DiskFull(f"{path}: no space left on the disk for {size} bytes; make room and run again")
+    return StoreError(f"{path}: cannot be written ({error.strerror or error})")
+
+
+def _no_number(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _proof(record: dict[str, Any], listed: Any) -> str:
+    """sha256 over a record and the list of its files, both as JSON. Raises ValueError for what JSON cannot hold."""
+    text = json.dumps([record, listed], sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _proven(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
@@ -216,14 +333,6 @@ def _proven(folder: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     return record, listed
 
 
-def read_listed(folder: Path, name: str) -> Any:
-    """Read a JSON file of a case. Raises BadRecord when it is missing or torn, or not what the case's record proves."""
-    if name in UNLISTED:
-        return read_json(folder / name)
-    _proven_bytes(folder, name, _proven(folder)[1])
-    return read_json(folder / name)
-
-
 def _proven_bytes(folder: Path, name: str, listed: dict[str, Any]) -> bytes:
     """Content of a file of a case. Raises BadRecord when it is not what the list says."""
     try:
@@ -235,21 +344,3 @@ def _proven_bytes(folder: Path, name: str, listed: dict[str, Any]) -> bytes:
     if hashlib.sha256(data).hexdigest() != listed[name]["sha256"]:
         raise BadRecord(f"{name} is unreadable (its content is not what was written)")
     return data
-
-
-def why_recompute(folder: Path, payload: dict[str, Any], fingerprint: Fingerprint) -> str | None:
-    """Why a case has to be computed, in a few words; None when its record stands."""
-    if not (folder / RECORD).exists():
-        return "not finished before" if (folder / INPUT).exists() else "new"
-    try:
-        record, listed = _proven(folder)
-        for name in {*listed, *(name for name in (ARRAYS, FIELDS) if (folder / name).exists())}:
-            _proven_bytes(folder, name, listed)
-    except BadRecord as error:
-        return str(error)
-    if record.get("input_hash") != input_hash(payload):
-        return "its input changed"
-    changed = fingerprint.differs_from(record)
-    if changed:
-        return changed
-    return "it failed before" if record.get("status") == "FAILED" else None

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from pipeline import quantity
+from pipeline.quantity import KHZ
 from pipeline.records.outputs import csv_bytes
 from pipeline.records.record import STATUSES, Record
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.units import KHZ
 from solvers.measures.correlation import Shapes, follow
 
 UNITS = {"mm": "mm", "kHz": "kHz", "GPa": "GPa", "kg": "kg", "deg": "°"}

@@ -1,4 +1,4 @@
-"""The pictures of a case and of a study, drawn from records and kept while what they show is unchanged; a plate's sketch."""
+"""The pictures of a case and of a study, drawn from records and kept while these are unchanged; a plate's sketch."""
 
 from __future__ import annotations
 
@@ -8,21 +8,49 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from importlib import metadata
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.plots import style as style_module
-from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save, style
+import numpy as np
+
+from pipeline.plots import style
+from pipeline.plots.style import PICTURES, ReportFigure, StoredFigure, save
+from pipeline.quantity import KHZ, MM, MS, frequency, percentage
+from pipeline.quantity import figure as figure_text
+from pipeline.quantity import level as level_text
+from pipeline.questions.attenuation import AttenuationResult
+from pipeline.questions.bands import LEGEND_COLUMNS, MARKS, WHITE, BandsResult
 from pipeline.questions.study import draws
-from pipeline.records import store
-from pipeline.records.fingerprint import canonical_json, file_hash
+from pipeline.records import store, tables
 from pipeline.records.record import DesignRecord
+from pipeline.records.store import canonical_json, file_hash
 from pipeline.records.study import StoredCase, StoredStudy
-from pipeline.units import MM
+from pipeline.records.tables import Tracked, axis_label, lines_along, main_key, swept
+from solvers.measures.confinement import CONFINED_DB
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.axes import Axes
+
+MAX_TICKS = 12
+MAX_PANELS = 3  # beside one another
+
+ROWS_LOOKS: dict[str, dict[str, Any]] = {
+    "finite plate": {"color": style.BLUE, "marker": "o"},
+    "endless lattice: rows times decay per row": {"color": style.VERMILION, "marker": "s", "mfc": "white", "ls": "--"},
+    "endless rows: power let through": {"color": style.GREY, "marker": "^", "mfc": "white", "ls": ":"},
+}
+
+ZOOM = 1.6  # of the bending frequency at M
 
 INDEX = "index.json"
 OF_THE_BEST = ("report_figures",)  # drawn of a sweep's best case, unless those of all are asked for
 OF_A_CELL = ("dispersion",)  # the same for all cases of one cell
+MARGIN = 14.0  # mm of paper on each side, for dimensions
+WIDE = 150.0  # mm of plate that are drawn 1:1; others are scaled, so that letters stay readable
+PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # where no style sheet says otherwise
+ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
 
 
 @dataclass(frozen=True)
@@ -32,6 +60,120 @@ class FigureSet:
     pictures: list[StoredFigure]
     troubles: list[str] = field(default_factory=list)
     is_brief: bool = False
+
+
+def against_sweep(study: StoredStudy) -> ReportFigure | None:
+    """Confinement and the target mode's frequency against the most varied numeric key, one line per set of the others."""
+    cases = [case for case in swept(list(study.cases)) if case.record.target or _live(case)]
+    key = main_key(study, cases) if cases else None
+    if key is None:
+        return None
+    figure, (level, tone) = style.panels(5.2, 2, 1, sharex=True)
+    lines, tracked = lines_along(study, cases, key), tables.along_sweep(study)
+    for index, (name, line) in enumerate(lines.items()):
+        look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
+        solved = [case for case in line if case.record.target]
+        if solved:
+            _draw_line((level, tone), solved, key, _same_mode(solved, tracked), look | {"label": name or "target mode"})
+        _draw_live((level, tone), line, key, f"{name}, live" if name else "live answer", look["color"])
+    _finish(level, tone, key)
+    _bending_at_m(tone, list(lines.values()), key)
+    handles, labels = tone.get_legend_handles_labels()
+    if len(labels) > 1 or any(map(_live, cases)):
+        style.legend_below(figure, handles, labels, 4, 8)
+    title = f"Confinement and frequency against {axis_label(key)}"
+    return ReportFigure("against_sweep", title, _sweep_alt(study, cases, key), figure, vector=True)
+
+
+def how_many_rows(study: StoredStudy) -> ReportFigure | None:
+    """Decibels from zone to extension: rows times the decay per row (infinite rows) against the finite plates."""
+    known = [(case, case.record.held("prediction")) for case in study.cases]
+    levels = {
+        case.case_id: (each.zone_to_extension_db, each.rows_db, each.transmission_db)
+        for case, each in known
+        if each and each.rows_db is not None and each.zone_to_extension_db is not None
+    }
+    cases = [case for case in study.cases if case.case_id in levels]
+    if len(cases) < 2 or "array.rows" not in study.swept:
+        return None
+    lines = lines_along(study, cases, "array.rows")
+    figure = _panel_a_line(
+        {name: [(case.sweep["array.rows"], levels[case.case_id]) for case in each] for name, each in lines.items()}
+    )
+    title = "How many rows: prediction and finite plates"
+    predicted = {case.case_id: each and level_text(each.rows_db, each.rows_error_db) for case, each in known}
+    parts = "; ".join(f"{name}: {level_text(one[0])}, predicted {predicted[name]}" for name, one in levels.items())
+    return ReportFigure("how_many_rows", title, f"{title}. {parts}", figure, vector=True)
+
+
+def shear_speed(case: StoredCase) -> float | None:
+    """Speed of shear waves in the plate's material, sqrt(G/rho), m/s; None when the input does not tell it."""
+    stored = case.read("input.json") or {}
+    material = ((stored.get("case") or stored).get("design") or {}).get("material") or {}
+    try:
+        shear = material["young_pa"] / (2 * (1 + material["poisson"]))
+        return float(np.sqrt(shear / material["density_kg_m3"]))
+    except (KeyError, TypeError, ZeroDivisionError):
+        return None
+
+
+def dispersion(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """Bands with the complete gaps shaded; beside it the low bands with the bending ones marked at M."""
+    bands = case.record.of(BandsResult)
+    if not bands or not bands.points:
+        return None
+    bending = bands.bending_at_m_hz
+    figure = style.new_figure(style.WIDTH_IN, 4.4)
+    panels = figure.subplots(1, 2, width_ratios=[1.15, 1]) if bending else [figure.subplots()]
+    for axes in panels:
+        bands.draw_bands(axes, "structured hexahedra" if case.record.answers.get("tet_bands") else "bands")
+        _tetrahedra(axes, case, bands)
+    _normalised_axis(panels[0], case)
+    panels[0].set_title(_gap_title(bands))
+    if bending:
+        _bending(panels[1], case, bands, bending)
+    _legend(figure, panels[0])
+    return ReportFigure(
+        "dispersion", "Dispersion diagram of the unit cell", _dispersion_alt(case, bands), figure, vector=True
+    )
+
+
+def attenuation(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """Draw decay per row, wavenumbers across the rows and the power that passes them."""
+    answer, target = case.record.of(AttenuationResult), case.record.target
+    return answer.complex_bands(target.frequency_hz if target else None) if answer else None
+
+
+def board(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
+    """The step response of a case's record; None when the board was not run or ended in a fault."""
+    record = case.record.held("board")
+    return board_step(record, arrays) if record and "board_time_s" in arrays else None
+
+
+def board_step(record: Any, arrays: dict[str, Any]) -> ReportFigure:
+    """Both axes of the rotating frame with the reference, and the size of the drive, over time."""
+    figure, (upper, lower) = style.panels(4.6, 2, 1, sharex=True, height_ratios=(3, 2))
+    time = arrays["board_time_s"] / MS
+    upper.step(time, arrays["board_reference"], where="post", color=style.GREY, lw=0.9, ls="--", label="reference")
+    upper.plot(time, arrays["board_u_d"], color=style.BLUE, marker=".", label="in phase, d")
+    upper.plot(time, arrays["board_u_q"], color=style.VERMILION, marker=".", label="in quadrature, q")
+    if record.t95_s is not None:
+        upper.axvline(record.t95_s / MS, color=style.GREEN, lw=0.8, ls=":", label="95 %")
+    reached = "95 % not reached" if record.t95_s is None else f"95 % after {figure_text(record.t95_s / MS)} ms"
+    mode = f"at {frequency(record.frequency_hz)}"
+    upper.set(ylabel="sensor (full scale)", title=f"{reached}, {mode}")
+    upper.legend(fontsize=8, loc="center right")
+    lower.step(time, arrays["board_drive"], where="post", color=style.ORANGE)
+    lower.set(ylabel="drive (full scale)", xlabel="time after the step (ms)")
+    for axes in (upper, lower):
+        axes.grid(True)
+    origin = "identified by the image's own sweep" if record.swept else "taken from the table"
+    alt = (
+        f"Step of the reference to {figure_text(record.reference)} of full scale, run by the unmodified firmware image on an "
+        f"emulated board with noise: {reached}, largest overshoot {figure_text(100.0 * record.overshoot)} % with the noise in "
+        f"it; the mode {mode} with a time constant of {figure_text(record.tau_s / MS)} ms was {origin}"
+    )
+    return ReportFigure("board", "Closed loop of the emulated board", alt, figure, vector=True)
 
 
 def draw_case(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet:
@@ -58,6 +200,234 @@ def kept_pictures(case: StoredCase, without: tuple[str, ...] = ()) -> FigureSet 
     return None
 
 
+def draw_study(study: StoredStudy) -> FigureSet:
+    """Draw the pictures that compare a study's cases, or take the stored ones."""
+    key = _key([study.about, *(case.record.to_dict() for case in study.cases)], [])
+    if (kept := _kept(study.folder / PICTURES, key)) is not None:
+        return FigureSet(kept)
+    return _draw(
+        study.folder / PICTURES,
+        key,
+        [partial(against_sweep, study), partial(how_many_rows, study)],
+    )
+
+
+def sketch(design: DesignRecord) -> Markup:
+    """Plate, zone and pillars with their dimensions in mm."""
+    from markupsafe import Markup
+
+    length, breadth = design.length_m / MM, 2.0 * design.half_span_m / MM
+    scale = min(1.0, WIDE / length)
+    x0, y0, zone = -length / 2.0, -breadth / 2.0, design.width_m / MM
+    letters = 3.6 / scale
+    pillars = " ".join(
+        f"M{x / MM - half:.2f} {-y / MM - half:.2f}h{2 * half:.2f}v{2 * half:.2f}h{-2 * half:.2f}z"
+        for (x, y), pillar in zip(design.pillar_centres_m, design.standing, strict=True)
+        for half in [pillar.base_m / MM / 2.0]
+    )
+    side = MARGIN / scale
+    box = f"{x0 - side:.2f} {y0 - 0.4 * side:.2f} {length + 2 * side:.2f} {breadth + 1.2 * side:.2f}"
+    words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
+    return Markup(
+        f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
+        f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
+        f'<rect class="zone" {ZONE} x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
+        f'<path class="pillars" {PILLARS} d="{pillars}"/>'
+        f'<g font-size="{letters:.2f}" text-anchor="middle"><text y="{letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
+        f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
+    )
+
+
+def _draw_line(
+    panels: tuple[Any, Any], line: list[StoredCase], key: str, stretches: list[tuple[int, int]], look: dict[str, Any]
+) -> None:
+    """Levels and frequencies of a line: connected over `stretches` of one mode, filled where it is confined."""
+    level, tone = panels
+    x = np.array([case.sweep[key] for case in line], dtype=float)
+    levels = np.array([case.record.confinement_db for case in line], dtype=float)
+    khz = np.array([case.record.target.frequency_hz / KHZ for case in line if case.record.target])
+    for axes, values in ((level, levels), (tone, khz)):
+        for first, last in stretches:
+            axes.plot(x[first:last], values[first:last], color=look["color"], lw=1.1)
+    for filled in (True, False):
+        marked = np.array([bool(case.record.confined) for case in line]) == filled
+        fill = look["color"] if filled else "white"
+        level.plot(x[marked], levels[marked], look["marker"], color=look["color"], mfc=fill, ms=6)
+    tone.plot(x, khz, ms=5, ls="none", **look)
+
+
+def _live(case: StoredCase) -> Any:
+    """What the explorer's bases answer of a case, where they know its target mode."""
+    live = case.record.held("live")
+    return live if live and live.frequency_hz is not None else None
+
+
+def _draw_live(panels: tuple[Any, Any], line: list[StoredCase], key: str, name: str, color: str) -> None:
+    """Levels and frequencies that the explorer's bases answer, as crosses; their column lacks the plate's two ends."""
+    known = [(case.sweep[key], live) for case in line if (live := _live(case))]
+    x = np.array([value for value, _ in known], dtype=float)
+    levels = np.array([live.confinement_db for _, live in known], dtype=float)
+    khz = np.array([live.frequency_hz for _, live in known], dtype=float) / KHZ
+    for axes, values in zip(panels, (levels, khz), strict=True):
+        if known:
+            axes.plot(x, values, "x", color=color, ms=5, label=name)
+
+
+def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
+    """Stretches of a line over which the target mode is one and the same, tracked by its shape: slices of two or more."""
+    same = [getattr(tracked.get(case.case_id), "tracking", "") in ("start", "kept") for case in line]
+    edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
+    return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
+
+
+def _finish(level: Any, tone: Any, key: str) -> None:
+    low, high = level.get_ylim()
+    low, high = min(0.0, low), max(CONFINED_DB + 3.0, high)
+    level.axhspan(CONFINED_DB, high, color=style.GREEN, alpha=0.10, lw=0)
+    level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
+    title = f"At least {CONFINED_DB:g} dB as a mode (shaded); filled where confined, as driven too"
+    level.set(ylim=(low, high), ylabel="confinement (dB)", title=title)
+    title = "Target mode (connected by a line where it is the same one, tracked by its shape)"
+    tone.set(xlabel=axis_label(key), ylabel="frequency (kHz)", title=title)
+    for axes in (level, tone):
+        axes.grid(True)
+    values = sorted({float(value) for line in tone.lines for value in line.get_xdata()})
+    if len(values) <= MAX_TICKS:
+        tone.set_xticks(values, [f"{value:g}" for value in values])
+
+
+def _bending_at_m(tone: Any, lines: list[list[StoredCase]], key: str) -> None:
+    """The cell's lower bending frequency at M, where the cases computed bands: in a line's colour where the lines differ."""
+    known = [{case.sweep[key]: khz for case in line if (khz := _bending_khz(case))} for line in lines]
+    shared = {x: khz for curve in known for x, khz in curve.items()}
+    if not shared:
+        return
+    look = {"ls": ":", "marker": "x", "ms": 5}
+    alike = all(shared[x] == khz for curve in known for x, khz in curve.items())
+    for index, curve in enumerate([] if alike else known):
+        colour = style.CYCLE[index % len(style.CYCLE)]
+        tone.plot(sorted(curve), [curve[x] for x in sorted(curve)], color=colour, **look, label="_cell")
+    x = sorted(shared) if alike else []
+    tone.plot(x, [shared[at] for at in x], color=style.GREY, **look, label="unit cell: bending at M")
+
+
+def _bending_khz(case: StoredCase) -> float | None:
+    bands = case.record.answers.get("bands")
+    pair = bands.bending_at_m_hz if bands else []
+    return min(pair) / KHZ if pair else None
+
+
+def _sweep_alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
+    levels = [(level, case) for case in cases if (level := case.record.confinement_db) is not None]
+    if not levels:
+        return f"Frequency of the target mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
+    worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
+    return (
+        f"Confinement in dB and frequency in kHz of the target mode against {axis_label(key)} over {len(cases)} cases of "
+        f"{study.name}: from {_level(worst[1])} ({worst[1].case_id}) to {_level(best[1])} ({best[1].case_id}); "
+        f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:g} dB."
+    )
+
+
+def _level(case: StoredCase) -> str:
+    """The level of a case's target mode with the digits of its bar."""
+    return level_text(
+        case.record.confinement_db, case.record.target.confinement_error_db if case.record.target else None
+    )
+
+
+def _panel_a_line(lines: dict[str, list[tuple[int, tuple[Any, ...]]]]) -> Any:
+    """A panel for each line of (rows, levels), all with the same axes, one legend below."""
+    columns = min(len(lines), MAX_PANELS)
+    deep = -(-len(lines) // columns)
+    figure, panels = style.panels(0.6 + 2.6 * deep, deep, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, (name, line) in zip(panels.flat, lines.items(), strict=False):
+        rows = [count for count, _ in line]
+        for (label, look), series in zip(
+            ROWS_LOOKS.items(), np.array([each for _, each in line], dtype=float).T, strict=True
+        ):
+            axes.plot(rows, series, label=label, **look)
+        axes.set(xticks=sorted({count for each in lines.values() for count, _ in each}), title=name)
+        axes.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
+        axes.grid(True)
+    for axes in panels.flat[len(lines) :]:
+        axes.set_visible(False)
+    for axes in panels.flat[max(0, len(lines) - columns) : len(lines)]:  # those with nothing beneath
+        axes.set_xlabel("rows on each side")
+        axes.tick_params(labelbottom=True)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("zone to extension (dB)")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    style.legend_below(figure, handles, labels, 3, 8)
+    return figure
+
+
+def _tetrahedra(axes: Axes, case: StoredCase, bands: BandsResult) -> None:
+    label, places = "tetrahedra (pytetwild)", bands.distance_per_m
+    tetrahedra: BandsResult | None = case.record.answers.get("tet_bands")
+    for point in tetrahedra.points if tetrahedra else []:
+        tones = np.array(point.frequencies_hz) / KHZ
+        for x in (x for x, p in zip(places, bands.points, strict=True) if p.label == point.label):
+            axes.plot(np.full(tones.size, x), tones, "o", mfc="none", color=style.VERMILION, ms=4.5, label=label)
+            label = ""
+
+
+def _gap_title(bands: BandsResult) -> str:
+    gap = bands.widest_gap
+    if not gap:
+        return f"No complete gap {bands.where_gaps_are_known}"
+    return f"Gap: bands {gap.lower_band} to {gap.upper_band}, {percentage(gap.relative_width, gap.width_error)} wide"
+
+
+def _normalised_axis(axes: Axes, case: StoredCase) -> None:
+    speed, design = shear_speed(case), case.record.design
+    if not speed or design is None or design.pitch_x_m is None:
+        return
+    scale: Any = KHZ * design.pitch_x_m / speed
+    axes.spines["right"].set_visible(True)
+    right = axes.secondary_yaxis("right", functions=(lambda f: f * scale, lambda f: f / scale))
+    right.set_ylabel("f a / c$_t$ (no unit)")
+
+
+def _bending(axes: Axes, case: StoredCase, bands: BandsResult, bending: list[float]) -> None:
+    points, tones = bands.points, np.array(bending) / KHZ
+    axes.set(ylim=(0, ZOOM * tones.max()), title="Pillar bending bands")
+    corner = next(x for x, point in zip(bands.distance_per_m, points, strict=True) if point.label == "M")
+    axes.plot([corner] * len(bending), tones, "s", color=style.GREEN, ms=6, mfc="none", mew=1.6)
+    text = f"bending at M\n{_listed(bands)}"
+    look: dict[str, Any] = {"xytext": (-8, -34), "textcoords": "offset points", "ha": "right", "color": style.GREEN}
+    line = {"arrowstyle": "-", "color": style.GREEN, "lw": 0.8}
+    axes.annotate(text, (corner, tones.min()), bbox=WHITE, arrowprops=line, **look)
+    if target := case.record.target:
+        axes.axhline(target.frequency_hz / KHZ, color=style.PURPLE, lw=1.0, ls="--", label="target mode of the plate")
+
+
+def _listed(bands: BandsResult) -> str:
+    return " and ".join(dict.fromkeys(bands.bending_texts))
+
+
+def _legend(figure: Any, axes: Axes) -> None:
+    handles: dict[str, Any] = {}
+    for panel in figure.axes:
+        handles |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
+    if len(handles) > 1:
+        style.legend_below(figure, handles.values(), handles.keys(), LEGEND_COLUMNS, 8)
+
+
+def _dispersion_alt(case: StoredCase, bands: BandsResult) -> str:
+    gap, bending = bands.widest_gap, bands.bending_at_m_hz
+    edges = (
+        f"the widest complete gap, shaded, lies from {gap.interval} (bands {gap.lower_band} and {gap.upper_band})"
+        if gap
+        else f"no complete gap opens {bands.where_gaps_are_known}"
+    )
+    kinds = {name for point in bands.points for name in point.plate_polarisation or ()}
+    names_text = ", ".join(name for name in MARKS if name in kinds)
+    marked = f"; waves are marked as {names_text}" if names_text else ""
+    at_m = f"; the bending bands meet M at {_listed(bands)}" if bending else ""
+    return f"Frequency in kHz against wavevector for the unit cell of {case.case_id}: {edges}{at_m}{marked}."
+
+
 def _without(key: str, names: tuple[str, ...]) -> str:
     """The key of a case's pictures but for those of some functions."""
     return "-".join((key, *names))
@@ -66,20 +436,6 @@ def _without(key: str, names: tuple[str, ...]) -> str:
 def _case_key(case: StoredCase) -> str:
     folders = (case.folder, *case.siblings)
     return _key(case.record.to_dict(), [folder / name for folder in folders for name in (store.ARRAYS, store.INPUT)])
-
-
-def draw_study(study: StoredStudy) -> FigureSet:
-    """Draw the pictures that compare a study's cases, or take the stored ones."""
-    from pipeline.plots import sweep
-
-    key = _key([study.about, *(case.record.to_dict() for case in study.cases)], [])
-    if (kept := _kept(study.folder / PICTURES, key)) is not None:
-        return FigureSet(kept)
-    return _draw(
-        study.folder / PICTURES,
-        key,
-        [partial(sweep.against_sweep, study), partial(sweep.how_many_rows, study)],
-    )
 
 
 def _draw(
@@ -93,7 +449,7 @@ def _draw(
     troubles = list(errors)
     for draw in draws:
         try:
-            with style():
+            with style.style():
                 made = draw() or []
             pictures += [save(report_figure, folder) for report_figure in (made if isinstance(made, list) else [made])]
         except (store.StoreError, MemoryError):
@@ -129,43 +485,7 @@ def _kept(folder: Path, key: str) -> list[StoredFigure] | None:
 
 def _key(visible: Any, files: list[Path]) -> str:
     """Hash of what pictures show and of what draws them."""
-    sources = sorted(Path(style_module.__file__).parent.glob("*.py"))
+    sources = [Path(__file__), *sorted(Path(style.__file__).parent.glob("*.py"))]
     parts = [canonical_json(visible), metadata.version("matplotlib")]
     parts += [file_hash(path) for path in [*files, *sources] if path.exists()]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
-
-MARGIN = 14.0  # mm of paper on each side, for dimensions
-WIDE = 150.0  # mm of plate that are drawn 1:1; others are scaled, so that letters stay readable
-
-PLATE = 'fill="#f3f6f8" stroke="#55606b" stroke-width=".4"'  # where no style sheet says otherwise
-ZONE, PILLARS = 'fill="#009e73" fill-opacity=".22"', 'fill="#0072b2"'
-
-
-def sketch(design: DesignRecord) -> Markup:
-    """Plate, zone and pillars with their dimensions in mm."""
-    from markupsafe import Markup
-
-    length, breadth = design.length_m / MM, 2.0 * design.half_span_m / MM
-    scale = min(1.0, WIDE / length)
-    x0, y0, zone = -length / 2.0, -breadth / 2.0, design.width_m / MM
-    letters = 3.6 / scale
-    pillars = " ".join(
-        f"M{x / MM - half:.2f} {-y / MM - half:.2f}h{2 * half:.2f}v{2 * half:.2f}h{-2 * half:.2f}z"
-        for (x, y), pillar in zip(design.pillar_centres_m, design.standing, strict=True)
-        for half in [pillar.base_m / MM / 2.0]
-    )
-    side = MARGIN / scale
-    box = f"{x0 - side:.2f} {y0 - 0.4 * side:.2f} {length + 2 * side:.2f} {breadth + 1.2 * side:.2f}"
-    words = f"{length:g} × {breadth:g} × {design.thickness_m / MM:g} mm"
-    return Markup(
-        f'<svg class="sketch" viewBox="{box}" role="img" aria-label="Sketch of the plate: {words}">'
-        f'<rect class="plate" {PLATE} x="{x0:.2f}" y="{y0:.2f}" width="{length:.2f}" height="{breadth:.2f}"/>'
-        f'<rect class="zone" {ZONE} x="{x0:.2f}" y="{-zone / 2:.2f}" width="{length:.2f}" height="{zone:.2f}"/>'
-        f'<path class="pillars" {PILLARS} d="{pillars}"/>'
-        f'<g font-size="{letters:.2f}" text-anchor="middle"><text y="{letters / 3:.2f}">active zone, {zone:g} mm wide</text>'
-        f'<text y="{breadth / 2 + 1.6 * letters:.2f}">{words}</text></g></svg>'
-    )

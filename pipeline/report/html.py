@@ -8,6 +8,7 @@ import mimetypes
 import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -16,24 +17,25 @@ from pipeline.plots import style
 from pipeline.records import outputs, store
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from markupsafe import Markup
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def render(template: str, **values: Any) -> str:
-    """A page from a template; whatever a name holds is escaped, and a name that is missing is an error."""
+@cache
+def _templates() -> Environment:
+    """Return what reads the templates, which keeps those it has compiled."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    result = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    result.filters |= {name: value for name, value in values.items() if callable(value)}
-    return result.get_template(template).render(values)
+    look: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "autoescape": True}
+    return Environment(loader=FileSystemLoader(TEMPLATES), undefined=StrictUndefined, **look)
+
+
+def render(template: str, **values: Any) -> str:
+    """A page from a template; whatever a name holds is escaped, and a name that is missing is an error."""
+    _templates().filters |= {name: value for name, value in values.items() if callable(value)}
+    return _templates().get_template(template).render(values)
 
 
 def script_data(value: Any) -> Markup:

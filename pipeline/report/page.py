@@ -1,7 +1,9 @@
-"""report.html of a study: one file, rebuilt from stored records and pictures alone."""
+"""report.html of a study, rebuilt from stored records and pictures alone, with its explorer and other studies."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import shlex
 from collections.abc import Callable, Iterator
@@ -12,27 +14,38 @@ from pathlib import Path
 from typing import Any
 
 from pipeline import quantity
+from pipeline.case.model import case_from_dict
+from pipeline.case.reading import read_toml
+from pipeline.errors import InputError
+from pipeline.logs import Log
 from pipeline.plots import style
+from pipeline.quantity import GRAM, MM
 from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.records import store
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import explorer, gallery, text
+from pipeline.report import gallery, text
 from pipeline.report import shapes as moving_shapes
 from pipeline.report.gallery import sketch
-from pipeline.report.html import Embedder, link, render, script_data, vendored
-from pipeline.report.other_studies import beside
+from pipeline.report.html import PAGE, SCHEMA, Embedder, link, render, script_data, vendored
 from pipeline.report.text import TITLE
-from pipeline.units import GRAM, MM
+from solvers.errors import SolverError
+
+NAME = "explorer.html"
+
+STUDIES = {"accuracy": "Error against run time", "extremes": "Extreme scenes"}
 
 REPORT = "report.html"
 MAX_FIGURES = 12
 FILES = ("run.mess", "input.json", "record.json", "timing.json", "arrays.npz")
+
 # the pictures of a case, those first that tell most beside the moving shapes; the best case has all of them
 TELLING = ("touch_face", "response", "dispersion", "attenuation", "neighbours")
+
 STILLS = ("moving_plate", "touch_face", "geometry")  # what stands for a moving shape, the first that is drawn
 UNFIT = (KeyError, TypeError, ValueError, IndexError)  # arrays of another shape than the page draws
 OF_BEST = {"attenuation": "Attenuation", "response": "Response"}
+
 # What the template of a case's results writes them with.
 SHOWN = {
     name: getattr(text, name)
@@ -48,6 +61,7 @@ SHOWN = {
         "CONFINED_DB",
     )
 }
+
 SHOWN |= {name: getattr(quantity, name) for name in ("figure", "percentage", "percent", "signed")}
 SHOWN |= {"GRAM": GRAM, "MM": MM}
 
@@ -67,6 +81,44 @@ class CasePage:
     overrides: list[str] = field(default_factory=list)
     drawn: bool = True
     twin: str = ""  # the anchor of a case of the same plate, whose pictures are this one's
+
+
+def put_explorer(folder: Path, case_path: Path, log: Log | None = None) -> list[Path]:
+    """Write the explorer of the study's case where its bases are in the cache; with a log they are made, which takes longer
+    than most studies. Nothing is written for a cell that they cannot follow.
+    """
+    from pipeline.explore import offline
+    from pipeline.explore.answer import Explorer, Scene
+    from pipeline.models.parametric import cell_model, kept_model
+
+    try:
+        raw = read_toml(case_path)
+        case = case_from_dict(raw, case_path)
+        case.require("pillar", "zone", command="explore")
+        model = cell_model(case, log) if log else kept_model(case)
+        if model is None:
+            return []
+        html = offline.page(Explorer(Scene(case, raw, ()), model))
+    except (InputError, SolverError) as fault:  # a cell that the bases cannot follow: the study has no explorer
+        if log:
+            log.warning("NO_EXPLORER", f"no explorer beside the report: {' '.join(str(fault).split())}")
+        return []
+    store.write_atomic(folder / NAME, html.encode())
+    return [folder / NAME]
+
+
+def explorer_link(folder: Path) -> str:
+    """The address of the explorer beside a study's report, or nothing."""
+    return NAME if (folder / NAME).exists() else ""
+
+
+def beside(folder: Path, embedder: Embedder) -> list[dict[str, Any]]:
+    """The scripted studies beside a study's folder: their opening section, and every section that has a picture."""
+    return [
+        {"name": name, "title": title, "missing": "", "sections": []} | _read(folder, name, embedder)
+        for name, title in STUDIES.items()
+        if folder.name != name and (folder.parent / name / PAGE).exists()
+    ]
 
 
 def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = False) -> Path:
@@ -92,6 +144,70 @@ def build(folder: Path, max_figures: int = MAX_FIGURES, all_pictures: bool = Fal
     return path
 
 
+def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
+    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread;
+    besides those that compute a plate of the sweep in more ways.
+    """
+    twins = [case for case in study.cases if case.record.answered and _twin(study, case)] if most else []
+    drawable = [case for case in study.cases if case.record.answered and case not in twins]
+    if len(drawable) <= most or most < 2:
+        return [*twins, *drawable[:most]]
+    ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.ranked_db) is not None)
+    best = text.best_case(study)
+    picked = {name for _, name in ranked[:1]} | ({best.case_id} if best in drawable else set())
+    spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))
+    for case in spread:
+        if len(picked) < most:
+            picked.add(case.case_id)
+    return [*twins, *(case for case in drawable if case.case_id in picked)]
+
+
+def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
+    """Pictures of each case by its id, drawn in parallel; `brief` names those left out by the case's id."""
+    from pipeline.workers import LocalWorkers, default_jobs
+
+    kept = {case.case_id: gallery.kept_pictures(case, brief.get(case.case_id, ())) for case in cases}
+    stale = [case for case in cases if kept[case.case_id] is None]
+    draws = {case.case_id: partial(gallery.draw_case, case, brief.get(case.case_id, ())) for case in stale}
+    if len(draws) < 2:
+        made = {name: _without_failing(draw) for name, draw in draws.items()}
+    else:
+        with LocalWorkers(default_jobs(len(draws)), 1) as workers:
+            futures = {name: workers.submit(draw) for name, draw in draws.items()}
+            made = {name: _without_failing(future.result) for name, future in futures.items()}
+    return {name: figures or made[name] for name, figures in kept.items()}
+
+
+def _read(folder: Path, name: str, embedder: Embedder) -> dict[str, Any]:
+    """What another study tells, the address of its page, or why there is nothing."""
+    try:
+        page = store.read_json(folder.parent / name / PAGE)
+        if page["schema"] != SCHEMA:
+            raise store.BadRecord(f"{PAGE} has schema {page['schema']!r}, this version reads {SCHEMA}")
+        sections = [
+            _section(folder, name, section, embedder)
+            for place, section in enumerate(page["sections"])
+            if place == 0 or section["pictures"]
+        ]
+        told = {"title": page["title"], "lead": page["lead"]}
+        return told | {"address": f"../{name}/report.html", "sections": sections}
+    except (store.StoreError, OSError, KeyError, TypeError, AttributeError) as error:
+        return {"missing": f"written by another version ({error}): antinode report {name}"}
+
+
+def _section(folder: Path, name: str, section: dict[str, Any], embedder: Embedder) -> dict[str, Any]:
+    """A section; its tables only where it has no picture to say the same."""
+    pictures = [style.StoredFigure(**entry) for entry in section["pictures"]]
+    embedded = embedder.show_all(f"../{name}/{style.PICTURES}", pictures)
+    tables = [] if embedded else [_table(folder.parent / name, table) for table in section["tables"]]
+    return {"heading": section["heading"], "words": list(section["words"]), "tables": tables, "pictures": embedded}
+
+
+def _table(other: Path, name: str) -> tuple[str, list[str], list[list[str]]]:
+    heading, *rows = csv.reader(io.StringIO((other / f"{name}.csv").read_text(encoding="utf-8")))
+    return f"../{other.name}/{name}.csv", heading, rows
+
+
 def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: dict[str, Any], is_brief: bool) -> str:
     """The page's HTML; `more` holds the pictures over the study, its moving parts, and what could not be drawn.
 
@@ -113,7 +229,7 @@ def _page(study: StoredStudy, pages: list[CasePage], embedder: Embedder, more: d
         pages=pages,
         of_best=_of_best(study, pages),
         beside=beside(study.folder, embedder),
-        explorer=explorer.link(study.folder),
+        explorer=explorer_link(study.folder),
         case_file=text.case_file(study),
         brief_pictures=is_brief and f"antinode report {study.about.get('name', 'STUDY')} --all-pictures",
         undrawn=sum(page.case.record.answered and not page.drawn for page in pages),
@@ -194,24 +310,6 @@ def _with_defaults(study: StoredStudy) -> str:
     return ""
 
 
-def chosen(study: StoredStudy, most: int) -> list[StoredCase]:
-    """Which cases get pictures: all of a short study; of a long one the best and the worst confined, the rest evenly spread;
-    besides those that compute a plate of the sweep in more ways.
-    """
-    twins = [case for case in study.cases if case.record.answered and _twin(study, case)] if most else []
-    drawable = [case for case in study.cases if case.record.answered and case not in twins]
-    if len(drawable) <= most or most < 2:
-        return [*twins, *drawable[:most]]
-    ranked = sorted((level, case.case_id) for case in drawable if (level := case.record.ranked_db) is not None)
-    best = text.best_case(study)
-    picked = {name for _, name in ranked[:1]} | ({best.case_id} if best in drawable else set())
-    spread = (drawable[round(i * (len(drawable) - 1) / max(1, most - 1))] for i in range(most))
-    for case in spread:
-        if len(picked) < most:
-            picked.add(case.case_id)
-    return [*twins, *(case for case in drawable if case.case_id in picked)]
-
-
 def _left_out(study: StoredStudy, cases: list[StoredCase]) -> dict[str, tuple[str, ...]]:
     """What is not drawn of a sweep's cases beside its best one, by their ids: the page has no room for all of their pictures,
     and shows those of a cell once.
@@ -234,22 +332,6 @@ def _cells_of(case: StoredCase) -> set[str]:
     """The unit cell whose bands a case has, none where it has none."""
     bands = case.record.of(BandsResult)
     return {moving_shapes.same_bands(bands)} if bands else set()
-
-
-def draw_cases(cases: list[StoredCase], brief: dict[str, tuple[str, ...]]) -> dict[str, gallery.FigureSet]:
-    """Pictures of each case by its id, drawn in parallel; `brief` names those left out by the case's id."""
-    from pipeline.workers import LocalWorkers, default_jobs
-
-    kept = {case.case_id: gallery.kept_pictures(case, brief.get(case.case_id, ())) for case in cases}
-    stale = [case for case in cases if kept[case.case_id] is None]
-    draws = {case.case_id: partial(gallery.draw_case, case, brief.get(case.case_id, ())) for case in stale}
-    if len(draws) < 2:
-        made = {name: _without_failing(draw) for name, draw in draws.items()}
-    else:
-        with LocalWorkers(default_jobs(len(draws)), 1) as workers:
-            futures = {name: workers.submit(draw) for name, draw in draws.items()}
-            made = {name: _without_failing(future.result) for name, future in futures.items()}
-    return {name: figures or made[name] for name, figures in kept.items()}
 
 
 def _without_failing(draw: Callable[[], gallery.FigureSet]) -> gallery.FigureSet:

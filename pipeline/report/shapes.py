@@ -16,7 +16,7 @@ from pipeline import quantity
 from pipeline.plots.fields import FloatArray, IntArray, skin_faces
 from pipeline.quantity import frequency, level
 from pipeline.questions.bands import MARKS, PILLAR, BandPoint, BandsResult
-from pipeline.records.fingerprint import canonical_json
+from pipeline.records.store import canonical_json
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import axis_label
 from pipeline.report.html import deflated

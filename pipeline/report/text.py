@@ -16,16 +16,15 @@ from typing import Any
 
 from pipeline import quantity
 from pipeline.case.reading import toml_text
-from pipeline.models.mode_parts import ModeRecord, TargetMode
+from pipeline.models.answer_parts import ModeRecord, TargetMode
 from pipeline.paths import REFERENCE, RESULTS, ROOT, STUDIES
-from pipeline.quantity import Unit, frequency_figure, level
+from pipeline.quantity import KHZ, MM, Unit, frequency_figure, level
 from pipeline.questions import study as asked
 from pipeline.questions.bands import BandsResult
 from pipeline.questions.predesign import PredesignResult
 from pipeline.records.record import DesignRecord, Record
 from pipeline.records.study import StoredCase, StoredStudy
 from pipeline.records.tables import without_effect
-from pipeline.units import KHZ, MM
 from solvers.measures.confinement import CONFINED_DB
 
 FILE = REFERENCE / "thesis.csv"

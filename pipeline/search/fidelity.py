@@ -15,17 +15,17 @@ from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import WarningLog
-from pipeline.models import driven_zones, modes, parametric
+from pipeline.models import forced, modes, parametric
+from pipeline.models.answer_parts import worst_of
 from pipeline.models.broadband import broadband
 from pipeline.models.cell_cache import Cache, CellCache
 from pipeline.models.live_column import LiveCell, live_modes
-from pipeline.models.zone_parts import worst_of
 from pipeline.paths import RESULTS
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import check_stagger, of_case, with_defaults
-from pipeline.records import fingerprint
+from pipeline.quantity import KHZ, MM
+from pipeline.records import store
 from pipeline.search.terms import COLUMN, PLATE, SOLID, STRIP, FidelityResult, Window
-from pipeline.units import KHZ, MM
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.errors import SolverError
 from solvers.measures.confinement import DrivenZones, measure_profile
@@ -194,7 +194,7 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     """Drive every zone of the assembled plate about a frequency; without one, in the case's own window."""
     log = WarningLog()
     band_hz = of_case(case).band_hz if near_hz is None else _outwards(*_about(near_hz))
-    zones = driven_zones.solve(case, log, band_hz, PEAKS, [])["zones"]
+    zones = forced.solve(case, log, band_hz, PEAKS, [])["zones"]
     lowest = min(zones, key=lambda zone: zone.peak_hz)
     loudest = max(zones, key=lambda zone: -inf if zone.passive_db is None else zone.passive_db)
     level, level_error = worst_of(zones)
@@ -276,5 +276,5 @@ class EvaluationCache:
         self._files.write(self._name(question), json.dumps(result.values() | {"warnings": result.warnings}).encode())
 
     def _name(self, question: dict[str, Any]) -> str:
-        salted = {"question": question, "code": fingerprint.current().code_hash}
-        return hashlib.sha256(fingerprint.canonical_json(salted).encode()).hexdigest()[:32]
+        salted = {"question": question, "code": store.current_fingerprint().code_hash}
+        return hashlib.sha256(store.canonical_json(salted).encode()).hexdigest()[:32]

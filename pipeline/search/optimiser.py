@@ -10,35 +10,40 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from geometry.elements import FloatArray
+from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import Log
 from pipeline.models.broadband import checked
-from pipeline.models.driven_zones import check_zones
+from pipeline.models.forced import check_zones
 from pipeline.planning import simplifications
 from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import figure, frequency
-from pipeline.search.designs import Outcome, Settings, rate
 from pipeline.search.fidelity import (
     COLUMN,
-    PLATE,
     STRIP,
     EvaluationCache,
     FidelityResult,
     by_strip,
     evaluate,
+    frequency_slack,
     kept_cell,
     window_around,
     worst,
 )
 from pipeline.search.space import Space
-from pipeline.search.terms import UNBUILT, FoundDesign, Values, Window
+from pipeline.search.terms import GOALS, LESS, PLATE, UNBUILT, FoundDesign, Limits, Values, Window, mass_kg, unit_of
+
+EVALUATIONS = 16  # assembled plates
+VIOLATION_DB = 1000.0  # dB below any design that keeps the limits
+STEEP = 1000.0  # dB for breaking a limit by its own size: a slope that the local search follows, not a cliff that it sticks to
 
 COLUMNS_A_PLATE = 3
 OF_ZONES = ("confinement", "worst", "isolation", "closest")  # goals of several zones; the last two of these alone
@@ -54,6 +59,57 @@ FINEST = 0.004
 MAX_CONFIRMED = 3
 
 
+@dataclass(frozen=True)
+class Settings:
+    """What to maximise, what to keep, how many assembled plates to spend."""
+
+    goal: str = "confinement"
+    limits: Limits = field(default_factory=Limits)
+    evaluations: int = EVALUATIONS
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All evaluations by fidelity; the design of the file and the best one, both solved as `antinode modes` would.
+
+    window: the band about the best design's mode, kHz, where the case's own window does not hold it well inside.
+    """
+
+    space: Space
+    settings: Settings
+    by_fidelity: dict[str, tuple[FoundDesign, ...]]
+    base: FoundDesign
+    best: FoundDesign
+    softness: float
+    window: Window | None = None
+
+    @property
+    def repeat(self) -> list[str]:
+        """The --set texts that make the best design from the file."""
+        window = ["solve.band_kHz=[{!r},{!r}]".format(*self.window)] if self.window else []
+        return [*self.space.fixed, *self.space.overrides(self.best.point), *window]
+
+    @property
+    def gain(self) -> float | None:
+        """Gain of the best design over the design of the file, in the goal's unit."""
+        if self.best.goal_value is None or self.base.goal_value is None:
+            return None
+        return self.best.goal_value - self.base.goal_value
+
+    @property
+    def gain_error_db(self) -> float | None:
+        """Error bar of the gain, dB: both designs' own expected errors."""
+        if self.gain is None:
+            return None
+        base, best = (each.goal_error(self.settings.goal) for each in (self.base, self.best))
+        return None if base is None or best is None else base + best
+
+    @property
+    def tradeoff(self) -> list[FoundDesign]:
+        """Assembled plates within the limits that no other beats in goal, frequency and mass at once, best goal first."""
+        return front([each for each in self.by_fidelity[PLATE] if each.keeps])
+
+
 class Budget(NamedTuple):
     """How many designs each model evaluates at most: 0 where it is left out, by the rules in `left_out`."""
 
@@ -63,80 +119,8 @@ class Budget(NamedTuple):
     left_out: tuple[Simplification, ...] = ()
 
 
-def budget_of(space: Space, settings: Settings) -> Budget:
-    """Decide which models lead to the assembled plates."""
-    design = space.case().design
-    alike = not UNLIKE & {variable.key for variable in space.variables}
-    columns = bool(design.pillar and alike and _have_columns(space))
-    screened, rules = settings.goal != "widest", []
-    if not screened:
-        what, why = "strips over the whole box", "they say nothing of how wide a band the rows stop"
-        rules.append(Simplification("no_strips", what, why))
-    if not columns:
-        what, why = "columns of reduced cells", "they take pillars that hexahedra follow"
-        rules.append(Simplification("no_columns", what, why))
-    strips = len(screening_points(space)) if screened else 0
-    return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
-
-
-def search(
-    space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None, budget: Budget | None = None
-) -> Outcome:
-    """Search the best design of a space. Raises InputError without rows, CheckFailed when no design keeps the limits."""
-    check(space, settings)
-    return _Search(space, settings, budget or budget_of(space, settings), log, cache or EvaluationCache()).go()
-
-
-def check(space: Space, settings: Settings) -> None:
-    """InputError for a case or keys that a goal cannot be searched of."""
-    case = space.case()
-    case.require_plate(command="search", several=True)
-    case.require("pillar", "array.pitch_mm", command="search")
-    varied = {variable.key for variable in space.variables}
-    _check_zones(case, varied, settings)
-    if not case.design.rows and "array.rows" not in varied:
-        raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
-    if settings.goal == "widest":
-        checked(case)
-    if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
-        raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
-    if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
-        raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
-
-
-def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
-    if "zone.count" in varied:
-        what = "one zone has no other, must be left alone: search --set zone.count=2, or a study that sweeps it"
-        raise InputError(f"--vary zone.count: {what}")
-    if case.design.zones > 1:
-        if settings.goal not in OF_ZONES:
-            what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
-            raise InputError(f"--goal {settings.goal}: {what}")
-        case.require("patches", command="search")
-        check_zones(case)
-    elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
-        name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
-        raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")
-
-
 class _Spent(Exception):
     """The budget of a fidelity is used up."""
-
-
-def _have_columns(space: Space) -> bool:
-    """Whether hexahedra follow the pillars of every design, as columns of cells ask for.
-
-    Curved ones need room about each foot, which a design of other sizes may lack.
-    """
-    pillar, names = space.case().design.pillar, [variable.key for variable in space.variables if variable.words]
-    if pillar is None or pillar.is_made_of_boxes:
-        return pillar is not None
-    if len(space.variables) > MAX_ENDS or any(not name.endswith("material") for name in names):
-        return False
-    ends = product((0.0, 1.0), repeat=len(space.variables))
-    with suppress(InputError):
-        return all(simplifications.hexahedra(case, "plate") for case in (space.case(space.values(end)) for end in ends))
-    return False
 
 
 class _Search:
@@ -324,6 +308,89 @@ class _Search:
         return leader
 
 
+def front(evaluations: Sequence[FoundDesign]) -> list[FoundDesign]:
+    """Designs that no other beats in goal, frequency and mass at once (Pareto), by falling goal."""
+
+    def worth(each: FoundDesign) -> FloatArray:
+        mass = each.mass_kg if each.mass_kg is not None else 0.0
+        return np.array([each.goal_value or 0.0, each.frequency_hz or 0.0, -mass])
+
+    undominated = [
+        each
+        for each in evaluations
+        if not any((worth(o) >= worth(each)).all() and (worth(o) > worth(each)).any() for o in evaluations)
+    ]
+    return sorted(undominated, key=lambda each: -each.objective)
+
+
+def rate(
+    space: Space, values: Values, result: FidelityResult, settings: Settings, design: Design | None = None
+) -> FoundDesign:
+    """Compute goal, mass and limits of an evaluated design; none of them without one, which could not be built."""
+    own = {"set": space.written(values), "point": values, "warnings": result.warnings}
+    goal: float | None = getattr(result, GOALS[settings.goal][0])
+    if design is None or goal is None or result.frequency_hz is None or result.mac is None:
+        return FoundDesign.of(result, mass_kg=None, violations=[], **own)
+    goal = -goal if unit_of(settings.goal) in LESS else goal
+    violated, strict = (
+        settings.limits.of_design(design)
+        + settings.limits.of_mode(result.frequency_hz, result.mac, slack)
+        + settings.limits.of_zones(result.isolation_db, slack)
+        for slack in (frequency_slack(result.fidelity, design.nodal_lines), 0.0)
+    )
+    excess = sum(amount for _, amount in violated)
+    return FoundDesign.of(
+        result,
+        mass_kg=mass_kg(design),
+        violations=[text for text, _ in violated],
+        goal_value=goal,
+        objective=goal if not violated else -VIOLATION_DB * (1.0 + excess),
+        penalised_objective=goal - STEEP * sum(amount for _, amount in strict) - float(bool(strict)),
+        **own,
+    )
+
+
+def budget_of(space: Space, settings: Settings) -> Budget:
+    """Decide which models lead to the assembled plates."""
+    design = space.case().design
+    alike = not UNLIKE & {variable.key for variable in space.variables}
+    columns = bool(design.pillar and alike and _have_columns(space))
+    screened, rules = settings.goal != "widest", []
+    if not screened:
+        what, why = "strips over the whole box", "they say nothing of how wide a band the rows stop"
+        rules.append(Simplification("no_strips", what, why))
+    if not columns:
+        what, why = "columns of reduced cells", "they take pillars that hexahedra follow"
+        rules.append(Simplification("no_columns", what, why))
+    strips = len(screening_points(space)) if screened else 0
+    return Budget(strips, COLUMNS_A_PLATE * settings.evaluations * columns, settings.evaluations, tuple(rules))
+
+
+def search(
+    space: Space, settings: Settings, log: Log, cache: EvaluationCache | None = None, budget: Budget | None = None
+) -> Outcome:
+    """Search the best design of a space. Raises InputError without rows, CheckFailed when no design keeps the limits."""
+    check(space, settings)
+    return _Search(space, settings, budget or budget_of(space, settings), log, cache or EvaluationCache()).go()
+
+
+def check(space: Space, settings: Settings) -> None:
+    """InputError for a case or keys that a goal cannot be searched of."""
+    case = space.case()
+    case.require_plate(command="search", several=True)
+    case.require("pillar", "array.pitch_mm", command="search")
+    varied = {variable.key for variable in space.variables}
+    _check_zones(case, varied, settings)
+    if not case.design.rows and "array.rows" not in varied:
+        raise InputError(f"{space.path}: array.rows = 0: must be 1 or more, a bare plate confines nothing")
+    if settings.goal == "widest":
+        checked(case)
+    if settings.goal == "worst" and not (case.tolerance and case.tolerance.height_m):
+        raise InputError(f"{space.path}: tolerance.height_mm: missing, --goal worst needs how far heights may be off")
+    if settings.goal == "extension" and not case.design.extension_m and "array.extension_mm" not in varied:
+        raise InputError(f"{space.path}: array.extension_mm = 0: must be above 0 for --goal extension")
+
+
 def screening_points(space: Space) -> FloatArray:
     """Points of the unit cube that strips evaluate, (n, keys): a grid up to two keys, Sobol's points beyond."""
     count = len(space.variables)
@@ -359,6 +426,37 @@ def spread(evaluations: Iterable[FoundDesign], count: int, space: Space) -> list
         if all((np.abs(here - space.shares(other.point)) >= apart).any() for other in picked):
             picked.append(each)
     return picked
+
+
+def _check_zones(case: Case, varied: set[str], settings: Settings) -> None:
+    if "zone.count" in varied:
+        what = "one zone has no other, must be left alone: search --set zone.count=2, or a study that sweeps it"
+        raise InputError(f"--vary zone.count: {what}")
+    if case.design.zones > 1:
+        if settings.goal not in OF_ZONES:
+            what = f"of one zone alone, must be {', '.join(OF_ZONES[:-1])} or {OF_ZONES[-1]} with several"
+            raise InputError(f"--goal {settings.goal}: {what}")
+        case.require("patches", command="search")
+        check_zones(case)
+    elif settings.goal in OF_ZONES[2:] or settings.limits.isolation_db is not None:
+        name = f"--goal {settings.goal}" if settings.goal in OF_ZONES[2:] else "--min-isolation"
+        raise InputError(f"{name}: one zone has no other, needs zone.count of 2 or more")
+
+
+def _have_columns(space: Space) -> bool:
+    """Whether hexahedra follow the pillars of every design, as columns of cells ask for.
+
+    Curved ones need room about each foot, which a design of other sizes may lack.
+    """
+    pillar, names = space.case().design.pillar, [variable.key for variable in space.variables if variable.words]
+    if pillar is None or pillar.is_made_of_boxes:
+        return pillar is not None
+    if len(space.variables) > MAX_ENDS or any(not name.endswith("material") for name in names):
+        return False
+    ends = product((0.0, 1.0), repeat=len(space.variables))
+    with suppress(InputError):
+        return all(simplifications.hexahedra(case, "plate") for case in (space.case(space.values(end)) for end in ends))
+    return False
 
 
 def _simplex(origin: FloatArray, first: float) -> FloatArray:

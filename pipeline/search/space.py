@@ -14,13 +14,12 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from geometry.elements import FloatArray
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from pipeline.case.diagnostics import nearest
 from pipeline.case.model import Case, parsed
-from pipeline.case.reading import HEIGHTS, INSTEAD, SIDES, apply_overrides, toml_text
+from pipeline.case.reading import HEIGHTS, INSTEAD, SIDES, apply_overrides, nearest, toml_text
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES, known_keys
 from pipeline.errors import InputError
+from pipeline.quantity import MM
 from pipeline.search.terms import Range, Window
-from pipeline.units import MM
 
 VARIED = ("plate", "zone", "pillar", "tip", "array")  # the tables that shape the plate
 STEP_MM = 0.01  # a printer holds no more

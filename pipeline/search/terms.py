@@ -1,14 +1,19 @@
-"""The terms of a search: models, goals, and keys between two ends. Only light modules are imported: help shows them."""
+"""The terms of a search: models, goals, limits, and keys between two ends. It loads light modules: help shows them."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from math import atan2, degrees
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pipeline.errors import InputError
-from pipeline.quantity import figure, frequency_with_bar, level_with_bar, with_bar
+from pipeline.quantity import KHZ, MM, figure, frequency, frequency_with_bar, level, level_with_bar, with_bar
 from pipeline.records.part import Part, bar, column, live
 
+if TYPE_CHECKING:
+    from geometry.layout import Design, Pillar
+
 STRIP, COLUMN, PLATE, SOLID = "strip", "column", "plate", "solid"
+
 GOALS = {  # of a design: the figure that is raised, and its words on an axis
     "confinement": ("confinement_db", "confinement (dB)"),
     "extension": ("extension_db", "zone to extension (dB)"),
@@ -17,6 +22,7 @@ GOALS = {  # of a design: the figure that is raised, and its words on an axis
     "isolation": ("isolation_db", "driven zone over the others (dB)"),
     "closest": ("gap_mm", "gap between zones (mm)"),
 }
+
 UNITS = {"widest": "kHz", "closest": "mm"}  # of a goal; dB of any other
 LESS = ("mm",)  # of units: the less the better, so that a goal counts below 0
 End = float | str | bool  # of a range: a number in the file's unit, or one of two choices
@@ -24,11 +30,6 @@ MISSING = "must be KEY=LOW:HIGH, such as pillar.height_mm=5:8"
 UNBUILT = -1e6  # objective of what cannot be built or evaluated
 Values = tuple[float | int, ...]
 Window = tuple[float, float]  # kHz
-
-
-def unit_of(goal: str) -> str:
-    """Return the unit of a goal."""
-    return UNITS.get(goal, "dB")
 
 
 class Range(NamedTuple):
@@ -130,3 +131,80 @@ class FoundDesign(FidelityResult):
         """Half-width of the error bar of a goal's level; None for a goal that is no level, and without an estimate."""
         error: float | None = getattr(self, f"{GOALS[goal][0].removesuffix('_db')}_error_db", None)
         return error
+
+
+class Limits(Part):
+    """What a design must keep: limits on the target mode, on what is printed, and on a driven zone's level over the others."""
+
+    lowest_hz: float = column("least frequency of the target mode", "Hz", default=25 * KHZ)
+    half_wavelength_m: float = column("largest half-wavelength along the zone", "m", default=20 * MM)
+    feature_m: float = column("smallest feature", "m", default=0.4 * MM)
+    mac: float = column("least modal assurance to the target shape", default=0.8)
+    isolation_db: float | None = column(
+        "least level of a driven zone over every other; None for no limit", "dB", default=None
+    )
+
+    def of_design(self, design: Design) -> list[tuple[str, float]]:
+        """Limits that the geometry alone violates: in words, and by how much (relative)."""
+        from geometry.cad.printing import SUPPORT_DEG, features
+
+        violations = []
+        half = design.half_wavelength_m or design.length_m  # rigid shapes: the whole length
+        if not half <= self.half_wavelength_m:
+            text = f"half-wavelength {figure(half / MM)} mm, at most {self.half_wavelength_m / MM:g}"
+            violations.append((text, half / self.half_wavelength_m - 1.0))
+        name, size = min(features(design).items(), key=lambda item: item[1])
+        if size < self.feature_m * (1.0 - 1e-9):
+            violations.append(
+                (f"{name} {size / MM:g} mm, at least {self.feature_m / MM:g}", 1.0 - size / self.feature_m)
+            )
+        lean = max((overhang_deg(pillar) for pillar in design.kinds), default=0.0)
+        first = design.pillar
+        if first and design.rows and first.faces == 2 and first.material == design.stack.back:
+            violations.append(
+                ("pillars on both faces cannot be printed with the plate: its underside is a ceiling", 1.0)
+            )
+        if lean > SUPPORT_DEG:
+            violations.append(
+                (f"pillars lean out by {figure(lean)} degrees, at most {SUPPORT_DEG:g}", lean / SUPPORT_DEG - 1.0)
+            )
+        return violations
+
+    def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
+        """Limits that the target mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
+        violations = []
+        if frequency_hz < self.lowest_hz * (1.0 - slack):
+            text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
+            violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
+        if mac < self.mac * (1.0 - slack):
+            violations.append((f"MAC {figure(mac)} to the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+        return violations
+
+    def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:
+        """The limit on a driven zone's level over the others, in the same way."""
+        least = self.isolation_db
+        if least is None or isolation_db is None or isolation_db >= least * (1.0 - slack):
+            return []
+        return [(f"zones {level(isolation_db)} apart, at least {least:g}", 1.0 - isolation_db / least)]
+
+
+def unit_of(goal: str) -> str:
+    """Return the unit of a goal."""
+    return UNITS.get(goal, "dB")
+
+
+def overhang_deg(pillar: Pillar) -> float:
+    """How far the pillar's sides lean outwards, degrees from the vertical; 0 for those that do not, and for a STEP file.
+
+    A heavy tip of the pillar's own material is printed with it: one that is wider has a level underside.
+    """
+    tip = pillar.tip
+    if tip and tip.material == pillar.material and tip.side_m > pillar.tip_m:
+        return 90.0
+    return max(0.0, degrees(atan2((pillar.tip_m - pillar.base_m) / 2.0, pillar.height_m)))
+
+
+def mass_kg(design: Design) -> float:
+    """Plate and pillars, fillets left out, kg."""
+    plate = design.length_m * 2.0 * design.half_span_m * design.stack.mass_kg_m2
+    return plate + sum(len(each.centres) * each.pillar.faces * each.pillar.mass_kg for each in design.standing())

@@ -1,6 +1,6 @@
 """What each mesh did to the frequencies of the reference parts: the committed table that planner and error bars read.
 
-`python -m studies.calibration` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
+`python -m studies.accuracy` writes `calibration.csv` from the stored accuracy study: the largest relative error of each part
 by element, order, graded layers and share of the planner's own element size, or tetrahedra across; of the zone's hexahedra at
 higher modes too; that of a theory's first frequency; how much of what may move a confinement at most does move it. Other
 scenes than those of the study are given SAFETY times as much.

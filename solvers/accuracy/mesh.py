@@ -26,7 +26,7 @@ from solvers.accuracy.singularity import (
 )
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, factor_near
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import Pencil, SolidModel
 
 if TYPE_CHECKING:

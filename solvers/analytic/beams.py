@@ -1,12 +1,13 @@
-"""Euler-Bernoulli beams: exact wavenumbers, frequencies and shapes, finite elements of layered ones, and a root-finder."""
+"""Beams by Euler-Bernoulli and Timoshenko: exact frequencies and shapes, elements of layered, Ritz for tapered ones."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from itertools import islice, pairwise
-from math import isfinite, pi, sqrt
+from itertools import chain, islice, pairwise, takewhile
+from itertools import count as numbers
+from math import inf, isfinite, pi, sqrt
 from typing import Literal
 
 import numpy as np
@@ -14,12 +15,101 @@ from numpy.polynomial import legendre
 from numpy.typing import ArrayLike
 
 from geometry.elements import FloatArray
-from solvers.errors import SolverError
-
-# -- roots between brackets --------------------------------------------------------------------------------------------
-# A root between two ends of opposite sign, without the quarter of a second that importing a whole optimiser takes.
+from geometry.materials import Material
+from solvers.errors import SolverError, check_above_zero
 
 MAX_COUNT = 200
+End = Literal["clamped", "pinned", "sliding", "free"]
+
+# the derivatives of w that vanish: w = 0 deflection, 1 slope, 2 moment, 3 shear force
+VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "sliding": (1, 3), "free": (2, 3)}
+
+LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
+STEP = pi / 16.0  # roots of one pair lie about pi apart
+BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
+PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
+
+ENOUGH = 14  # polynomial degree beyond twice the mode number; the series converges exponentially
+LOWEST_SCANNED = 0.3  # smallest bending wavenumber times L scanned, below the smallest root of any pair (about pi/2)
+REFINE = 1e-6  # relative half width of the interval around a Ritz frequency searched for the exact root
+
+
+@dataclass(frozen=True)
+class BeamMode:
+    """One mode: phi(s) = sum of coefficients times basis, s = x/L in [0, 1], mean of phi^2 equal to 1.
+
+    kappa is beta L, dimensionless; 0 marks a rigid-body mode. Source: blevins1979.
+    """
+
+    kappa: float
+    coefficients: tuple[float, float, float, float]
+
+    def shape(self, s: ArrayLike, derivative: int = 0) -> FloatArray:
+        """d^n phi/ds^n at s, the shape of s; dimensionless."""
+        return np.asarray(_basis(self.kappa, np.asarray(s, dtype=float), derivative) @ np.array(self.coefficients))
+
+
+@dataclass(frozen=True)
+class BeamMatrices:
+    """K over (u, w) and M over w. nodes_m (n + 1,); u has 2 n + 1 degrees of freedom, w has (w, w') at each node.
+
+    stretching (u, u), coupling (u, w), bending (w, w), mass (w, w).
+    """
+
+    nodes_m: FloatArray
+    stretching: FloatArray
+    coupling: FloatArray
+    bending: FloatArray
+    mass: FloatArray
+
+
+@dataclass(frozen=True)
+class EndBody:
+    """A rigid body on a beam's end: mass, rotary inertia about its own centre, how far that lies beyond the end. SI."""
+
+    mass_kg: float
+    inertia_kg_m2: float
+    arm_m: float
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A beam in bending, SI. width_ratio(s), s = x/L, scales every section size against the one at s = 0; `end` is carried
+    at s = 1.
+
+    length_m L; bending_n_m2 EI, shear_n kappa G A, mass_kg_m rho A, rotary_kg_m rho I, all at s = 0.
+    """
+
+    length_m: float
+    bending_n_m2: float
+    shear_n: float
+    mass_kg_m: float
+    rotary_kg_m: float
+    width_ratio: Callable[[FloatArray], FloatArray] | None = None
+    end: EndBody | None = None
+
+    @property
+    def flexibility(self) -> float:
+        """E I/(kappa G A L^2), dimensionless: 0 is Euler-Bernoulli's beam."""
+        return self.bending_n_m2 / (self.shear_n * self.length_m**2)
+
+    @property
+    def rotation(self) -> float:
+        """I/(A L^2), dimensionless: rotary inertia."""
+        return self.rotary_kg_m / (self.mass_kg_m * self.length_m**2)
+
+    @property
+    def end_shares(self) -> tuple[float, float, float]:
+        """The end body's mass over rho A L, its inertia over rho A L^3 and its arm over L; zeros without one."""
+        if self.end is None:
+            return 0.0, 0.0, 0.0
+        mass = self.mass_kg_m * self.length_m
+        return self.end.mass_kg / mass, self.end.inertia_kg_m2 / mass / self.length_m**2, self.end.arm_m / self.length_m
+
+    @property
+    def unit_rad_s(self) -> float:
+        """sqrt(EI/(rho A L^4)), rad/s: omega over this is the dimensionless frequency."""
+        return sqrt(self.bending_n_m2 / self.mass_kg_m) / self.length_m**2
 
 
 def root_between(
@@ -59,71 +149,11 @@ def roots_along(function: Callable[[float], float], grid: Iterable[float], xtol:
             yield root_between(function, low, high, xtol)
 
 
-def _inverse_quadratic(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
-    """Share of the way from a to b where the parabola x(f) through three points has f = 0; half where that is not safe."""
-    if fc in (fa, fb):
-        return 0.5
-    xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-    if phi**2 >= xi or (1.0 - phi) ** 2 >= 1.0 - xi:
-        return 0.5
-    return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-
-
-# -- exact modes -------------------------------------------------------------------------------------------------------
-# Euler-Bernoulli beams: wavenumbers, frequencies and shapes for every pair of end conditions.
-# The four basis functions are centred and scaled to one at the ends, so nothing overflows at any mode number.
-
-End = Literal["clamped", "pinned", "sliding", "free"]
-# the derivatives of w that vanish: w = 0 deflection, 1 slope, 2 moment, 3 shear force
-VANISHING: dict[str, tuple[int, int]] = {"clamped": (0, 1), "pinned": (0, 2), "sliding": (1, 3), "free": (2, 3)}
-LOWEST = 0.5  # below the smallest root of any pair (pi/2), above the trivial one
-STEP = pi / 16.0  # roots of one pair lie about pi apart
-BRACKETED = 16  # from the root of this number on, near 50, exp(-beta L) is below rounding and roots lie pi apart
-PANEL, PANEL_PHASE = np.polynomial.legendre.leggauss(16), 4.0  # a Gauss rule for so much of kappa s: exact to rounding
-
-
-@dataclass(frozen=True)
-class BeamMode:
-    """One mode: phi(s) = sum of coefficients times basis, s = x/L in [0, 1], mean of phi^2 equal to 1.
-
-    kappa is beta L, dimensionless; 0 marks a rigid-body mode. Source: blevins1979.
-    """
-
-    kappa: float
-    coefficients: tuple[float, float, float, float]
-
-    def shape(self, s: ArrayLike, derivative: int = 0) -> FloatArray:
-        """d^n phi/ds^n at s, the shape of s; dimensionless."""
-        return np.asarray(_basis(self.kappa, np.asarray(s, dtype=float), derivative) @ np.array(self.coefficients))
-
-
 def check_ends(*ends: str) -> None:
     """SolverError when an end condition is not clamped, pinned, sliding or free."""
     for end in ends:
         if end not in VANISHING:
             raise SolverError(f"end condition {end!r}: must be one of {', '.join(VANISHING)}")
-
-
-def _basis(kappa: float, s: FloatArray, derivative: int = 0) -> FloatArray:
-    """cos, sin, scaled cosh and sinh of kappa (s - 1/2), last axis 4; for kappa = 0 the rigid-body modes 1, 2s - 1."""
-    t = s - 0.5
-    if kappa == 0.0:
-        columns = [np.ones_like(t), 2.0 * t] if derivative == 0 else [np.zeros_like(t), np.full_like(t, 2.0)]
-        columns = columns if derivative <= 1 else [np.zeros_like(t)] * 2
-        return np.stack([*columns, np.zeros_like(t), np.zeros_like(t)], axis=-1)
-    phase = kappa * t + derivative * pi / 2.0
-    rising, falling = np.exp(kappa * (t - 0.5)), np.exp(-kappa * (t + 0.5))
-    even, odd = (rising + falling) / (1.0 + np.exp(-kappa)), (rising - falling) / (1.0 - np.exp(-kappa))
-    if derivative % 2:
-        tanh = np.tanh(kappa / 2.0)
-        even, odd = odd * tanh, even / tanh
-    return kappa**derivative * np.stack([np.cos(phase), np.sin(phase), even, odd], axis=-1)
-
-
-def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
-    """The four end conditions on the four coefficients, rows scaled by kappa^-n."""
-    rows = [_basis(kappa, np.array(s), n) / kappa**n for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end]]
-    return np.stack(rows)
 
 
 def rigid_count(left: End, right: End) -> int:
@@ -144,31 +174,6 @@ def roots(left: End, right: End, count: int) -> tuple[float, ...]:
     if count < 0:
         raise SolverError(f"count = {count}: must be 0 or more")
     return _first_roots(left, right, 1 << max(count - 1, 3).bit_length())[:count]
-
-
-@lru_cache(maxsize=64)
-def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
-    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
-    bracketed = min(count, BRACKETED)
-    grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
-    found = roots_along(lambda kappa: float(np.linalg.det(_end_matrix(kappa, left, right))), grid, 1e-13)
-    roots = list(islice(found, bracketed))
-    if len(roots) < bracketed:
-        raise SolverError(f"{left}-{right} beam: {len(roots)} of {bracketed} roots were found")
-    quarters = round(4.0 * roots[-1] / pi)
-    return (*roots, *(pi / 4.0 * (quarters + 4 * n) for n in range(1, count - bracketed + 1)))
-
-
-def _normalised(kappa: float, coefficients: FloatArray) -> BeamMode:
-    panels = int(kappa / PANEL_PHASE) + 1
-    s = ((PANEL[0] + 1.0) / 2.0 + np.arange(panels)[:, None]).ravel() / panels
-    phi = _basis(kappa, s) @ coefficients
-    scale = sqrt(float(np.tile(PANEL[1], panels) @ phi**2) / 2.0 / panels)
-    tip = float(_basis(kappa, np.array(1.0)) @ coefficients)
-    turn = float(_basis(kappa, np.array(1.0), 1) @ coefficients)
-    sign = np.sign(tip) if abs(tip) > 1e-6 * scale else -np.sign(turn) or 1.0
-    a, b, c, d = coefficients * (float(sign) / scale)
-    return BeamMode(kappa, (float(a), float(b), float(c), float(d)))
 
 
 @lru_cache(maxsize=512)
@@ -201,26 +206,6 @@ def antinodes(mode: BeamMode) -> tuple[float, ...]:
 def frequency_hz(kappa: FloatArray, length_m: float, bending_n_m2: float, mass_kg_m: float) -> FloatArray:
     """f = kappa^2/(2 pi L^2) sqrt(EI/(rho A)), Hz, shape of kappa, from L in m, EI in N m2, rho A in kg/m."""
     return kappa**2 / (2.0 * pi * length_m**2) * sqrt(bending_n_m2 / mass_kg_m)
-
-
-# -- finite elements ---------------------------------------------------------------------------------------------------
-# Finite elements of a layered beam: cubic deflection, quadratic extension, and the coupling of a one-sided layer.
-# Strain u' - z w'': the energy is 1/2 integral of EA u'^2 - 2 ES u' w'' + EI w''^2, mass rho A for the deflection
-# alone (Euler-Bernoulli; extension follows without inertia).
-
-
-@dataclass(frozen=True)
-class BeamMatrices:
-    """K over (u, w) and M over w. nodes_m (n + 1,); u has 2 n + 1 degrees of freedom, w has (w, w') at each node.
-
-    stretching (u, u), coupling (u, w), bending (w, w), mass (w, w).
-    """
-
-    nodes_m: FloatArray
-    stretching: FloatArray
-    coupling: FloatArray
-    bending: FloatArray
-    mass: FloatArray
 
 
 def hermite(s: FloatArray, length_m: FloatArray | float, derivative: int = 0) -> FloatArray:
@@ -264,3 +249,235 @@ def deflection_rows(nodes_m: FloatArray, points_m: FloatArray) -> FloatArray:
     rows = np.zeros((len(points_m), 2 * len(nodes_m)))
     rows[np.arange(len(points_m))[:, None], 2 * element[:, None] + np.arange(4)] = values
     return rows
+
+
+def beam_of(length_m: float, area_m2: float, about_m4: float, shear_factor: float, material: Material) -> Beam:
+    """A uniform beam along z from its section's area, second moment and shear factor.
+
+    Raises SolverError for a size that is not above 0.
+    """
+    for what, value in (("length", length_m), ("section", min(area_m2, about_m4))):
+        check_above_zero(f"beam {what}", value)
+    rod, density = material.rod(2), material.density_kg_m3
+    shear = shear_factor * rod.shear_pa * area_m2
+    return Beam(length_m, rod.young_pa * about_m4, shear, density * area_m2, density * about_m4)
+
+
+def check_beam(beam: Beam, count: int) -> None:
+    """SolverError unless every size is finite and above 0 and at least one mode is asked."""
+    sizes = (beam.length_m, beam.bending_n_m2, beam.shear_n, beam.mass_kg_m, beam.rotary_kg_m)
+    if count < 1 or not all(np.isfinite(size) and size > 0.0 for size in sizes):
+        raise SolverError(f"beam {sizes}, count {count}: every number must be finite and above 0")
+
+
+def ritz_frequencies_hz(beam: Beam, left: End, right: End, count: int, rigid_shear: bool = False) -> FloatArray:
+    """The first `count` elastic frequencies from above, Hz; for uniform beams exact_omegas is exact.
+
+    Minimises integral of EI psi'^2 + kappa G A (w' - psi)^2 over integral of rho A w^2 + rho I psi^2, to which a body on the
+    right end adds M (w + d psi)^2 + J psi^2 there; rigid_shear leaves the beam's shear and rotary inertia out
+    (Euler-Bernoulli). SolverError as exact_omegas.
+    """
+    check_ends(left, right)
+    check_beam(beam, count)
+    if rigid_shear:
+        beam = replace(beam, shear_n=inf, rotary_kg_m=0.0)
+    return ritz_omegas(beam, left, right, count) * beam.unit_rad_s / (2.0 * pi)
+
+
+def ritz_omegas(beam: Beam, left: End, right: End, count: int) -> FloatArray:
+    """Dimensionless elastic frequencies omega sqrt(rho A L^4/EI), shape (count,)."""
+    degree = 2 * count + ENOUGH
+    stiffness, mass = _matrices(beam, degree)
+    from scipy.linalg import eigh, null_space  # slow to import, and uniform beams need none
+
+    basis = null_space(_constraints(beam, left, right, degree))
+    values = eigh(basis.T @ stiffness @ basis, basis.T @ mass @ basis, eigvals_only=True)
+    rigid = rigid_count(left, right)
+    return np.sqrt(np.abs(values[rigid : rigid + count]))
+
+
+def exact_omegas(beam: Beam, left: End, right: End, count: int) -> list[float]:
+    """The first `count` elastic frequencies in units of beam.unit_rad_s; rigid-body modes are left out.
+
+    EI psi'' + kappa G A (w' - psi) + rho I omega^2 psi = 0, kappa G A (w'' - psi') + rho A omega^2 w = 0.
+    Raises SolverError for an unknown end, count < 1, a size that is not above 0, a tapered beam or a body on its end.
+    Source: timoshenko1921.
+    """
+    check_ends(left, right)
+    check_beam(beam, count)
+    if beam.width_ratio is not None or beam.end is not None:
+        raise SolverError("a tapered beam, or one that carries a body, has no exact solution: use ritz_frequencies_hz")
+    cutoff = 1.0 / sqrt(beam.flexibility * beam.rotation)
+    below = takewhile(lambda omega: omega < cutoff, (_omega_of(LOWEST_SCANNED + STEP * i, beam) for i in numbers()))
+    omegas = list(islice(_roots(chain(below, [cutoff * (1.0 - 1e-12)]), beam, left, right), count))
+    return omegas if len(omegas) == count else _beyond_cutoff(beam, left, right, count, omegas)
+
+
+def characteristic(omega: float, beam: Beam, left: str, right: str) -> float:
+    """Determinant of the four end conditions at the dimensionless frequency omega; 0 at an exact mode.
+
+    lambda^4 + (b + r omega^2) lambda^2 + r omega^2 b - omega^2 = 0, b = flexibility omega^2, r = rotation.
+    """
+    return float(np.linalg.det(_timoshenko_end_matrix(omega, beam, left, right)))
+
+
+def _inverse_quadratic(a: float, b: float, c: float, fa: float, fb: float, fc: float) -> float:
+    """Share of the way from a to b where the parabola x(f) through three points has f = 0; half where that is not safe."""
+    if fc in (fa, fb):
+        return 0.5
+    xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
+    if phi**2 >= xi or (1.0 - phi) ** 2 >= 1.0 - xi:
+        return 0.5
+    return fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
+
+
+def _basis(kappa: float, s: FloatArray, derivative: int = 0) -> FloatArray:
+    """cos, sin, scaled cosh and sinh of kappa (s - 1/2), last axis 4; for kappa = 0 the rigid-body modes 1, 2s - 1."""
+    t = s - 0.5
+    if kappa == 0.0:
+        columns = [np.ones_like(t), 2.0 * t] if derivative == 0 else [np.zeros_like(t), np.full_like(t, 2.0)]
+        columns = columns if derivative <= 1 else [np.zeros_like(t)] * 2
+        return np.stack([*columns, np.zeros_like(t), np.zeros_like(t)], axis=-1)
+    phase = kappa * t + derivative * pi / 2.0
+    rising, falling = np.exp(kappa * (t - 0.5)), np.exp(-kappa * (t + 0.5))
+    even, odd = (rising + falling) / (1.0 + np.exp(-kappa)), (rising - falling) / (1.0 - np.exp(-kappa))
+    if derivative % 2:
+        tanh = np.tanh(kappa / 2.0)
+        even, odd = odd * tanh, even / tanh
+    return kappa**derivative * np.stack([np.cos(phase), np.sin(phase), even, odd], axis=-1)
+
+
+def _end_matrix(kappa: float, left: str, right: str) -> FloatArray:
+    """The four end conditions on the four coefficients, rows scaled by kappa^-n."""
+    rows = [_basis(kappa, np.array(s), n) / kappa**n for s, end in ((0.0, left), (1.0, right)) for n in VANISHING[end]]
+    return np.stack(rows)
+
+
+@lru_cache(maxsize=64)
+def _first_roots(left: str, right: str, count: int) -> tuple[float, ...]:
+    """Bracketed roots; beyond BRACKETED those of trigonometry alone, quarters of pi: what is left out is below exp(-50)."""
+    bracketed = min(count, BRACKETED)
+    grid = np.arange(LOWEST, (bracketed + 2) * pi, STEP)
+    found = roots_along(lambda kappa: float(np.linalg.det(_end_matrix(kappa, left, right))), grid, 1e-13)
+    roots = list(islice(found, bracketed))
+    if len(roots) < bracketed:
+        raise SolverError(f"{left}-{right} beam: {len(roots)} of {bracketed} roots were found")
+    quarters = round(4.0 * roots[-1] / pi)
+    return (*roots, *(pi / 4.0 * (quarters + 4 * n) for n in range(1, count - bracketed + 1)))
+
+
+def _normalised(kappa: float, coefficients: FloatArray) -> BeamMode:
+    panels = int(kappa / PANEL_PHASE) + 1
+    s = ((PANEL[0] + 1.0) / 2.0 + np.arange(panels)[:, None]).ravel() / panels
+    phi = _basis(kappa, s) @ coefficients
+    scale = sqrt(float(np.tile(PANEL[1], panels) @ phi**2) / 2.0 / panels)
+    tip = float(_basis(kappa, np.array(1.0)) @ coefficients)
+    turn = float(_basis(kappa, np.array(1.0), 1) @ coefficients)
+    sign = np.sign(tip) if abs(tip) > 1e-6 * scale else -np.sign(turn) or 1.0
+    a, b, c, d = coefficients * (float(sign) / scale)
+    return BeamMode(kappa, (float(a), float(b), float(c), float(d)))
+
+
+def _rows(points: FloatArray, beam: Beam, degree: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """w, psi, psi' and g at the points as rows over (w, g) coefficients; psi = w' - flexibility g."""
+    value: FloatArray = np.asarray(legendre.legvander(points, degree), dtype=np.float64)
+    series = np.eye(degree + 1)
+    slope: FloatArray = np.asarray(2.0 * legendre.legval(points, legendre.legder(series)).T, dtype=np.float64)
+    curve: FloatArray = np.asarray(4.0 * legendre.legval(points, legendre.legder(series, 2)).T, dtype=np.float64)
+    zero, flex = np.zeros_like(value), beam.flexibility
+    if flex == 0.0:
+        return value, slope, curve, zero
+    return (
+        np.hstack([value, zero]),
+        np.hstack([slope, -flex * value]),
+        np.hstack([curve, -flex * slope]),
+        np.hstack([zero, value]),
+    )
+
+
+def _matrices(beam: Beam, degree: int) -> tuple[FloatArray, FloatArray]:
+    points, weights = legendre.leggauss(degree + 12)
+    ratio = np.ones_like(points) if beam.width_ratio is None else beam.width_ratio((points + 1.0) / 2.0)
+    deflection, rotation, bending, shear = _rows(points, beam, degree)
+    stiffness = _gram(bending, weights * ratio**4) + _gram(shear, weights * ratio**2 * beam.flexibility)
+    mass = _gram(deflection, weights * ratio**2) + _gram(rotation, weights * ratio**4 * beam.rotation)
+    heavy, turned, arm = beam.end_shares
+    deflection, rotation, _, _ = _rows(np.array([1.0]), beam, degree)
+    at_end = _gram(deflection + arm * rotation, np.array([heavy])) + _gram(rotation, np.array([turned]))
+    return stiffness / 2.0, mass / 2.0 + at_end
+
+
+def _gram(rows: FloatArray, weights: FloatArray) -> FloatArray:
+    return np.asarray(rows.T @ (weights[:, None] * rows))
+
+
+def _constraints(beam: Beam, left: str, right: str, degree: int) -> FloatArray:
+    """Rows that hold w (clamped, pinned) and psi (clamped, sliding) at the ends; the energy gives the rest."""
+    rows = [np.zeros((degree + 1) * (1 if beam.flexibility == 0.0 else 2))]
+    for end, at in ((left, -1.0), (right, 1.0)):
+        deflection, rotation, _, _ = (row[0] for row in _rows(np.array([at]), beam, degree))
+        rows += [deflection] if end in ("clamped", "pinned") else []
+        rows += [rotation] if end in ("clamped", "sliding") else []
+    return np.stack(rows)
+
+
+def _omega_of(wavenumber: float, beam: Beam) -> float:
+    """Dimensionless frequency of the bending wave of this wavenumber times L."""
+    flex, turn, square = beam.flexibility, beam.rotation, wavenumber**2
+    p = (flex + turn) * square + 1.0
+    return sqrt(2.0 * square**2 / (p + sqrt(p**2 - 4.0 * flex * turn * square**2)))
+
+
+def _roots(omegas: Iterable[float], beam: Beam, left: str, right: str) -> Iterator[float]:
+    return roots_along(lambda omega: characteristic(omega, beam, left, right), omegas, 1e-14)
+
+
+def _beyond_cutoff(beam: Beam, left: End, right: End, count: int, below: list[float]) -> list[float]:
+    """The first `count` roots when some lie above the cut-off: Ritz estimates, refined where a root is alone."""
+    estimates = ritz_omegas(beam, left, right, count)
+    refined = list(below)
+    for estimate in estimates[len(below) :]:
+        around = estimate * np.array([1.0 - REFINE, 1.0 + REFINE])
+        refined.append(next(_roots(around, beam, left, right), float(estimate)))
+    return refined
+
+
+def _timoshenko_end_matrix(omega: float, beam: Beam, left: str, right: str) -> FloatArray:
+    basis = _basis_of(omega, beam)
+    rows = []
+    for t, end in ((-0.5, left), (0.5, right)):
+        deflection, rotation, moment, shear = basis(t)
+        rows.append(deflection if end in ("clamped", "pinned") else shear)
+        rows.append(rotation if end in ("clamped", "sliding") else moment)
+    matrix = np.stack(rows)
+    return np.asarray(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
+
+
+def _basis_of(omega: float, beam: Beam) -> Callable[[float], tuple[FloatArray, FloatArray, FloatArray, FloatArray]]:
+    """w, psi, psi' and (w' - psi)/b of the four exact solutions as a function of t = s - 1/2.
+
+    Two solutions have wavenumber^2 = trig, two lambda^2 = other; these are scaled to one at the ends.
+    """
+    b, turn = beam.flexibility * omega**2, beam.rotation * omega**2
+    half, product = (b + turn) / 2.0, turn * b - omega**2
+    trig = half + sqrt(half**2 - product)
+    other = -product / trig
+    a, root = sqrt(trig), sqrt(abs(other))
+
+    def at(t: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        c, s = np.cos(a * t), np.sin(a * t) / a
+        even, odd = _hyperbolic(root, t) if other >= 0.0 else (np.cos(root * t), np.sin(root * t))
+        over = odd / root if root > 0.0 else t
+        deflection = np.array([c, s, even, other * over])
+        rotation = np.array([(b - trig) * s, (1.0 - b / trig) * c, (other + b) * over, (other + b) * even])
+        moment = np.array([(b - trig) * c, (b - trig) * s, (other + b) * even, (other + b) * other * over])
+        return deflection, rotation, moment, np.array([-s, c / trig, -over, -even])
+
+    return at
+
+
+def _hyperbolic(root: float, t: float) -> tuple[float, float]:
+    """cosh and sinh of root t over cosh(root/2), by decaying exponentials only."""
+    rising, falling = np.exp(root * (abs(t) - 0.5)), np.exp(-root * (abs(t) + 0.5))
+    scale = 1.0 + np.exp(-root)
+    return float((rising + falling) / scale), float(np.sign(t) * (rising - falling) / scale)

@@ -1,11 +1,12 @@
-"""The zone as a plate, sides y = +-W/2 held and ends x = +-L/2 free: thin (Kirchhoff) and shear-flexible (Mindlin)."""
+"""Plates without a mesh: the zone by Kirchhoff and by Mindlin, exact waves of a free plate, and their number of modes."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import islice
-from math import cos, pi, sin, sqrt, tanh
+from math import cos, cosh, floor, hypot, pi, sin, sinh, sqrt, tanh
 from typing import Literal
 
 import numpy as np
@@ -13,12 +14,19 @@ from numpy.polynomial import legendre
 from threadpoolctl import ThreadpoolController
 
 from geometry.elements import FloatArray
-from geometry.stack import Stack
+from geometry.layout import Pillar
+from geometry.materials import Material, Stack
 from solvers.analytic.beams import free_free_mode, roots_along
 from solvers.errors import SolverError
 
-# -- formulas and exact solutions --------------------------------------------------------------------------------------
-# The zone as a thin plate: sides y = 0 and y = W clamped, ends x = +-L/2 free. The thesis' formula and exact solutions.
+Sides = Literal["pinned", "clamped"]
+ACROSS = 5  # even polynomials across the zone
+MAX_LINES = 40  # beyond, the dense matrices would take seconds
+
+THIN = 0.05  # k h / 2 below which the two terms of the flexural equation cancel too far for double precision
+ROUNDS, TERMS = 30, 9  # to rounding below THIN
+SOME = 0.5  # of a branch on a clamped plate: fewer are none
+MAX_BRANCHES = 200  # across one side: beyond, the volume alone counts
 
 
 @dataclass(frozen=True)
@@ -50,6 +58,24 @@ class Strip:
         d = self.stack.bending_n_m
         poisson, twist = (float(part / d[0, 0]) for part in d[[0, 2], [1, 2]])
         return poisson, poisson + 2.0 * twist, 2.0 * twist
+
+
+@dataclass(frozen=True)
+class ZoneMode:
+    """The mode found: frequency in Hz and mac, its modal overlap to sin(pi y/W) times the free-free beam shape (0 to 1)."""
+
+    frequency_hz: float
+    mac: float
+
+
+@dataclass(frozen=True)
+class _Axis:
+    """Values and slopes of the one-dimensional functions at the quadrature points of one axis."""
+
+    weights: FloatArray
+    value: FloatArray
+    slope: FloatArray
+    curve: FloatArray
 
 
 def thin_plate_hz(strip: Strip, along_per_m: float, across_per_m: float = 0.0) -> float:
@@ -106,25 +132,6 @@ def levy_wavenumber_per_m(strip: Strip, nodal_lines: int) -> float:
     return kappa
 
 
-def _free_edges(kappa: float, strip: Strip, even: bool) -> float:
-    """The free-edge equation over kappa^4 (odd: over k too); below the cut-off k = i p, over cosh(pL/2) as well."""
-    q, half, (_, mixed, twist) = strip.across_per_m, strip.length_m / 2.0, strip.levy_ratios
-    plus, minus = (1.0 + twist * (q / kappa) ** 2) ** 2, (1.0 - twist * (q / kappa) ** 2) ** 2
-    s, k2 = sqrt(kappa**2 + mixed * q**2), kappa**2 - mixed * q**2
-    k, rise = sqrt(abs(k2)), tanh(s * half)
-    if k2 >= 0.0:
-        over = sin(k * half) / k if k > 0.0 else half
-        value = (
-            plus * k2 * over + minus * s * rise * cos(k * half)
-            if even
-            else plus * cos(k * half) * rise - minus * s * over
-        )
-    else:
-        over = tanh(k * half) / k
-        value = plus * k2 * over + minus * s * rise if even else plus * rise - minus * s * over
-    return value
-
-
 def levy_along_per_m2(strip: Strip, nodal_lines: int) -> float:
     """Square k^2 of the same mode's wavenumber along x, rad2/m2; below 0 where it decays from the ends."""
     return levy_wavenumber_per_m(strip, nodal_lines) ** 2 - strip.levy_ratios[1] * strip.across_per_m**2
@@ -134,33 +141,6 @@ def levy_hz(strip: Strip, nodal_lines: int) -> float:
     """Frequency of the exact Kirchhoff mode (0, N), pinned sides, free ends, Hz; see levy_wavenumber_per_m."""
     bent = strip.wave_n_m3(levy_along_per_m2(strip, nodal_lines), strip.across_per_m**2)
     return sqrt(bent / strip.stack.mass_kg_m2) / (2.0 * pi)
-
-
-# -- Rayleigh-Ritz -----------------------------------------------------------------------------------------------------
-# Rayleigh-Ritz estimates of the zone's (0, N) mode, thin (Kirchhoff) and shear-flexible (Mindlin) plate.
-# Legendre products over one quadrant, ends x = +-L/2 free, sides y = +-W/2 pinned or clamped; frequencies from above.
-
-Sides = Literal["pinned", "clamped"]
-ACROSS = 5  # even polynomials across the zone
-MAX_LINES = 40  # beyond, the dense matrices would take seconds
-
-
-@dataclass(frozen=True)
-class ZoneMode:
-    """The mode found: frequency in Hz and mac, its modal overlap to sin(pi y/W) times the free-free beam shape (0 to 1)."""
-
-    frequency_hz: float
-    mac: float
-
-
-@dataclass(frozen=True)
-class _Axis:
-    """Values and slopes of the one-dimensional functions at the quadrature points of one axis."""
-
-    weights: FloatArray
-    value: FloatArray
-    slope: FloatArray
-    curve: FloatArray
 
 
 def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
@@ -214,6 +194,104 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     mass[-bb.shape[0] :, -bb.shape[0] :] = rotary * block(b, b, vv, vv)
     values, vectors = _lowest(stiffness, mass, nodal_lines)
     return _target(values, vectors[:size], *w, nodal_lines)
+
+
+def lamb_hz(wavenumber_per_m: float, thickness_m: float, material: Material, symmetric: bool) -> float:
+    """Lowest Lamb wave, S0 (symmetric) or A0, Hz.
+
+    A0: 4 k^2 q^2 [sin(qb)/q] cos(pb) + (q^2 - k^2)^2 [sin(pb)/p] cos(qb) = 0 with p^2 = w^2/c_l^2 - k^2,
+    q^2 = w^2/c_t^2 - k^2, b = h/2; S0 with sines and cosines exchanged. SolverError unless k and h are above 0,
+    GeometryError for a law that is not isotropic.
+    Source: lamb1917.
+    """
+    if not (wavenumber_per_m > 0.0 and thickness_m > 0.0):
+        raise SolverError(f"wavenumber {wavenumber_per_m} 1/m, thickness {thickness_m} m: both must be above 0")
+    material.as_isotropic  # noqa: B018  refuses any other law
+    if not symmetric and wavenumber_per_m * thickness_m / 2.0 < THIN:
+        return _thin_a0_hz(wavenumber_per_m, thickness_m, material)
+    slow, fast = material.shear_m_s, material.pressure_m_s
+    b, k2 = thickness_m / 2.0, wavenumber_per_m**2
+
+    def characteristic(speed: float) -> float:
+        p2, q2 = k2 * ((speed / fast) ** 2 - 1.0), k2 * ((speed / slow) ** 2 - 1.0)
+        if symmetric:
+            return 4.0 * k2 * p2 * _s(p2, b) * _c(q2, b) + (q2 - k2) ** 2 * _c(p2, b) * _s(q2, b)
+        return 4.0 * k2 * q2 * _s(q2, b) * _c(p2, b) + (q2 - k2) ** 2 * _s(p2, b) * _c(q2, b)
+
+    speed = next(roots_along(characteristic, slow * np.linspace(0.02, 2.0, 2000), 1e-10), None)
+    if speed is None:
+        raise SolverError("no wave found between the speeds searched")
+    return speed * wavenumber_per_m / (2.0 * pi)
+
+
+def supported_plate_hz(m: int, n: int, edges_m: tuple[float, float], thickness_m: float, material: Material) -> float:
+    """Flexural mode (m, n) of a rectangle on hard supports (u_z = 0, tangential u = 0), exact in three dimensions, Hz."""
+    return lamb_hz(pi * hypot(m / edges_m[0], n / edges_m[1]), thickness_m, material, False)
+
+
+def plate_modes(
+    frequency_hz: float, length_m: float, width_m: float, thickness_m: float, material: Material, clamped_m: float = 0.0
+) -> float:
+    """Modes below a frequency of a rectangular plate, `clamped_m` of its rim clamped: (A k^2 - R k)/(4 pi) + 1/4 a branch."""
+    area, waves = length_m * width_m, _branches(frequency_hz, thickness_m, material)
+    if not clamped_m:
+        return area * sum(k * k for k in waves) / (4.0 * pi)
+    counts = [(area * k * k - clamped_m * k) / (4.0 * pi) + 0.25 for k in waves]
+    return sum(count for count in counts if count >= SOME)
+
+
+def pillar_modes(frequency_hz: float, pillar: Pillar) -> float:
+    """Modes below a frequency of a pillar on a clamped foot, h (n - 1/2) half-waves along it on every branch of its section;
+    with a heavy tip, of one as high as both whose own mass is that of both.
+    """
+    height, material = pillar.top_m, pillar.material
+    side = sqrt(pillar.form.section.area_m2)
+    if pillar.tip:
+        material = replace(material, density_kg_m3=pillar.mass_kg / (side**2 * height))
+    shear, longitudinal, bending = _waves(frequency_hz, side, material)
+    if shear * side / pi > MAX_BRANCHES:
+        return height * side**2 * (longitudinal**3 + 2.0 * shear**3) / (6.0 * pi**2)
+    across = (np.arange(floor(shear * side / pi) + 1) * pi / side) ** 2
+    section = across[:, None] + across
+    lowest = 2 * _half_waves(bending, height) + _half_waves(shear, height) + _half_waves(longitudinal, height)
+    section[0, 0] = np.inf
+    return lowest + sum(
+        many * float(np.floor(np.sqrt(np.maximum(k * k - section, 0.0)) * height / pi + 0.5).sum())
+        for k, many in ((shear, 2), (longitudinal, 1))
+    )
+
+
+def highest_hz(count: float, modes_below: Callable[[float], float], start_hz: float = 1.0) -> float:
+    """The frequency below which a body has `count` modes, Hz, by bisection."""
+    high = start_hz
+    while modes_below(high) < count:
+        high *= 2.0
+        if high > 1e15:
+            return high
+    low = high / 2.0
+    for _ in range(40):
+        middle = (low + high) / 2.0
+        low, high = (middle, high) if modes_below(middle) < count else (low, middle)
+    return high
+
+
+def _free_edges(kappa: float, strip: Strip, even: bool) -> float:
+    """The free-edge equation over kappa^4 (odd: over k too); below the cut-off k = i p, over cosh(pL/2) as well."""
+    q, half, (_, mixed, twist) = strip.across_per_m, strip.length_m / 2.0, strip.levy_ratios
+    plus, minus = (1.0 + twist * (q / kappa) ** 2) ** 2, (1.0 - twist * (q / kappa) ** 2) ** 2
+    s, k2 = sqrt(kappa**2 + mixed * q**2), kappa**2 - mixed * q**2
+    k, rise = sqrt(abs(k2)), tanh(s * half)
+    if k2 >= 0.0:
+        over = sin(k * half) / k if k > 0.0 else half
+        value = (
+            plus * k2 * over + minus * s * rise * cos(k * half)
+            if even
+            else plus * cos(k * half) * rise - minus * s * over
+        )
+    else:
+        over = tanh(k * half) / k
+        value = plus * k2 * over + minus * s * rise if even else plus * rise - minus * s * over
+    return value
 
 
 def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[FloatArray, FloatArray]:
@@ -294,3 +372,71 @@ def _target(values: FloatArray, vectors: FloatArray, x: _Axis, y: _Axis, nodal_l
     mac = (target @ vectors) ** 2 / (own * norms)
     best = int(np.argmax(mac))
     return ZoneMode(sqrt(abs(float(values[best]))) / (2.0 * pi), float(mac[best]))
+
+
+def _c(square: float, b: float) -> float:
+    return cos(sqrt(square) * b) if square >= 0.0 else cosh(sqrt(-square) * b)
+
+
+def _s(square: float, b: float) -> float:
+    """sin(p b) / p, entire in p^2."""
+    if abs(square) * b * b < 1e-12:
+        return b
+    return sin(sqrt(square) * b) / sqrt(square) if square > 0.0 else sinh(sqrt(-square) * b) / sqrt(-square)
+
+
+def _thin_a0_hz(wavenumber_per_m: float, thickness_m: float, material: Material) -> float:
+    """A0 of a thin plate, where the two terms of its equation all but cancel: what is left of them, by fixed point.
+
+    Over b, with K = (kb)^2, W = (w b/c_t)^2, X = (pb)^2, Y = (qb)^2 and m = 1 - (c_t/c_l)^2 the equation is
+    W sin(pb)/(pb) cos(qb) = 4 K (K - W) m h, h = [sin(qb)/(qb) cos(pb) - sin(pb)/(pb) cos(qb)]/(Y - X), 1/3 for thin plates.
+    """
+    k2, m = (wavenumber_per_m * thickness_m / 2.0) ** 2, 1.0 - (material.shear_m_s / material.pressure_m_s) ** 2
+    w = 4.0 * k2**2 * m / 3.0
+    for _ in range(ROUNDS):
+        x, y = w * (1.0 - m) - k2, w - k2
+        w = 4.0 * k2 * (k2 - w) * m * _cancelled(x, y) / (_s(x, 1.0) * _c(y, 1.0))
+    return sqrt(w) * material.shear_m_s / (pi * thickness_m)
+
+
+def _cancelled(x: float, y: float) -> float:
+    """h of x and y: sum of -2 (-1)^n P_n/(2 n + 1)!, P_1 = 1, P_2 = 2 (x + y), P_n+1 = P_2 P_n - (x - y)^2 P_n-1."""
+    before, last, total, factor = 0.0, 1.0, 0.0, 2.0
+    for n in range(1, TERMS):
+        factor /= -2.0 * n * (2.0 * n + 1.0)
+        total -= factor * last
+        before, last = last, 2.0 * (x + y) * last - (x - y) ** 2 * before
+    return total
+
+
+def _half_waves(wavenumber: float, height_m: float) -> int:
+    return floor(wavenumber * height_m / pi + 0.5)
+
+
+def _waves(frequency_hz: float, thickness_m: float, material: Material) -> tuple[float, float, float]:
+    """Wavenumbers of shear, longitudinal and bending waves, rad/m; a bending wave is no faster than a shear wave."""
+    omega = 2.0 * pi * frequency_hz
+    shear, own = omega / material.shear_m_s, material.average
+    longitudinal = omega / material.pressure_m_s
+    inertia = 12.0 * material.density_kg_m3 * (1.0 - own.poisson**2) / (own.young_pa * thickness_m**2)
+    return shear, longitudinal, max((inertia * omega**2) ** 0.25, shear)
+
+
+def _branches(frequency_hz: float, thickness_m: float, material: Material) -> list[float]:
+    """Real wavenumbers of a plate's branches, rad/m."""
+    shear, longitudinal, bending = _waves(frequency_hz, thickness_m, material)
+    plane = shear * sqrt((1.0 - material.average.poisson) / 2.0)  # the plate's own longitudinal wave
+    branches = [bending, shear, plane]
+    for wave, many in ((shear, 2), (longitudinal, 1)):
+        branches += many * _higher(wave, thickness_m)
+    return branches
+
+
+def _higher(wave: float, thickness_m: float) -> list[float]:
+    last = floor(wave * thickness_m / pi)
+    if last > MAX_BRANCHES:  # as many as before of the same sum of squares: the integral
+        number = np.linspace(0.0, 1.0, MAX_BRANCHES + 1)[:-1] + 0.5 / MAX_BRANCHES
+        return list(wave * np.sqrt((1.0 - number**2) * last / MAX_BRANCHES))
+    number = np.arange(1.0, last + 1.0)
+    squares: FloatArray = wave**2 - (number * pi / thickness_m) ** 2
+    return list(np.sqrt(np.maximum(squares, 0.0)))

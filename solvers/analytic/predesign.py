@@ -11,7 +11,16 @@ import numpy as np
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar, Tip, half_wavelength_m
-from solvers.analytic.beams import frequency_hz, root_between, roots
+from solvers.analytic.beams import (
+    Beam,
+    EndBody,
+    beam_of,
+    exact_omegas,
+    frequency_hz,
+    ritz_frequencies_hz,
+    root_between,
+    roots,
+)
 from solvers.analytic.plates import (
     MAX_LINES,
     Strip,
@@ -21,7 +30,6 @@ from solvers.analytic.plates import (
     levy_hz,
     mindlin_mode,
 )
-from solvers.analytic.timoshenko import Beam, EndBody, beam_of, exact_omegas, ritz_frequencies_hz
 from solvers.errors import SolverError, check_above_zero
 
 Theory = Literal["euler", "timoshenko"]

@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.driven.forms import Forms, coupled_rows, forms, softened_rows
 from solvers.piezo.forced import ForcedPlate, GroupModes
-from solvers.piezo.peak_errors import frequency_errors, load_errors
+from solvers.piezo.responses import frequency_errors, load_errors
 
 # -- quadratic forms ---------------------------------------------------------------------------------------------------
 # Error bars of what a driven plate does at many tones, from one solve: its quadratic forms on plates within its bars.

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from geometry.elements import ComplexArray, FloatArray
-from solvers.piezo import peak_errors
+from solvers.piezo import responses
 from solvers.piezo.forced import ForcedPlate, GroupModes, PlateMode
 from solvers.piezo.responses import open_patches
 
@@ -31,7 +31,7 @@ def frequency_errors(forced: ForcedPlate) -> list[FloatArray]:
     """Half-width of the bar of every resonance about the band by mesh, reduction and bonding, relative, (modes,) a group in the
     order of `bases`; NaN where nothing shows it.
     """
-    return [peak_errors.frequency_errors(basis).total for basis in bases(forced)]
+    return [responses.frequency_errors(basis).total for basis in bases(forced)]
 
 
 def bases(forced: ForcedPlate) -> list[GroupModes]:

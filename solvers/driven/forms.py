@@ -35,7 +35,7 @@ def contrast_volts(plate: ForcedPlate, frequency_hz: float) -> ComplexArray | No
 def best_volts(inside: ComplexArray, outside: ComplexArray, alpha: float) -> ComplexArray:
     """The drivers' voltages (..., d) of the largest contrast between two forms (..., d, d), the largest of size 1.
 
-    alpha^2 times the mean of the outside's diagonal is added to it, as solvers.shaping.contrast does: large voltages for little
+    alpha^2 times the mean of the outside's diagonal is added to it, as solvers.shaping.voltages does: large voltages for little
     motion are left alone.
     """
     count = inside.shape[-1]

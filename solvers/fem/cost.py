@@ -8,7 +8,7 @@ from functools import cache
 from typing import TypeVar
 
 from solvers.fem.block_lanczos import basis_size, fits, slice_of
-from solvers.fem.factor.choice import available
+from solvers.machine import factorisations
 
 # -- fill of nested dissection -----------------------------------------------------------------------------------------
 # What a nested dissection of a regular grid leads to: entries of the factor and operations, without a matrix
@@ -176,7 +176,7 @@ def assembly(mesh: MeshCounts) -> Cost:
 
 def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost:
     """`times` factorisations of a matrix with so many entries, one kept at a time."""
-    peak, _ = FACTOR[available()[0]]
+    peak, _ = FACTOR[factorisations()[0]]
     stages = (
         Stage("analysing the factorisation", ANALYSIS * entries),
         Stage("factorising", peak * fill.entries + COPY * entries),
@@ -186,7 +186,7 @@ def factorisation(dofs: float, entries: float, fill: Fill, times: float) -> Cost
 
 def modal_solve(dofs: float, entries: float, fill: Fill, modes: float, near: bool = False) -> Cost:
     """Eigenpairs of a pencil of so many entries; `near`: all in one go, not by slices of a band."""
-    kept = FACTOR[available()[0]][1] * fill.entries + COPY * entries
+    kept = FACTOR[factorisations()[0]][1] * fill.entries + COPY * entries
     most = slice_of(max(round(dofs), 1))
     at_once = modes if near else min(modes, most)
     if modes >= dofs - 1.0:

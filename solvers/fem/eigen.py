@@ -18,7 +18,7 @@ from geometry.elements import BoolArray, FloatArray, IntArray
 from solvers.errors import CountMismatch, SingularShift, SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.block_lanczos import Operator, block_lanczos, fits, slice_of
-from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.factor import Factor, Factoriser
 
 RESIDUAL = 1e-8  # ||K x - l M x|| / (||K|| ||x||): above it a pair is not returned
 ORTHONORMAL = 1e-8

@@ -1,24 +1,165 @@
-"""Integrals over a named face: interpolation to quadrature points and their weights."""
+"""Integrals over a named face, and Gauss rules over rectangles and facets that lines y = const part."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.polynomial import legendre
+from numpy.polynomial import chebyshev, legendre, polynomial
 
-from geometry.elements import TRIANGLES, BoolArray, Element, FloatArray, IntArray, corner_ring, element
+from geometry.elements import TRIANGLES, BoolArray, Element, FloatArray, IntArray, corner_ring, element, lagrange
 from geometry.mesh import AnyMesh, Mesh
-from solvers.fem import quadrature
+
+COUNT = 6  # points each way: of a rectangle where u_z has degree 5, and its square 10
+EDGE = 1e-9  # of half a rectangle's depth: a line so near to its edge runs along it
+STEEP = 0.03  # least slope along the height over the greatest slope: below it the facet is quartered
+DEEPEST = 8  # quarterings: what is left then is 4^-8 of a facet, whose points are sorted as they lie
+NEAR = 1e-9  # of the facet's extent across the lines: a line so near to a straight edge runs along it
+BULGE = 0.02  # of the same: how far a curved facet may reach beyond the places where it is sampled
+STRAIGHT = 1e-12  # relative deviation from an affine map
+DROPPED = 1e-14  # of the facet's area: slivers that rounding makes
+STEPS = 60  # of Newton's method, bracketed
+REAL = 1e-7  # imaginary part up to which a root counts as real
+Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]  # points (q, 2): values (q, k), slopes (2, q, k)
 
 # Dunavant's rule of degree 4 on the unit triangle, from its two orbits (dunavant1985)
 _TRIANGLE = ((0.44594849091596489, 0.22338158967801147), (0.09157621350977073, 0.10995174365532187))
 
 BENT = 1e-3  # of an edge's length: how far its nodes lie off the chord
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A square (0 <= s, t <= 1) or a triangle (s + t <= 1) in a facet's reference coordinates: origin + s first + t second."""
+
+    origin: FloatArray
+    first: FloatArray
+    second: FloatArray
+    is_triangle: bool
+
+    @property
+    def area(self) -> float:
+        """Reference area of one unit of s and t."""
+        return float(abs(self.first[0] * self.second[1] - self.first[1] * self.second[0]))
+
+    @property
+    def turned(self) -> Piece:
+        """The same piece with s and t exchanged."""
+        return replace(self, first=self.second, second=self.first)
+
+    def at(self, s: FloatArray, t: FloatArray) -> FloatArray:
+        """Reference coordinates (q, 2)."""
+        return np.asarray(self.origin + s[:, None] * self.first + t[:, None] * self.second)
+
+    def top(self, s: FloatArray) -> FloatArray:
+        """Greatest t at each s."""
+        return 1.0 - s if self.is_triangle else np.ones_like(s)
+
+    def quarters(self) -> Iterator[Piece]:
+        """The piece cut into four alike."""
+        a, b = self.first / 2.0, self.second / 2.0
+        yield from (replace(self, origin=self.origin + o, first=a, second=b) for o in (np.zeros(2), a, b))
+        if self.is_triangle:
+            yield replace(self, origin=self.origin + a + b, first=-a, second=-b)
+        else:
+            yield replace(self, origin=self.origin + a + b, first=a, second=b)
+
+
+SQUARE = Piece(np.array([-1.0, -1.0]), np.array([2.0, 0.0]), np.array([0.0, 2.0]), False)
+
+
+TRIANGLE = Piece(np.zeros(2), np.array([1.0, 0.0]), np.array([0.0, 1.0]), True)
+
+
+@dataclass(frozen=True)
+class CutFacet:
+    """One facet: its shape functions and order, the y of its nodes (k,) in m, and the lines (n,) that may cut it."""
+
+    shape: Shape
+    order: int
+    y_m: FloatArray
+    lines_m: FloatArray
+    is_straight: bool
+
+    def rule(self, whole: Piece) -> tuple[FloatArray, FloatArray]:
+        """Points (q, 2) and weights (q,) in reference coordinates over a piece, each point on one side of every line."""
+        parts = list(self._rules(whole, 0))
+        points, weights = (np.concatenate(each) for each in zip(*parts, strict=True))
+        kept = weights > DROPPED * whole.area
+        return points[kept], weights[kept]
+
+    def y(self, piece: Piece, s: FloatArray, t: FloatArray) -> FloatArray:
+        """Places across the lines, (q,)."""
+        return np.asarray(self.shape(piece.at(s, t))[0] @ self.y_m)
+
+    def slopes(self, piece: Piece, s: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """dy/ds and dy/dt, (q,) each."""
+        u, v = (slope @ self.y_m for slope in self.shape(piece.at(s, t))[1])
+        return u * piece.first[0] + v * piece.first[1], u * piece.second[0] + v * piece.second[1]
+
+    def _rules(self, piece: Piece, depth: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+        lines = self._within(piece)
+        upright = self._upright(piece) if len(lines) and depth < DEEPEST else piece
+        if upright is None:
+            for quarter in piece.quarters():
+                yield from self._rules(quarter, depth + 1)
+            return
+        yield self._between(upright, lines if depth < DEEPEST else lines[:0])
+
+    def _samples(self, piece: Piece) -> tuple[FloatArray, FloatArray]:
+        """A grid over the piece, its edges included."""
+        line = (1.0 - np.cos(np.linspace(0.0, np.pi, 2 * self.order + 1))) / 2.0
+        s, t = (part.ravel() for part in np.meshgrid(line, line, indexing="ij"))
+        return s, t * piece.top(s)
+
+    def _within(self, piece: Piece) -> FloatArray:
+        """The lines that may cross the piece."""
+        y = self.y(piece, *self._samples(piece))[None]
+        flat = np.array([self.is_straight])
+        return self.lines_m[[bool(may_be_cut(y, flat, [line])[0]) for line in self.lines_m]]
+
+    def _upright(self, piece: Piece) -> Piece | None:
+        """The piece, turned where that is better, with y monotone along t; None where it is monotone along neither."""
+        along = self.slopes(piece, *self._samples(piece))
+        most = max(float(np.abs(slope).max()) for slope in along)
+        least = [float(max(slope.min(), -slope.max(), 0.0)) for slope in along]
+        if max(least) < STEEP * most:
+            return None
+        return piece if least[1] >= least[0] else piece.turned
+
+    def _between(self, piece: Piece, lines: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Gauss rules between the lines, over the intervals of s between the places where one meets an edge."""
+        (at, weight), (height, share) = gauss(2 * self.order + 1), gauss(self.order + 1)
+        ends = self._breaks(piece, lines)
+        s = np.concatenate([low + (high - low) * at for low, high in pairwise(ends)])
+        ds = np.concatenate([(high - low) * weight for low, high in pairwise(ends)])
+        bounds = np.sort(np.vstack([np.zeros_like(s), self._heights(piece, s, lines), piece.top(s)]), axis=0)
+        low, thick = bounds[:-1, :, None], np.diff(bounds, axis=0)[:, :, None]
+        t, weights = low + thick * height, ds[:, None] * thick * share
+        return piece.at(np.broadcast_to(s[:, None], t.shape).ravel(), t.ravel()), piece.area * weights.ravel()
+
+    def _breaks(self, piece: Piece, lines: FloatArray) -> FloatArray:
+        """0, 1 and the s between at which a line meets the lower or the upper edge."""
+        degree = 2 * self.order
+        nodes = (1.0 - np.cos((np.arange(degree + 1) + 0.5) * np.pi / (degree + 1))) / 2.0
+        found = [np.array([0.0, 1.0])]
+        for t in (np.zeros_like(nodes), piece.top(nodes)):
+            y = self.y(piece, nodes, t)
+            fitted = np.asarray(chebyshev.chebfit(2.0 * nodes - 1.0, y, degree), dtype=np.float64)
+            found += [_roots(fitted, float(line)) for line in lines]
+        return np.unique(np.concatenate(found))
+
+    def _heights(self, piece: Piece, s: FloatArray, lines: FloatArray) -> FloatArray:
+        """t of each line at each s, kept within the piece, (lines, q): roots of y(s, .), a polynomial of the facet's order."""
+        top, at = piece.top(s), np.linspace(0.0, 1.0, self.order + 1)
+        grid = np.repeat(s, len(at)), np.outer(top, at).ravel()
+        y = self.y(piece, *grid).reshape(len(s), -1)
+        fitted = np.linalg.solve(np.vander(at, increasing=True), y.T)
+        return np.array([top * _root(fitted - np.eye(len(at))[:, :1] * line) for line in lines])
 
 
 @dataclass(frozen=True)
@@ -63,6 +204,57 @@ class Skin:
         return skin
 
 
+def gauss_points() -> tuple[FloatArray, FloatArray]:
+    """Points (COUNT^2, 2) and weights (COUNT^2,) on [-1, 1]^2, y fastest."""
+    s, w = legendre.leggauss(COUNT)
+    return np.stack(np.meshgrid(s, s, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(w, w).ravel()
+
+
+def parted(
+    points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
+) -> tuple[FloatArray, FloatArray, sp.csr_array | None]:
+    """Points (q, 3) and weights (q,), none of whose rectangles reaches over a line, and the interpolation (q, p) to them, None
+    where they are the same.
+
+    points (p, 3) in m and weights (p,) are `gauss_points` of rectangles one after another, whichever way these are mirrored.
+    """
+    low, high = points[:, 1].min(), points[:, 1].max()
+    margin = high - low  # a rectangle reaches beyond its outermost points, by less than this
+    if not any(low - margin < line < high + margin for line in lines_m):
+        return points, weights, None
+    rows: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    for first in range(0, len(points), COUNT**2):
+        own = slice(first, first + COUNT**2)
+        rows.append(_cut_rectangle(points[own], weights[own], lines_m))
+    moved, area, along = zip(*rows, strict=True)
+    return np.concatenate(moved), np.concatenate(area), sp.csr_array(sp.block_diag(along))
+
+
+def is_straight(corners: FloatArray, reference: FloatArray) -> BoolArray:
+    """Which facets, nodes (f, k, 3) at reference places (k, 2), are affine images of the reference facet, (f,)."""
+    basis = np.column_stack([np.ones(len(reference)), reference])
+    off = np.eye(len(reference)) - basis @ np.linalg.pinv(basis)
+    deviation = np.abs(np.einsum("ak,fkj->faj", off, corners)).max(axis=(1, 2))
+    return np.asarray(deviation <= STRAIGHT * np.ptp(corners, axis=1).max(axis=1))
+
+
+def may_be_cut(y_m: FloatArray, straight: BoolArray, lines_m: Sequence[float]) -> BoolArray:
+    """Which facets a line may cross, (f,), by y of their nodes, (f, k), and whether they are straight, (f,)."""
+    low, high = y_m.min(axis=1), y_m.max(axis=1)
+    margin = np.where(straight, NEAR, -BULGE) * (high - low)
+    crossed = np.zeros(len(y_m), dtype=bool)
+    for line in lines_m:
+        crossed |= (line > low + margin) & (line < high - margin)
+    return crossed
+
+
+def gauss(count: int, low: float = 0.0, high: float = 1.0) -> tuple[FloatArray, FloatArray]:
+    """Gauss points and weights between two ends."""
+    at, weight = legendre.leggauss(count)
+    half = (high - low) / 2.0
+    return low + half * (at + 1.0), half * weight
+
+
 def face_quadrature(mesh: AnyMesh, face: str, lines_m: Sequence[float] = ()) -> FaceQuadrature:
     """Quadrature over a named face, exact for squared displacements on flat faces; no facet's rule straddles a line y = const
     of `lines_m`, so that sums over the points on one side of it are integrals over that side.
@@ -85,10 +277,82 @@ def facet_quadrature(nodes: FloatArray, faces: IntArray, order: int, lines_m: Se
     if not len(lines_m):
         return _uncut(nodes, faces, order)
     solid, own = _solid(faces.shape[1], order)
-    straight = quadrature.is_straight(nodes[faces], solid.points[own, :2])
-    cut = quadrature.may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
+    straight = is_straight(nodes[faces], solid.points[own, :2])
+    cut = may_be_cut(nodes[faces][:, :, 1], straight, lines_m)
     rules = _cut_rules(nodes, faces[cut], order, np.sort(lines_m), straight[cut]) if cut.any() else []
     return joined([_uncut(nodes, faces[~cut], order), *rules])
+
+
+def triangles(facets: IntArray) -> IntArray:
+    """Facets as triangles, (m, 3) as they are, (m, 4) cut in two, (2 m, 3)."""
+    return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets
+
+
+def skin_faces(mesh: AnyMesh) -> IntArray:
+    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra; where both
+    shapes occur, triangles repeat their last corner. Facets of hexahedra are cut at every node of their curved edges.
+    """
+    if isinstance(mesh, Mesh) and mesh.kind == "hex" and mesh.spans is None:
+        (local,) = mesh.element.facets
+        facets = mesh.cells[:, local].reshape(-1, local.shape[1])
+        return _corners(mesh.nodes, facets[_once(corner_ring(facets, mesh.order))], mesh.order)
+    shapes: dict[int, list[IntArray]] = {3: [], 4: []}
+    for block in mesh.blocks:
+        for local in block.element.facets:
+            ring = corner_ring(local, block.order)
+            shapes[ring.shape[1]].append(block.cells[:, ring].reshape(-1, ring.shape[1]))
+    outer = [corners[_once(corners)] for corners in (np.concatenate(each) for each in shapes.values() if each)]
+    return outer[0] if len(outer) == 1 else np.concatenate([outer[0][:, [0, 1, 2, 2]], outer[1]])
+
+
+def _cut_rectangle(
+    points: FloatArray, weights: FloatArray, lines_m: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The same of one rectangle; its rule as it is where no line crosses it."""
+    s, w = legendre.leggauss(COUNT)
+    y = points[:COUNT, 1]
+    middle, half = (y[0] + y[-1]) / 2.0, (y[-1] - y[0]) / (s[-1] - s[0])
+    at = np.sort([(line - middle) / half for line in lines_m])
+    inside = at[np.abs(at) < 1.0 - EDGE]
+    if not len(inside):
+        return points, weights, np.eye(len(points))
+    parts = [((low + high) / 2.0, (high - low) / 2.0) for low, high in pairwise([-1.0, *inside.tolist(), 1.0])]
+    t, share = (np.concatenate(part) for part in zip(*((c + h * s, h * w) for c, h in parts), strict=True))
+    moved = np.repeat(points[::COUNT], len(t), axis=0)
+    moved[:, 1] = np.tile(middle + half * t, COUNT)
+    across = weights.reshape(COUNT, COUNT).sum(axis=1) / w.sum()
+    return moved, np.asarray(np.outer(across, share).ravel()), np.asarray(np.kron(np.eye(COUNT), lagrange(s, t)[0]))
+
+
+def _root(fitted: FloatArray) -> FloatArray:
+    """Roots in [0, 1] of monotone polynomials (degree + 1, q), the nearer end where one has none: Newton in a bracket."""
+    first, last = fitted[0], fitted.sum(axis=0)
+    rising = np.where(last > first, 1.0, -1.0)
+    low, high = np.zeros_like(first), np.ones_like(first)
+    ends = np.where(first * rising >= 0.0, 0.0, 1.0)
+    inside = (first * rising < 0.0) & (last * rising > 0.0)
+    t, slopes = np.where(inside, 0.5, ends), fitted[1:] * np.arange(1, len(fitted))[:, None]
+    for _ in range(STEPS):
+        off = polynomial.polyval(t, fitted, tensor=False)
+        low, high = np.where(off * rising > 0.0, low, t), np.where(off * rising > 0.0, t, high)
+        slope = polynomial.polyval(t, slopes, tensor=False)
+        step = t - off / np.where(slope == 0.0, np.inf, slope)
+        step = np.where((step >= low) & (step <= high), step, (low + high) / 2.0)
+        moved = np.where(inside, step, ends)
+        if np.abs(moved - t).max() < STRAIGHT:
+            return np.asarray(moved)
+        t = moved
+    return np.asarray(t)
+
+
+def _roots(fitted: FloatArray, level: float) -> FloatArray:
+    """Where a Chebyshev series on [0, 1] has a value, between the ends."""
+    series = fitted.copy()
+    series[0] -= level
+    size = np.abs(series).max()
+    roots = chebyshev.chebroots(chebyshev.chebtrim(series, 1e-13 * size)) if size > 0.0 else np.empty(0)
+    inside = (1.0 + np.real(roots[np.abs(np.imag(roots)) < REAL])) / 2.0
+    return np.asarray(inside[(inside > STRAIGHT) & (inside < 1.0 - STRAIGHT)])
 
 
 def _uncut(nodes: FloatArray, faces: IntArray, order: int) -> FaceQuadrature:
@@ -123,9 +387,9 @@ def _cut_rules(
     """A rule of its own for every facet that lines may cut."""
     is_triangle, rules = faces.shape[1] in TRIANGLES, []
     shape = partial(_shape, _solid(faces.shape[1], order))
-    whole = quadrature.TRIANGLE if is_triangle else quadrature.SQUARE
+    whole = TRIANGLE if is_triangle else SQUARE
     for facet, flat in zip(faces, straight.tolist(), strict=True):
-        at, weights = quadrature.CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
+        at, weights = CutFacet(shape, order, nodes[facet, 1], lines_m, flat).rule(whole)
         rules.append(_mapped(nodes, facet[None], *shape(at), weights))
     return rules
 
@@ -156,35 +420,13 @@ def _dunavant() -> tuple[FloatArray, FloatArray]:
     return np.array(points), np.array(weights)
 
 
-def triangles(facets: IntArray) -> IntArray:
-    """Facets as triangles, (m, 3) as they are, (m, 4) cut in two, (2 m, 3)."""
-    return np.concatenate([facets[:, [0, 1, 2]], facets[:, [0, 2, 3]]]) if facets.shape[1] == 4 else facets
-
-
-def skin_faces(mesh: AnyMesh) -> IntArray:
-    """Corner nodes of every outer facet, shape (m, 4) for hexahedra (in ring order) or (m, 3) for tetrahedra; where both
-    shapes occur, triangles repeat their last corner. Facets of hexahedra are cut at every node of their curved edges.
-    """
-    if isinstance(mesh, Mesh) and mesh.kind == "hex" and mesh.spans is None:
-        (local,) = mesh.element.facets
-        facets = mesh.cells[:, local].reshape(-1, local.shape[1])
-        return _cut(mesh.nodes, facets[_once(corner_ring(facets, mesh.order))], mesh.order)
-    shapes: dict[int, list[IntArray]] = {3: [], 4: []}
-    for block in mesh.blocks:
-        for local in block.element.facets:
-            ring = corner_ring(local, block.order)
-            shapes[ring.shape[1]].append(block.cells[:, ring].reshape(-1, ring.shape[1]))
-    outer = [corners[_once(corners)] for corners in (np.concatenate(each) for each in shapes.values() if each)]
-    return outer[0] if len(outer) == 1 else np.concatenate([outer[0][:, [0, 1, 2, 2]], outer[1]])
-
-
 def _once(facets: IntArray) -> IntArray:
     """Numbers of the facets that stand once."""
     _, index, counts = np.unique(np.sort(facets, axis=1), axis=0, return_index=True, return_counts=True)
     return np.sort(index[counts == 1])
 
 
-def _cut(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
+def _corners(nodes: FloatArray, facets: IntArray, order: int) -> IntArray:
     """Corners (m, 4) of facets (f, nodes), u fastest, those with curved edges cut into `order` pieces along these."""
     grid = facets.reshape(-1, order + 1, order + 1)  # v, u
     along_u = _bent(nodes[grid[:, ::order]]).any(axis=1)

@@ -1,54 +1,28 @@
-"""Confinement of a motion in dB: of the target mode, and of several zones each driven at its own peak."""
+"""Confinement of a motion in dB, of the target mode and of several zones, and how far mixed neighbours may put it off."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from math import log
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from geometry.elements import BoolArray, FloatArray
+from geometry.elements import BoolArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError
 from solvers.measures.target_mode import Verdict, verdict
 
-# -- levels ------------------------------------------------------------------------------------------------------------
-# Levels in dB of one part of a plate over another, and from which on a motion counts as confined.
-
 LARGEST_DB = 3000.0  # of a bar: ten to a tenth of more is no number
 CONFINED_DB = 10.0  # rms on the active face over rms on the passive one
-
-
-def ratio_db(inside: Any, outside: Any) -> FloatArray:
-    """20 log10 of rms values, inside over outside; infinite where nothing moves outside."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
-
-
-def share_error(share: float | None, level_error_db: float | None) -> float | None:
-    """Half-width of the bar of a part's share of the squares from that of its level; None where one is unknown.
-
-    Of areas given, share / (1 - share) goes with 10^(level/10), so that a level off by e puts the share
-    at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
-
-    >>> from solvers.measures.confinement import share_error
-    >>> round(share_error(0.9, 0.1), 4), share_error(1.0, 0.1), share_error(0.9, None)
-    (0.0021, 0.0, None)
-    """
-    if share is None or level_error_db is None:
-        return None
-    factor = 10.0 ** (min(level_error_db, LARGEST_DB) / 10.0)
-    moved = (share * g / (1.0 - share + share * g) for g in (factor, 1.0 / factor))
-    return max(abs(each - share) for each in moved)
-
-
-# -- the target mode ---------------------------------------------------------------------------------------------------
-# The target mode: its shape and symmetry class, how well the plate confines it, how its motion falls off.
-
 NEGLIGIBLE = 1e-9  # of the larger part's area: a smaller part is rounding
+BESIDE = (0.75, 1.3)  # of a window's ends: modes within move driven zones
+FINE = 6  # points over a half-power width
+
+DECIBELS = 20.0 / log(10.0)
 
 
 @dataclass(frozen=True)
@@ -82,18 +56,6 @@ class AcrossModes:
     confinement: Confinement
 
 
-def target_shape(design: Design, points: FloatArray) -> FloatArray:
-    """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
-    across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
-    along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
-    return np.asarray(across * along)
-
-
-def target_symmetry(nodal_lines: int) -> str:
-    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even."""
-    return ("S" if nodal_lines % 2 == 0 else "A") + "S"
-
-
 @dataclass(frozen=True)
 class TouchField:
     """u_z at quadrature points of the touch face: points (q, 2) in m, weights (q,) in m2, values (q, k).
@@ -123,6 +85,155 @@ class Profile:
     values: NDArray[Any]
     shape: NDArray[Any]
     modal_mass: float
+
+
+@dataclass(frozen=True)
+class DrivenZones:
+    """Of every zone, driven: its peak in Hz, the rms of every zone and of the passive face over its own in dB, (zones,
+    zones + 1), and its motion's MAC with the target shape, (zones,).
+    """
+
+    peak_hz: FloatArray
+    level_db: FloatArray
+    mac: FloatArray
+
+    @property
+    def isolation_db(self) -> float:
+        """Least level of a driven zone over another one, dB."""
+        return float(np.min(-self.level_db[:, :-1][~np.eye(len(self.mac), dtype=bool)]))
+
+    @property
+    def confinement_db(self) -> float:
+        """Least level of a driven zone over the passive face, dB."""
+        return float(np.min(-self.level_db[:, -1]))
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """Products of the u_z of every two modes of a class over the active and the passive touch face, (k, k) each, m2.
+
+    projection: of each mode on the target shape of unit square, (k,) in m; strength: over its square, 1/m2.
+    """
+
+    active: FloatArray
+    passive: FloatArray
+    projection: FloatArray = field(default_factory=lambda: np.zeros(0))
+    strength: float = np.nan
+
+    @classmethod
+    def of(cls, touch: TouchField, design: Design, symmetry: str | None = None) -> Overlaps | None:
+        """Integrate over both parts; None without a passive face."""
+        active = touch.is_active(design)
+        if active.all():
+            return None
+        faces = [(touch.weights[part], touch.values[part]) for part in (active, ~active)]
+        heavy = touch.weights * (shape := shape_at(touch, design, symmetry))
+        projection = heavy @ touch.values / np.sqrt(max(float(heavy @ shape), 1e-300))
+        surface = design.stack.mass_kg_m2
+        return replace(cls.between(faces), projection=projection, strength=surface / touch.modal_mass_kg)
+
+    @classmethod
+    def between(cls, faces: Sequence[tuple[Any, Any]]) -> Overlaps:
+        """From weights (q,) and values (q, k) at the points of both parts, the active one first."""
+        active, passive = (np.asarray(values.conj().T @ (weights[:, None] * values)) for weights, values in faces)
+        return cls(active, passive)
+
+    @classmethod
+    def of_extension(cls, touch: TouchField, design: Design) -> Overlaps | None:
+        """The same with the plate beyond the last row in the passive face's place; None without any."""
+        active, beyond = touch.is_active(design), is_beyond_rows(touch.points[:, 1], design)
+        if not touch.weights[beyond].sum() > NEGLIGIBLE * touch.weights[active].sum():
+            return None
+        return cls.between([(touch.weights[part], touch.values[part]) for part in (active, beyond)])
+
+    def mixing_db(self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> float:
+        """Bound what neighbours move a mode's confinement by where frequencies may be off by `error`, relative (parlett1998).
+
+        A stiffness too high by d >= 0 with d_jj <= 2 error w_j^2 has |d_ij| <= 2 error w_i w_j, and adds to mode i of its
+        neighbours c_j = d_ij / (w_i^2 - w_j^2), one at most. Each moves the level by (20 / ln 10) c_j (A_ij/A_ii - P_ij/P_ii)
+        with the overlaps A and P. Neighbours add up by their squares.
+
+        Parameters
+        ----------
+        frequency_hz : (k,) array
+            Of the modes.
+        index : int
+            The mode whose level it is.
+        error : float
+            Relative error of the frequencies.
+        ends_hz : tuple of float
+            Of the interval in which all modes are known; beyond each one more may lie, as unlike as the most unlike of these.
+
+        Returns
+        -------
+        float
+            Decibels.
+        """
+        inside, outside = (part[index] / part[index, index] for part in (self.active, self.passive))
+        unlike = np.abs(inside - outside)
+        unlike = np.append(unlike, [np.delete(unlike, index).max(initial=0.0)] * len(ends_hz))
+        return float(DECIBELS * np.linalg.norm(mixed_shares(frequency_hz, index, error, ends_hz) * unlike))
+
+    def mixing_shape(
+        self, frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = (), share: float = 1.0
+    ) -> tuple[float, float]:
+        """Bound what the same neighbours move a mode's MAC and strength by, `share` of each counted.
+
+        With c of mode j mixed in, of either sign, the MAC is (q_i + c q_j)^2 / (A_ii + 2 c A_ij + c^2 A_jj) and the strength
+        s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the target shape. Parameters as of `mixing_db`.
+        """
+        mixed = share * mixed_shares(frequency_hz, index, error, ends_hz)
+        others = np.delete(np.arange(len(frequency_hz)), index)
+        if not len(others):
+            return np.nan, np.nan
+        known = self._moved(index, others, mixed[others])
+        beyond = [self._moved(index, others, own).max(axis=-1) for own in mixed[len(frequency_hz) :]]
+        mac, strength = np.linalg.norm(np.column_stack([known, *beyond]), axis=-1)
+        return float(mac), float(strength)
+
+    def _moved(self, index: int, others: IntArray, mixed: FloatArray | float) -> FloatArray:
+        """Changes (2, k) of a mode's MAC and strength by a share of each of the others, of the sign that moves them most."""
+        own = self.active[index, index]
+        signed = np.multiply.outer([1.0, -1.0, 0.0], np.broadcast_to(mixed, len(others)))
+        projected = (self.projection[index] + signed * self.projection[others]) ** 2
+        inside = own + 2.0 * signed * self.active[index, others] + signed**2 * self.active[others, others]
+        both = np.array([projected / np.maximum(inside, 1e-300), self.strength * projected / (1.0 + signed**2)])
+        return np.asarray(np.abs(both[:, :2] - both[:, 2:]).max(axis=1))
+
+
+def ratio_db(inside: Any, outside: Any) -> FloatArray:
+    """20 log10 of rms values, inside over outside; infinite where nothing moves outside."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(20.0 * np.log10(np.asarray(inside) / np.asarray(outside)))
+
+
+def share_error(share: float | None, level_error_db: float | None) -> float | None:
+    """Half-width of the bar of a part's share of the squares from that of its level; None where one is unknown.
+
+    Of areas given, share / (1 - share) goes with 10^(level/10), so that a level off by e puts the share
+    at share g / (1 - share + share g) with g = 10^(+-e/10): the farther of both counts.
+
+    >>> from solvers.measures.confinement import share_error
+    >>> round(share_error(0.9, 0.1), 4), share_error(1.0, 0.1), share_error(0.9, None)
+    (0.0021, 0.0, None)
+    """
+    if share is None or level_error_db is None:
+        return None
+    factor = 10.0 ** (min(level_error_db, LARGEST_DB) / 10.0)
+    moved = (share * g / (1.0 - share + share * g) for g in (factor, 1.0 / factor))
+    return max(abs(each - share) for each in moved)
+
+
+def target_shape(design: Design, points: FloatArray) -> FloatArray:
+    """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
+    across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
+    along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
+    return np.asarray(across * along)
+
+
+def target_symmetry(nodal_lines: int) -> str:
+    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even."""
+    return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
 def measure(touch: TouchField, design: Design, symmetry: str | None) -> Confinement:
@@ -185,41 +296,6 @@ def confined(
     return Confinement(share, level, projection / np.maximum(inside, 1e-300), further, per_mass * projection)
 
 
-def _level_db(inside: FloatArray, zone: float, outside: FloatArray, area: float) -> FloatArray:
-    """20 log10 of rms on one part over that on another, (k,); NaN where a part is empty."""
-    if min(zone, area) <= NEGLIGIBLE * max(zone, area):
-        return np.full(len(inside), np.nan)
-    return ratio_db(np.sqrt(np.maximum(inside, 0.0) / zone), np.sqrt(np.maximum(outside, 0.0) / area))
-
-
-# -- zones -------------------------------------------------------------------------------------------------------------
-# Zones of a plate, each driven at its own peak: what the others and the passive face do meanwhile.
-
-BESIDE = (0.75, 1.3)  # of a window's ends: modes within move driven zones
-FINE = 6  # points over a half-power width
-
-
-@dataclass(frozen=True)
-class DrivenZones:
-    """Of every zone, driven: its peak in Hz, the rms of every zone and of the passive face over its own in dB, (zones,
-    zones + 1), and its motion's MAC with the target shape, (zones,).
-    """
-
-    peak_hz: FloatArray
-    level_db: FloatArray
-    mac: FloatArray
-
-    @property
-    def isolation_db(self) -> float:
-        """Least level of a driven zone over another one, dB."""
-        return float(np.min(-self.level_db[:, :-1][~np.eye(len(self.mac), dtype=bool)]))
-
-    @property
-    def confinement_db(self) -> float:
-        """Least level of a driven zone over the passive face, dB."""
-        return float(np.min(-self.level_db[:, -1]))
-
-
 def zone_parts(design: Design, y: FloatArray) -> list[BoolArray]:
     """Which places lie in each zone, and which in none."""
     inside = [np.abs(y - middle) < design.width_m / 2.0 for middle in design.zone_centres_m]
@@ -267,3 +343,46 @@ def drive_zones(
         levels.append(ratio_db(np.sqrt(at), np.sqrt(at[zone])))
         macs.append(float(abs(force.conj() @ shares(zone, np.array([top]))[:, 0]) ** 2 / own))
     return DrivenZones(np.array(peaks), np.array(levels), np.array(macs))
+
+
+def mixed_shares(frequency_hz: FloatArray, index: int, error: float, ends_hz: tuple[float, ...] = ()) -> FloatArray:
+    """Shares of every mode, then of one at each end, that an error of the stiffness adds to a mode at most, one each.
+
+    Parameters as of `Overlaps.mixing_db`.
+    """
+    own, tones = frequency_hz[index], np.append(frequency_hz, ends_hz)
+    apart = np.abs(tones**2 - own**2)
+    apart[index] = np.inf
+    return np.minimum(2.0 * error * own * tones / np.maximum(apart, 1e-300), 1.0)
+
+
+def mixed_energy(
+    share_of: Callable[[FloatArray], FloatArray], vectors: FloatArray, index: int, mixed: FloatArray
+) -> tuple[float, float]:
+    """A mode's share of a part's energy, and what neighbours change of it, each of the worse sign, added by their squares.
+
+    Parameters
+    ----------
+    share_of : callable
+        Gives the share (k,) of M-orthonormal motions (dof, k).
+    vectors : ndarray, shape (dof, k)
+        Of the modes.
+    index : int
+        The mode whose share it is.
+    mixed : ndarray, shape (k,)
+        How much of each of the others is added.
+    """
+    own, others = vectors[:, [index]], np.delete(np.arange(vectors.shape[1]), index)
+    added = [
+        (own + sign * mixed[others] * vectors[:, others]) / np.sqrt(1.0 + mixed[others] ** 2) for sign in (1.0, -1.0)
+    ]
+    shares = share_of(np.hstack([own, *added]))
+    moved = np.abs(shares[1:] - shares[0]).reshape(2, -1).max(axis=0, initial=0.0)
+    return float(shares[0]), float(np.linalg.norm(moved))
+
+
+def _level_db(inside: FloatArray, zone: float, outside: FloatArray, area: float) -> FloatArray:
+    """20 log10 of rms on one part over that on another, (k,); NaN where a part is empty."""
+    if min(zone, area) <= NEGLIGIBLE * max(zone, area):
+        return np.full(len(inside), np.nan)
+    return ratio_db(np.sqrt(np.maximum(inside, 0.0) / zone), np.sqrt(np.maximum(outside, 0.0) / area))

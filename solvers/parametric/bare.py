@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.materials import Material
 from solvers.fem.assembly import Scale
-from solvers.fem.quadrature import gauss, gauss_points
+from solvers.fem.surface import gauss, gauss_points
 from solvers.superelement.cell import Cell, Expansion
 from solvers.superelement.interface import SIDES, VERTICES, Interface, bubble_functions
 

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.fem.block_lanczos import block_lanczos
-from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.solid import free_mask, rigid_body_modes
 from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
 from solvers.superelement.interface import Interface

@@ -14,8 +14,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale
-from solvers.fem.quadrature import COUNT, gauss_points
-from solvers.fem.surface import face_quadrature
+from solvers.fem.surface import COUNT, face_quadrature, gauss_points
 from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
 from solvers.parametric.block import BESIDE, Block
 from solvers.parametric.foot import Foot

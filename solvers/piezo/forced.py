@@ -20,12 +20,11 @@ from geometry.elements import ComplexArray, FloatArray
 from geometry.layout import Design
 from solvers.errors import SolverError
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
-from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.measures.confinement import strength_force, target_symmetry
 from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
-from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
-from solvers.piezo.patched_plate import Group, PatchedPlate, PressedPlate
+from solvers.piezo.patched_plate import BondErrors, Group, PatchedPlate, PressedPlate, extrapolated_modes
 from solvers.superelement.plate import WHOLE
 
 MARGIN = (0.75, 1.3)  # of the band's ends: modes within are summed, the others are in the residual

@@ -1,8 +1,19 @@
-"""An assembled plate with bonded patches: symmetry classes that the patches couple are solved together.
+"""An assembled plate with bonded patches: classes that these couple are solved together, modes extrapolated.
 
 u = sum over classes E_c q_c at the bonded faces; K = diag(K_c) + sum over patches E' K_E E, M alike, loads E' theta. Beneath
-each patch the plate yields by F (solvers/piezo/beneath.py). Patch and F are meshed twice: both plates are solved, and what
-their modes differ by shows the error of the finer mesh (solvers/piezo/coarser_bond.py).
+each patch the plate yields by F (solvers/piezo/patch.py). Patch and F are meshed twice: both plates are solved, and what
+their modes differ by shows the error of the finer mesh.
+
+At a patch's edges stresses are singular, so the finer mesh leaves a known share t of what the coarser one lacks beside it
+(decision 7). That holds for eigenvalues and gains, in which the plate has yielded to either mesh, and not for stiffness
+matrices: motions as short as an element meet many times the stiffness on the coarser mesh, the more so the stiffer the
+ceramic is beside its plate, and a share of that taken from K softens the plate by more than there is. Modes of the coarser
+mesh, aligned with those of the finer one (schoenemann1966), have K there; with A and g its matrices in modal coordinates
+
+    Lambda = A - t (A_c - A)+,    gains = g + t (g - g_c).
+
+A mesh nested in another one is no softer: of A_c - A only the positive part + is of the edges. Where the coarser mesh is the
+softer one, something else differs, and what a share of that would change is in the bar.
 """
 
 from __future__ import annotations
@@ -15,23 +26,26 @@ from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import eigh, svd
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, mirrored_axes
-from solvers.accuracy.mesh import Shares
+from solvers.accuracy.mesh import Shares, amid
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
-from solvers.fem.eigen import PlainPencil
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.eigen import PlainPencil, factor_near
+from solvers.fem.factor import Factoriser
 from solvers.measures.confinement import TouchField, target_shape, target_symmetry
-from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
-from solvers.piezo.patch import BondedPatch, bonded_patch
+from solvers.piezo.patch import Beneath, BondedPatch, bonded_patch
 from solvers.superelement.plate import RIGID_OF_CLASS, WHOLE, AssembledPlate
 
 CLASSES = ("SS", "SA", "AS", "AA")
 NEAR_M = 1e-9  # a patch whose middle lies so near to a mirror line lies on it
 UNDRIVEN = 1e-9  # of the largest load: a class below it is not driven
+_Bonded = tuple[float, FloatArray, sp.csr_array]  # a factor, a patch's own matrix (3 b, 3 b), its motion (3 b, dof)
+
+ALIKE = 0.5  # of a direction among the modes: less of it on the coarser mesh is none of its modes about the band
 
 
 @dataclass(frozen=True)
@@ -44,16 +58,6 @@ class CoarserBond:
     loads: FloatArray
     inertia: FloatArray
     shares: Shares
-
-
-def gains_at(
-    vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
-) -> FloatArray:
-    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
-    gain = vectors.T @ loads
-    if growth is None or inertia is None:
-        return np.asarray(gain)
-    return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
 
 
 @dataclass(frozen=True)
@@ -272,27 +276,6 @@ class PatchedPlate:
         return [(count, self.bonds[number], motions[number]) for number, count in alike.items()]
 
 
-def joint_shares(shares: Sequence[Shares | None]) -> Shares | None:
-    """Shares that stand for those of several patches, uncertain by how they differ, too; None where one has none."""
-    known = [each for each in shares if each is not None]
-    if not known or len(known) < len(shares):
-        return None
-    taken, spread = (np.array([getattr(each, name) for each in known]) for name in ("taken", "spread"))
-    return replace(known[0], taken=float(taken.mean()), spread=float(spread.max() + np.ptp(taken)))
-
-
-def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
-    """Of each patch, told apart by its folded self and the axes (2,) it was turned about: the first with the same folded self,
-    and the axes that turn the one into the other.
-    """
-    first: dict[str, int] = {}
-    numbers = [first.setdefault(key, number) for number, (key, _) in enumerate(folded)]
-    return [(number, folded[number][1] * flip) for number, (_, flip) in zip(numbers, folded, strict=True)]
-
-
-_Bonded = tuple[float, FloatArray, sp.csr_array]  # a factor, a patch's own matrix (3 b, 3 b), its motion (3 b, dof)
-
-
 class _PatchMatrices:
     """What patches' matrices are in a plate's degrees of freedom: in classes that differ about a mirror line far from a patch
     its motions are the same but for their sign, and made once.
@@ -374,6 +357,123 @@ class _Bond:
         return self.parts[0]
 
 
+class PressedPlate:
+    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the target class feels it."""
+
+    def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
+        self.name = name
+        self.patches: tuple[object, ...] = ("pressure",)
+        self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
+        self.stiffness_unit = self.scale.young_pa * self.scale.length_m
+        self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
+        target = target_symmetry(design.nodal_lines)
+        self.everything = [self._group(plate, design, symmetry == target) for symmetry, plate in plates.items()]
+        self.groups = [group for group in self.everything if group.symmetries == (target,)]
+        self.undriven = [symmetry for symmetry in plates if symmetry != target]
+
+    def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
+        load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
+        return Group((plate,), plate.pencil, load[:, None])
+
+
+@dataclass(frozen=True)
+class BondErrors:
+    """Half-widths of the bars by the mesh of the bond: of frequencies, relative, (k,); of gains, (k, patches). NaN where a mode
+    has no counterpart on the coarser mesh.
+    """
+
+    frequency: FloatArray
+    gain: FloatArray
+
+
+@dataclass(frozen=True)
+class ExtrapolatedModes:
+    """Scaled eigenvalues (k,), ascending, M-orthonormal modes (dof, k) and gains (k, patches); errors None without a mesh that
+    shows them.
+
+    images: K and M of the finer mesh times the modes, (dof, k) each.
+    """
+
+    eigenvalue: FloatArray
+    vectors: FloatArray
+    gain: FloatArray
+    errors: BondErrors | None
+    images: tuple[FloatArray, FloatArray]
+
+
+def gains_at(
+    vectors: FloatArray, growth: FloatArray | None, loads: FloatArray, inertia: FloatArray | None
+) -> FloatArray:
+    """Gains (k, patches) of loads on modes (dof, k); growth (k,): of their part by inertia."""
+    gain = vectors.T @ loads
+    if growth is None or inertia is None:
+        return np.asarray(gain)
+    return np.asarray(gain + (growth - 1.0)[:, None] * (vectors.T @ inertia))
+
+
+def joint_shares(shares: Sequence[Shares | None]) -> Shares | None:
+    """Shares that stand for those of several patches, uncertain by how they differ, too; None where one has none."""
+    known = [each for each in shares if each is not None]
+    if not known or len(known) < len(shares):
+        return None
+    taken, spread = (np.array([getattr(each, name) for each in known]) for name in ("taken", "spread"))
+    return replace(known[0], taken=float(taken.mean()), spread=float(spread.max() + np.ptp(taken)))
+
+
+def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
+    """Symmetry classes that stay apart: along an axis about which the set of patches is its own mirror image."""
+    low = np.array([patch.points.min(axis=0) for patch in patches])
+    high = np.array([patch.points.max(axis=0) for patch in patches])
+    even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for symmetry in CLASSES:
+        key = tuple(mark if even[axis] else "" for axis, mark in enumerate(symmetry))
+        groups.setdefault(key, []).append(symmetry)
+    return list(groups.values())
+
+
+def extrapolated_modes(group: Group, values: FloatArray, vectors: FloatArray) -> ExtrapolatedModes:
+    """Extrapolate a group's modes about the band from its two meshes of the patches.
+
+    Parameters
+    ----------
+    group : Group
+        The classes with their patches.
+    values, vectors : ndarray, shapes (k,), (dof, k)
+        Scaled eigenvalues and M-orthonormal modes of the finer mesh.
+
+    Returns
+    -------
+    ExtrapolatedModes
+        Within the span of `vectors`.
+    """
+    coarser, gain, heavy = group.coarser, group.gain(vectors, values), group.pencil.apply_mass(vectors)
+    if coarser is None or not len(values):
+        return ExtrapolatedModes(values, vectors, gain, None, (heavy * values, heavy))
+    stiffness, coarse_gain, known = _aligned(group, coarser, (values, heavy), gain)
+    share, spread = coarser.shares.taken, coarser.shares.spread
+    stiffer, softer = _signed(stiffness - np.diag(values))
+    better, turn = eigh(np.diag(values) - share * stiffer)
+    change, against = (np.einsum("ij,ik,kj->j", turn, each, turn) for each in (stiffer + softer, softer))
+    gains, coarse_gains = turn.T @ gain, turn.T @ coarse_gain
+    unknown = np.where((turn**2).T @ known > ALIKE, 1.0, np.nan)
+    errors = BondErrors(
+        unknown * (spread * np.abs(change) + share * np.abs(against)) / (2.0 * better),
+        unknown[:, None] * spread * np.abs(gains - coarse_gains),
+    )
+    images = heavy @ (values[:, None] * turn), heavy @ turn
+    return ExtrapolatedModes(better, vectors @ turn, gains + share * (gains - coarse_gains), errors, images)
+
+
+def _images(folded: Sequence[tuple[str, FloatArray]]) -> list[tuple[int, FloatArray]]:
+    """Of each patch, told apart by its folded self and the axes (2,) it was turned about: the first with the same folded self,
+    and the axes that turn the one into the other.
+    """
+    first: dict[str, int] = {}
+    numbers = [first.setdefault(key, number) for number, (key, _) in enumerate(folded)]
+    return [(number, folded[number][1] * flip) for number, (_, flip) in zip(numbers, folded, strict=True)]
+
+
 def _bonds(
     patches: Mapping[str, BondedPatch], plate: AssembledPlate, back: bool, eigenvalue: float, beneath: Beneath | None
 ) -> dict[str, _Bond]:
@@ -430,42 +530,6 @@ def _motion(plates: Sequence[AssembledPlate], panels: Sequence[PanelContact], co
     )
 
 
-def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
-    """Symmetry classes that stay apart: along an axis about which the set of patches is its own mirror image."""
-    low = np.array([patch.points.min(axis=0) for patch in patches])
-    high = np.array([patch.points.max(axis=0) for patch in patches])
-    even = mirrored_axes(np.column_stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]]))
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for symmetry in CLASSES:
-        key = tuple(mark if even[axis] else "" for axis, mark in enumerate(symmetry))
-        groups.setdefault(key, []).append(symmetry)
-    return list(groups.values())
-
-
-# -- pressure instead of patches ---------------------------------------------------------------------------------------
-# A plate without patches, pressed in the target shape: what drives the samples of a case that has no piezo.
-# The pressure is sin(pi (y + W/2)/W) X_N(x) on the active touch face, scaled so that the integral of its size is 1 N.
-
-
-class PressedPlate:
-    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the target class feels it."""
-
-    def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
-        self.name = name
-        self.patches: tuple[object, ...] = ("pressure",)
-        self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
-        self.stiffness_unit = self.scale.young_pa * self.scale.length_m
-        self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
-        target = target_symmetry(design.nodal_lines)
-        self.everything = [self._group(plate, design, symmetry == target) for symmetry, plate in plates.items()]
-        self.groups = [group for group in self.everything if group.symmetries == (target,)]
-        self.undriven = [symmetry for symmetry in plates if symmetry != target]
-
-    def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
-        load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
-        return Group((plate,), plate.pencil, load[:, None])
-
-
 def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
     """Work of the pressure on each degree of freedom, (dof,), N."""
     load, size = np.zeros(plate.dof), 0.0
@@ -479,3 +543,38 @@ def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
         work = placed_cell.coefficient * rule.work(force)
         np.add.at(load, placed_cell.dofs[live], work[live])
     return load / size
+
+
+def _signed(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The positive and the negative part of a symmetric matrix, whose sum it is."""
+    values, vectors = eigh(matrix)
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T, (vectors * np.minimum(values, 0.0)) @ vectors.T
+
+
+def _aligned(
+    group: Group, coarser: CoarserBond, modes: tuple[FloatArray, FloatArray], gain: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K (k, k) and gains (k, patches) of the coarser mesh in its modes, turned onto the finer one's, and how much of each of
+    those is there, (k,).
+
+    modes: eigenvalues (k,) of the finer mesh, and its M times its modes, (dof, k). Both meshes move the same degrees of
+    freedom, so that one symbolic analysis serves them. Directions without a counterpart stay as the finer mesh has them.
+    """
+    pencil, (values, heavy) = coarser.join(), modes
+    factor, shift = factor_near(pencil, amid(values), group.factorise)
+    force = heavy * (values - shift)  # of answers as long as the modes
+    moved = factor.solve(force)
+    factor.free()
+    mass = moved.T @ pencil.apply_mass(moved)
+    stiffness = moved.T @ force + shift * mass  # (K - shift M) moved = force
+    eigenvalues, own = eigh((stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0)
+    moved = moved @ own
+    fine, overlap, coarse = svd(heavy.T @ moved)
+    alike = overlap > ALIKE
+    fine, turn = fine[:, alike], coarse[alike].T
+    own = np.diag(values)
+    change = (turn.T * eigenvalues) @ turn - fine.T @ own @ fine
+    growth = eigenvalues / group.eigenvalue if group.eigenvalue else None
+    other = turn.T @ gains_at(moved, growth, coarser.loads, coarser.inertia) - fine.T @ gain
+    known = (fine**2).sum(axis=1)
+    return own + fine @ change @ fine.T, gain + fine @ other, known

@@ -1,10 +1,11 @@
-"""Read off a forced response: motion at points, peaks, and admittance with its open-circuit resonances."""
+"""Read off a forced response: motion at points, peaks, admittance, resonances, and the errors of modes and peaks."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.linalg
@@ -12,6 +13,7 @@ import scipy.sparse as sp
 from scipy.optimize import minimize_scalar
 
 from geometry.elements import ComplexArray, FloatArray
+from solvers.accuracy.reduction import MARGIN, by_degrees, by_mesh, by_modes, last_degree
 from solvers.control.identification import half_power_quality_factor
 from solvers.measures.confinement import ratio_db
 from solvers.piezo.bond import Contact, displacement_at, mirror_signs
@@ -19,58 +21,12 @@ from solvers.piezo.forced import Curve, ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import Group
 from solvers.superelement.plate import WHOLE
 
-# -- points ------------------------------------------------------------------------------------------------------------
-# Response of a patched plate at points of its touch face, as a laser vibrometer sees it.
-
-
-def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
-    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
-    return point_responses(forced, np.array([point_m]), frequency_hz)[0]
-
-
-def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
-    """The same at points (p, 2): (p, n) in m/V."""
-    at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
-    volts = forced.volts_over(at)
-    parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
-    return np.asarray(np.sum(parts, axis=0))
-
-
-def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
-    """Where |u_z| of the operating shape is largest on |y| < half_width_m, (x, y) in m; the first of equals from x, y >= 0."""
-    points, values = forced.shape(frequency_hz)
-    size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
-    equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
-    best = equal[np.lexsort((points[equal, 0], points[equal].min(axis=1) < 0.0))[0]]
-    return float(points[best, 0]), float(points[best, 1])
-
-
-def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
-    """u_z at the points per unit of each column, (points, columns): the symmetry classes of the group added up."""
-    total = np.zeros((len(points_m), basis.columns.shape[1]))
-    for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
-        folded = np.abs(points_m) if symmetry != WHOLE else points_m
-        nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
-        total += mirror_signs(symmetry, points_m)[:, 2:] * field.values[nearest]
-    return total
-
-
-def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
-    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
-
-    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
-    """
-    contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
-    parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
-    return sp.csr_array(sp.hstack(parts, format="csr"))
-
-
-# -- peaks -------------------------------------------------------------------------------------------------------------
-# Peaks of a response: the target mode's own, and the highest of the band, which may be another mode's.
-
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
 SHARP = 1e-3  # of a half-power width: how finely a peak is found
 SAME_WIDTHS = 1.0  # half-power widths: nearer, two peaks are one
+SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
+
+_KNOWN: WeakKeyDictionary[GroupModes, FrequencyErrors] = WeakKeyDictionary()  # every peak of a response asks for them
 
 
 class Driven(Protocol):
@@ -108,6 +64,72 @@ class Peak:
         return abs(self.frequency_hz - frequency_hz) <= SAME_WIDTHS * loss * frequency_hz
 
 
+@dataclass(frozen=True)
+class CircuitShift:
+    """The target mode with every patch short and with some open: Hz, and the share of it in that open mode.
+
+    coupling = (f_open^2 - f_short^2)/f_open^2, the effective coupling factor squared (ieee176).
+    """
+
+    short_hz: float
+    open_hz: float
+    share: float
+
+    @property
+    def coupling(self) -> float:
+        """Effective electromechanical coupling factor squared."""
+        return 1.0 - (self.short_hz / self.open_hz) ** 2
+
+
+@dataclass(frozen=True)
+class FrequencyErrors:
+    """Relative half-widths, (k,) each: by the plate's mesh, by its reduction, by the mesh and yielding of the bond.
+
+    NaN where nothing shows one.
+    """
+
+    mesh: FloatArray
+    reduction: FloatArray
+    bonding: FloatArray
+
+    @property
+    def total(self) -> FloatArray:
+        """All of them."""
+        return self.mesh + self.reduction + self.bonding
+
+
+def point_response(forced: ForcedPlate, point_m: tuple[float, float], frequency_hz: FloatArray) -> ComplexArray:
+    """u_z per volt of drive, (n,) in m/V, at the quadrature point of the touch face nearest to a point in m."""
+    return point_responses(forced, np.array([point_m]), frequency_hz)[0]
+
+
+def point_responses(forced: ForcedPlate, points_m: FloatArray, frequency_hz: FloatArray) -> ComplexArray:
+    """The same at points (p, 2): (p, n) in m/V."""
+    at = forced.plate.scale.eigenvalue(np.asarray(frequency_hz))
+    volts = forced.volts_over(at)
+    parts = [_rows(basis, points_m) @ basis.amplitudes(at, forced.loss, volts).T for basis in forced.modes]
+    return np.asarray(np.sum(parts, axis=0))
+
+
+def loudest_point(forced: ForcedPlate, frequency_hz: float, half_width_m: float) -> tuple[float, float]:
+    """Where |u_z| of the operating shape is largest on |y| < half_width_m, (x, y) in m; the first of equals from x, y >= 0."""
+    points, values = forced.shape(frequency_hz)
+    size = np.where(np.abs(points[:, 1]) < half_width_m, np.abs(values), 0.0)
+    equal = np.flatnonzero(size >= (1.0 - 1e-6) * size.max())
+    best = equal[np.lexsort((points[equal, 0], points[equal].min(axis=1) < 0.0))[0]]
+    return float(points[best, 0]), float(points[best, 1])
+
+
+def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatArray | None = None) -> sp.csr_array:
+    """Rows (points, dof) that give u along an axis (default: u_z) of a group at points (q, 2) in m of the touch face.
+
+    means: weights (b, q) of sums over the points, which the rows (b, dof) then give.
+    """
+    contact = Contact(points_m, np.eye(len(points_m)) if means is None else means, back=False)
+    parts = [displacement_at(plate, contact)[axis::3] for plate in group.plates]
+    return sp.csr_array(sp.hstack(parts, format="csr"))
+
+
 def highest_hz(driven: Driven, low: float, high: float, points: int, resonances_hz: FloatArray | None = None) -> float:
     """Where the zone's response is largest, Hz: on a grid and at the resonances, finer about its top, then between points.
 
@@ -138,24 +160,6 @@ def own_or(driven: Driven, mode_hz: float, highest_hz: float) -> float:
     return highest_hz if abs(own - highest_hz) <= 2.0 * SHARP * highest_hz * driven.loss else own
 
 
-def _top_of(driven: Driven, low: float, high: float, known_hz: float) -> float:
-    fine = np.append(np.linspace(low, high, 4 * PER_WIDTH + 1), known_hz)
-    return float(fine[int(np.argmax(driven.curve(fine).zone_rms_m_per_v))])
-
-
-def _between(driven: Driven, top: float, low: float, high: float) -> float:
-    """The largest response about a point of a fine grid."""
-    step = top * driven.loss / PER_WIDTH
-    ends = (max(low, top - step), min(high, top + step))
-    minimum = minimize_scalar(
-        lambda hz: -float(driven.curve(np.array([hz])).zone_rms_m_per_v[0]),
-        bounds=ends,
-        method="bounded",
-        options={"xatol": SHARP * top * driven.loss},
-    )
-    return float(minimum.x) if low < top < high else top
-
-
 def curve_about(driven: Driven, low: float, high: float, points: int, peaks_hz: list[float]) -> Curve:
     """The response on an even grid, as dense about each peak as its damping makes it narrow."""
     tones = np.linspace(low, high, points)
@@ -176,38 +180,6 @@ def peak_of(curve: Curve, frequency_hz: float) -> Peak:
         None if passive is None else float(passive[at]),
         half_power_quality_factor(curve.frequency_hz, curve.zone_rms_m_per_v, at) if _is_top(curve, at) else None,
     )
-
-
-def _is_top(curve: Curve, at: int) -> bool:
-    """Whether the curve falls to both sides: a flank has no half-power width."""
-    around = curve.zone_rms_m_per_v[max(at - 1, 0) : at + 2]
-    return 0 < at < len(curve.frequency_hz) - 1 and bool(around.max() == curve.zone_rms_m_per_v[at])
-
-
-# -- circuit -----------------------------------------------------------------------------------------------------------
-# Modes of a patched plate whose patches are open instead of short: (K + sum theta theta'/C) u = omega^2 M u.
-# An open patch carries no charge, theta' u + C V = 0, and its voltage stiffens the plate (hagood1991). Solved in the
-# space of the short modes about the band and the plate's answers to each patch, which holds what one voltage a patch
-# can add.
-
-SAME = 1e-10  # of the largest: directions of the space that are combinations of the others
-
-
-@dataclass(frozen=True)
-class CircuitShift:
-    """The target mode with every patch short and with some open: Hz, and the share of it in that open mode.
-
-    coupling = (f_open^2 - f_short^2)/f_open^2, the effective coupling factor squared (ieee176).
-    """
-
-    short_hz: float
-    open_hz: float
-    share: float
-
-    @property
-    def coupling(self) -> float:
-        """Effective electromechanical coupling factor squared."""
-        return 1.0 - (self.short_hz / self.open_hz) ** 2
 
 
 def open_modes(forced: ForcedPlate, opened: Sequence[int]) -> tuple[FloatArray, FloatArray]:
@@ -264,16 +236,6 @@ def resonances_hz(forced: ForcedPlate) -> FloatArray:
     return frequency[(frequency > low) & (frequency < high)]
 
 
-def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
-    stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
-    loads = [
-        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads])
-        for basis in forced.modes
-    ]
-    return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
-
-
 def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
     """Current per volt into the driven patches in parallel, each with its polarisation, (n,) in S; sensors stay open.
 
@@ -291,3 +253,150 @@ def admittance(forced: ForcedPlate, frequency_hz: FloatArray) -> ComplexArray:
         volts = np.linalg.solve(of_left[..., left], -of_left[..., driven] @ signs[:, None])
         charge = charge + (to_driven[..., left] @ volts)[..., 0]
     return np.asarray(2j * np.pi * frequency_hz * (charge @ signs))
+
+
+def frequency_errors(basis: GroupModes) -> FrequencyErrors:
+    """Estimate the frequency errors of a group's modes.
+
+    By the plate's mesh and its truncation as for a plate without patches, the patches' stiffness in K; by the mesh of the bond;
+    and by F, which is that at rest: at the mode's eigenvalue l it is larger by l / (L - l) at most, L the lowest eigenvalue
+    left out of the panels, and each f of the patches' forces lowers l by f'F f.
+
+    Parameters
+    ----------
+    basis : GroupModes
+        Modes of some classes, solved together.
+
+    Returns
+    -------
+    FrequencyErrors
+        Half-widths (k,) each.
+    """
+    if basis not in _KNOWN:
+        _KNOWN[basis] = _estimated(basis)
+    return _KNOWN[basis]
+
+
+def frequency_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
+    """Half-width of the bar of the frequency of the peak nearest to one, relative; None where it is not known.
+
+    That of the mode nearest to it: mesh, reduction and bonding together.
+    """
+    basis, index = _nearest(forced, frequency_hz)
+    return None if basis is None else _known(float(frequency_errors(basis).total[index]))
+
+
+def height_error(forced: ForcedPlate, frequency_hz: float) -> float | None:
+    """Half-width of the bar of the peak nearest to a frequency, relative; None where it is not known, or no mode is about.
+
+    A resonance's height goes as phi'f / lambda: what the loads f and the mode's frequency may be wrong by adds up. Damping is
+    given and not judged. What modes left out of the panels bring is told at rest: at the mode's eigenvalue l it may be
+    larger by l / (L - l), L that below which none was left out.
+    """
+    basis, index = _nearest(forced, frequency_hz)
+    if basis is None or basis.bond is None:
+        return None
+    group, phi, value = basis.group, basis.columns[:, index], float(basis.eigenvalue[index])
+    if group.by_modes is None:
+        return None
+    volts = forced.volts(forced.plate.scale.eigenvalue(frequency_hz))
+    lost = basis.bond.gain[index] @ np.abs(volts) + _growth(group, value) * abs(phi @ group.by_modes @ volts)
+    given = abs(basis.gain[index] @ volts)
+    return _known(float(lost / given) + 2.0 * float(frequency_errors(basis).total[index])) if given else None
+
+
+def load_errors(basis: GroupModes) -> FloatArray:
+    """Errors of the loads' gains by the mesh of the bond and by the modes left out of the panels, (modes, patches); NaN where
+    they are not known.
+    """
+    if basis.bond is None or basis.group.by_modes is None:
+        return np.full_like(basis.gain, np.nan)
+    growth = np.asarray(_growth(basis.group, basis.eigenvalue))
+    left = basis.columns[:, : len(basis.eigenvalue)].T @ basis.group.by_modes
+    return np.asarray(basis.bond.gain + growth[:, None] * np.abs(left))
+
+
+def _rows(basis: GroupModes, points_m: FloatArray) -> FloatArray:
+    """u_z at the points per unit of each column, (points, columns): the symmetry classes of the group added up."""
+    total = np.zeros((len(points_m), basis.columns.shape[1]))
+    for symmetry, field in zip(basis.group.symmetries, basis.group.touch(basis.columns), strict=True):
+        folded = np.abs(points_m) if symmetry != WHOLE else points_m
+        nearest = [int(np.argmin(((field.points - point) ** 2).sum(axis=1))) for point in folded]
+        total += mirror_signs(symmetry, points_m)[:, 2:] * field.values[nearest]
+    return total
+
+
+def _top_of(driven: Driven, low: float, high: float, known_hz: float) -> float:
+    fine = np.append(np.linspace(low, high, 4 * PER_WIDTH + 1), known_hz)
+    return float(fine[int(np.argmax(driven.curve(fine).zone_rms_m_per_v))])
+
+
+def _between(driven: Driven, top: float, low: float, high: float) -> float:
+    """The largest response about a point of a fine grid."""
+    step = top * driven.loss / PER_WIDTH
+    ends = (max(low, top - step), min(high, top + step))
+    minimum = minimize_scalar(
+        lambda hz: -float(driven.curve(np.array([hz])).zone_rms_m_per_v[0]),
+        bounds=ends,
+        method="bounded",
+        options={"xatol": SHARP * top * driven.loss},
+    )
+    return float(minimum.x) if low < top < high else top
+
+
+def _is_top(curve: Curve, at: int) -> bool:
+    """Whether the curve falls to both sides: a flank has no half-power width."""
+    around = curve.zone_rms_m_per_v[max(at - 1, 0) : at + 2]
+    return 0 < at < len(curve.frequency_hz) - 1 and bool(around.max() == curve.zone_rms_m_per_v[at])
+
+
+def _projected(forced: ForcedPlate) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """K, M (c, c) and the loads (c, patches) in the columns of all groups, scaled; the modes' own loads are extrapolated."""
+    stiffness, mass = zip(*(basis.projected for basis in forced.modes), strict=True)
+    loads = [
+        np.vstack([basis.gain, basis.columns[:, len(basis.eigenvalue) :].T @ basis.group.loads])
+        for basis in forced.modes
+    ]
+    return scipy.linalg.block_diag(*stiffness), scipy.linalg.block_diag(*mass), np.vstack(loads)
+
+
+def _estimated(basis: GroupModes) -> FrequencyErrors:
+    group, value, count = basis.group, basis.eigenvalue, len(basis.eigenvalue)
+    vectors = basis.columns[:, :count]
+    pairs = list(zip(group.plates, group.split(vectors), strict=True))
+    mesh, modes = np.zeros(count), np.zeros(count)
+    for plate, part in pairs:
+        mesh += by_mesh(plate, value, part)[1]
+        modes += by_modes(plate, value, part)
+    last = np.concatenate([last_degree(plate) for plate in group.plates])
+    reduction = MARGIN * (modes + by_degrees(group.pencil, vectors, last, basis.images))
+    return FrequencyErrors(mesh, reduction, _bonding(basis, vectors))
+
+
+def _bonding(basis: GroupModes, vectors: FloatArray) -> FloatArray:
+    group, value = basis.group, basis.eigenvalue
+    if group.yielding is None:
+        return np.zeros(len(value))
+    if basis.bond is None:
+        return np.full(len(value), np.nan)
+    return np.asarray(basis.bond.frequency + _growth(group, value) * group.yielding(vectors) / (2.0 * value))
+
+
+def _growth(group: Group, value: float | FloatArray) -> Any:
+    """How much larger at eigenvalues than at rest the answers of modes left out of the panels are at most, less 1."""
+    return np.max([cell.residual.growth(value) for plate in group.plates for cell in plate.cells], axis=0) - 1.0
+
+
+def _known(error: float) -> float | None:
+    return error if np.isfinite(error) else None
+
+
+def _nearest(forced: ForcedPlate, frequency_hz: float) -> tuple[GroupModes | None, int]:
+    """The mode nearest to a frequency: its group and its number there."""
+    resonant = [
+        (abs(hz - frequency_hz), basis, index) for basis in forced.modes for index, hz in enumerate(basis.frequency_hz)
+    ]
+    if not resonant:
+        return None, 0
+    _, basis, index = min(resonant, key=lambda each: each[0])
+    return basis, index

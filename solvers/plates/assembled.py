@@ -16,14 +16,14 @@ from geometry.elements import FloatArray
 from geometry.hex.panels import PatchedMesh, panel_mesh, transfer
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar, region_materials
+from geometry.materials import Stack
 from geometry.mesh import Mesh, check_mesh
-from geometry.stack import Stack
 from geometry.tiling import Panel, Signature, signature, tile
-from solvers.accuracy.cell import extrapolated, recovered
 from solvers.accuracy.mesh import Nested, Shares, StressRecovery, rim_shares
+from solvers.accuracy.reduction import extrapolated, recovered
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.fem.eigen import PlainPencil
-from solvers.fem.factor.factoriser import side_by_side
+from solvers.fem.factor import side_by_side
 from solvers.fem.solid import CLASSES
 from solvers.fem.surface import Skin
 from solvers.measures.confinement import TouchField

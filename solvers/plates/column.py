@@ -14,13 +14,29 @@ from scipy.linalg import eigh
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from geometry.tiling import DIGITS, Panel, tile
-from solvers.accuracy.plate import EDGE_LAYER, Assembly, ModeErrors, by_mesh, by_modes, energy, last_bubbles, last_layer
+from solvers.accuracy.reduction import (
+    EDGE_LAYER,
+    Assembly,
+    ModeErrors,
+    by_mesh,
+    by_modes,
+    energy,
+    last_bubbles,
+    last_layer,
+)
 from solvers.errors import SolverError
-from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
-from solvers.measures.mode_mixing import Overlaps
+from solvers.measures.confinement import (
+    BESIDE,
+    AcrossModes,
+    DrivenZones,
+    Overlaps,
+    Profile,
+    drive_zones,
+    measure_profile,
+)
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 
@@ -94,7 +110,7 @@ def _extrapolated(frequency_hz: FloatArray, level_db: FloatArray, at_hz: float) 
 
 # -- errors of a column ------------------------------------------------------------------------------------------------
 # Error bars of a column of cells: of its modes' frequencies, and of the level of its forced motion.
-# Frequencies: as those of an assembled plate (`solvers.accuracy.plate`), summed over the column's cells. Levels: the exact
+# Frequencies: as those of an assembled plate (`solvers.accuracy.reduction`), summed over the column's cells. Levels: the exact
 # stiffness differs from the column's by d with |d_jj| <= 2 e_j l_j, l_j the eigenvalue of mode j and e_j the relative
 # bar of its frequency, and |d_ij| <= 2 e_j w_i w_j. Each d_jj changes the modal amplitude s_j = f_j / (l_j (1 + i/Q)
 # - l), by much near a resonance; each d_ij adds d_ij s_j / (l_i (1 + i/Q) - l) to that of mode i, of which a

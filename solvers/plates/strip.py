@@ -13,10 +13,9 @@ from scipy.linalg import eigh
 
 from geometry.elements import FloatArray
 from geometry.layout import Design, Pillar
-from solvers.analytic.beams import hermite
+from solvers.analytic.beams import Beam, hermite
 from solvers.analytic.plates import Strip, mindlin_wave_hz, thin_plate_hz
 from solvers.analytic.predesign import free_kx_per_m, pillar_beam, strip_of
-from solvers.analytic.timoshenko import Beam
 from solvers.errors import SolverError
 from solvers.measures.confinement import BESIDE, AcrossModes, DrivenZones, Profile, drive_zones, measure_profile
 

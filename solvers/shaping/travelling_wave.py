@@ -10,8 +10,8 @@ from scipy.optimize import minimize, minimize_scalar
 
 from geometry.elements import BoolArray, ComplexArray, FloatArray
 from solvers.errors import SolverError, check_above_zero
-from solvers.shaping.inversion import Drive, drive_voltages
 from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
+from solvers.shaping.voltages import Drive, drive_voltages
 
 # -- waves -------------------------------------------------------------------------------------------------------------
 # Travelling waves along a line: targets, and how much of what comes out travels.

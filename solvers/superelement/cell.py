@@ -13,7 +13,7 @@ from scipy.linalg import eigh
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
-from solvers.fem import quadrature
+from solvers.fem import surface
 from solvers.fem.assembly import Scale
 from solvers.fem.solid import rigid_body_modes
 from solvers.fem.surface import facet_quadrature
@@ -135,7 +135,7 @@ class Expansion:
         """Quadrature over the surface, parted at the lines y = const."""
         normal = self.matrix[:, -1]
         if self.weights is not None:
-            points, weights, interpolation = quadrature.parted(self.points, self.weights, lines_m)
+            points, weights, interpolation = surface.parted(self.points, self.weights, lines_m)
             return SurfaceRule(points, weights, normal, interpolation)
         assert self.facets is not None and self.order is not None
         rule = facet_quadrature(self.points, self.facets, self.order, lines_m)

@@ -20,7 +20,7 @@ from geometry.mesh import AnyMesh
 from solvers.errors import SolverError
 from solvers.fem.assembly import System, on_components
 from solvers.fem.eigen import PlainPencil, Shared, lowest_hz, modes_in_band
-from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
+from solvers.fem.factor import Factor, Factoriser, side_by_side
 from solvers.fem.solid import constrain, free_mask, rigid_body_modes
 from solvers.fem.surface import skin_faces
 from solvers.superelement.cell import Cell, Expansion, check_rigid, mirrored, places_of, rigid_polynomials

@@ -1,11 +1,12 @@
-"""Velocity feedback at points of a free-free beam: its waves and modes, its forced motion, and stability."""
+"""Velocity feedback at points of a free-free beam: waves, modes, motion, stability, and active pillars that confine."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise, permutations
-from math import inf, isfinite, nan, pi, sqrt
+from math import inf, isfinite, isinf, isnan, nan, pi, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +14,16 @@ from scipy.optimize import brentq
 from scipy.signal import argrelmax
 
 from geometry.elements import ComplexArray, FloatArray
-from geometry.materials import Material
+from geometry.materials import MATERIALS, Material
 from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError, check_bounded, checked_frequencies, solved
 
-# -- free beam ---------------------------------------------------------------------------------------------------------
-# A free-free Euler-Bernoulli beam answering point forces: exact waves at any complex frequency, and modes; e^{st}.
-# Losses are Kelvin and Voigt's, E (1 + s theta), so that waves, modes and time stepping speak of one beam.
-
 ASYMPTOTIC = 20  # number of shapes whose wavenumbers are solved for
+Filter = Callable[[FloatArray], ComplexArray]
+HIGHEST_HZ = 1e12
+MODES = 40  # of the pole calculation: 1e-3 of the whole beam's poles
+
+STEPS = 1500  # of x
 
 
 @dataclass(frozen=True)
@@ -101,33 +103,6 @@ class FreeBeam:
         return x
 
 
-def strip(
-    length_m: float, width_m: float, thickness_m: float, material: Material, viscosity_s: float = 0.0
-) -> FreeBeam:
-    """A flat strip: EI = E b h^3/12, rho A = rho b h."""
-    bending = material.rod(0).young_pa * width_m * thickness_m**3 / 12.0
-    return FreeBeam(length_m, bending, material.density_kg_m3 * width_m * thickness_m, viscosity_s)
-
-
-def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000) -> FloatArray:
-    """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
-    x = np.linspace(0.0, beam.length_m, steps + 1)
-    size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
-    return np.asarray(x[argrelmax(size)])
-
-
-def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> ComplexArray:
-    """Derivatives outwards of sum e^{p|d|}/(4 p^3), the shape of distance."""
-    d = np.abs(np.asarray(distance))[..., None]
-    return np.asarray(np.sum(roots**derivative * np.exp(roots * d) / (4.0 * roots**3), axis=-1))
-
-
-# -- feedback ----------------------------------------------------------------------------------------------------------
-# Velocity feedback at points of a beam under a harmonic force; e^{+j omega t}, phasors W = W_d + j W_q.
-# The law in displacement form: f = -j K' C W, that is F_d = K' W_q and F_q = -K' W_d, which is a damper of K'/omega.
-# Its gain on velocity is K = -K'/omega < 0.
-
-
 @dataclass(frozen=True, eq=False)
 class Layout:
     """Where loops act and listen: points_m (p,), spread (p, loops) of a loop's signal over the points, pick (loops, p).
@@ -151,7 +126,186 @@ class Layout:
         return float(self.points_m.min()), float(self.points_m.max())
 
 
-def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
+@dataclass(frozen=True)
+class ForcedBeam:
+    """Steady state: deflection phasors at x (n,) and point forces (p,), per newton of excitation."""
+
+    deflection: ComplexArray
+    forces: ComplexArray
+
+
+@dataclass(frozen=True)
+class Confinement:
+    """Amplitudes over a region and beyond it, m/N: largest and root mean square; ratio of the two rms values."""
+
+    inside_max: float
+    outside_max: float
+    inside_rms: float
+    outside_rms: float
+
+    @property
+    def ratio(self) -> float:
+        """rms inside over rms outside."""
+        return self.inside_rms / self.outside_rms
+
+
+@dataclass(frozen=True)
+class Loci:
+    """Eigenvalues of the return ratio per unit damper over n frequencies, (n, loops), followed from one to the next.
+
+    omega_rad_s (n,) from the carrier's neighbourhood to the upper end. Gain and delay are common to all loops, so that
+    these eigenvalues' distance from -1 gives their margins exactly.
+    """
+
+    omega_rad_s: FloatArray
+    values: ComplexArray
+
+
+@dataclass(frozen=True)
+class ActiveBeamData:
+    """The thesis states no beam; ours is the steel strip of its later experiments, free at both ends, driven in its middle.
+
+    Lengths m, frequencies Hz, gains K' N/m, force N. apart_m: two points of a pair, one patch apart. quality_factor:
+    1/(omega theta) at the first frequency, inf without losses. delays_s: one sample at 250 and at 40 kHz. left_m: middle of
+    the loops on the left; None takes the antinode nearest to a quarter of the length at the first frequency.
+    """
+
+    length_m: float = 0.150
+    width_m: float = 0.020
+    thickness_m: float = 1e-3
+    material: Material = MATERIALS["steel"]
+    frequencies_hz: tuple[float, ...] = (3000.0, 5000.0)
+    gains_n_m: tuple[float, ...] = (1e7, 1e8)
+    force_n: float = 1.0
+    apart_m: float = 0.012
+    quality_factor: float = 300.0
+    left_m: float | None = None
+    delays_s: tuple[float, ...] = (4e-6, 25e-6)
+
+    @property
+    def beam(self) -> FreeBeam:
+        """The strip with its losses."""
+        viscosity = (
+            0.0 if isinf(self.quality_factor) else 1.0 / (self.quality_factor * 2.0 * pi * self.frequencies_hz[0])
+        )
+        return strip(self.length_m, self.width_m, self.thickness_m, self.material, viscosity)
+
+    @property
+    def place_m(self) -> float:
+        """Middle of the left loops, m."""
+        if self.left_m is not None:
+            return self.left_m
+        antinodes = antinodes_m(self.beam, self.length_m / 2.0, 2.0 * pi * self.frequencies_hz[0])
+        room = (antinodes > self.apart_m) & (antinodes < self.length_m / 2.0 - self.apart_m)
+        if not room.any():
+            raise SolverError("no antinode lies between an end and the middle of the beam: state where the loops stand")
+        return float(antinodes[room][np.argmin(np.abs(antinodes[room] - self.length_m / 4.0))])
+
+
+@dataclass(frozen=True)
+class Case:
+    """One layout at one frequency and gain: strength K'/(4 EI beta^3), the steady state, amplitudes without and with loops.
+
+    largest_force_n: of a point in the steady state; switch_on_force_n: K' times the largest loop signal before the loops close.
+    """
+
+    layout: str
+    frequency_hz: float
+    gain_n_m: float
+    strength: float
+    steady: ForcedBeam
+    before: Confinement
+    after: Confinement
+    largest_force_n: float
+    switch_on_force_n: float
+
+    @property
+    def outside_reduced_by(self) -> float:
+        """rms beyond the loops, without over with them."""
+        return self.before.outside_rms / self.after.outside_rms
+
+
+@dataclass(frozen=True)
+class LoopStability:
+    """One layout: growth of the slowest pole at each gain, 1/s (above 0 unstable); the gain K' that makes a pole grow.
+
+    delay_margin_s at each gain, None where the loop is unstable without delay; gain_limits K' for each delay of the data,
+    for demodulation over one period as the last. Hz: the frequency that sets each.
+    """
+
+    layout: str
+    dual: bool
+    growth_per_s: tuple[float, ...]
+    unstable_from_n_m: float
+    delay_margin_s: tuple[float | None, ...]
+    gain_limits_n_m: tuple[float, ...]
+    gain_limits_hz: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class ActiveBeamStudy:
+    """Figures 3.5 to 3.8 computed, with what they leave out: forces, stability, sensitivity to gain and place.
+
+    open_m (frequencies, n): |w| without loops at x_m; sweeps hold rms inside over rms outside per layout.
+    """
+
+    data: ActiveBeamData
+    left_m: float
+    x_m: FloatArray
+    open_m: FloatArray
+    cases: tuple[Case, ...]
+    stability: tuple[LoopStability, ...]
+    sweep_gains_n_m: FloatArray
+    gain_sweep: dict[str, FloatArray]
+    sweep_places_m: FloatArray
+    place_sweep: dict[str, FloatArray] = field(repr=False)
+
+    def case(self, layout: str, frequency_hz: float, gain_n_m: float) -> Case:
+        """The case of these three. SolverError when it was not computed."""
+        for one in self.cases:
+            if (one.layout, one.frequency_hz, one.gain_n_m) == (layout, frequency_hz, gain_n_m):
+                return one
+        raise SolverError(f"no case {layout} at {frequency_hz:g} Hz and K' = {gain_n_m:g} N/m")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Beam, places, stability and sweeps in SI."""
+        data, beam = self.data, self.data.beam
+        kept = ("length_m", "width_m", "thickness_m", "apart_m", "force_n", "quality_factor")
+        return {
+            "beam": {
+                **{key: getattr(data, key) for key in kept},
+                "material": data.material.name,
+                "bending_n_m2": beam.bending_n_m2,
+                "mass_kg_m": beam.mass_kg_m,
+                "left_m": self.left_m,
+                "natural_hz": beam.natural_rad_s(9)[2:] / (2.0 * pi),
+            },
+            "point_stiffness_n_m": [beam.point_stiffness_n_m(2.0 * pi * f) for f in data.frequencies_hz],
+            # where beta h = 1: beyond it shear and rotary inertia count and the beam's theory does not hold
+            "thin_beam_limit_hz": (beam.bending_n_m2 / beam.mass_kg_m) ** 0.5 / data.thickness_m**2 / (2.0 * pi),
+            **{key: getattr(data, key) for key in ("frequencies_hz", "gains_n_m", "delays_s")},
+            "stability": self.stability,
+            "gain_sweep": {"gains_n_m": self.sweep_gains_n_m, **self.gain_sweep},
+            "place_sweep": {"places_m": self.sweep_places_m, **self.place_sweep},
+        }
+
+
+def strip(
+    length_m: float, width_m: float, thickness_m: float, material: Material, viscosity_s: float = 0.0
+) -> FreeBeam:
+    """A flat strip: EI = E b h^3/12, rho A = rho b h."""
+    bending = material.rod(0).young_pa * width_m * thickness_m**3 / 12.0
+    return FreeBeam(length_m, bending, material.density_kg_m3 * width_m * thickness_m, viscosity_s)
+
+
+def antinodes_m(beam: FreeBeam, source_m: float, omega: float, steps: int = 4000) -> FloatArray:
+    """Local maxima of |w| inside the beam under a force at `source`, m, to a step of L/steps."""
+    x = np.linspace(0.0, beam.length_m, steps + 1)
+    size = np.abs(beam.receptance(x, source_m, 1j * float(checked_frequencies(omega)))[:, 0])
+    return np.asarray(x[argrelmax(size)])
+
+
+def loop_layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...]:
     """Loops about `left` and, mirrored, on the other side; all but the first have two points `apart` from each other.
 
     point: one point on each side with its own velocity. pair: two, each with its own. couple: two pulled by opposed forces
@@ -165,14 +319,6 @@ def layouts(left_m: float, apart_m: float, length_m: float) -> tuple[Layout, ...
         Layout("couple", four, relative.T, relative),
         Layout("opposed", four, np.diag([1.0, -1.0, -1.0, 1.0]), np.eye(4)),
     )
-
-
-@dataclass(frozen=True)
-class ForcedBeam:
-    """Steady state: deflection phasors at x (n,) and point forces (p,), per newton of excitation."""
-
-    deflection: ComplexArray
-    forces: ComplexArray
 
 
 def forced(
@@ -191,21 +337,6 @@ def forced(
     return ForcedBeam(beam.receptance(x_m, sources, s) @ np.append(forces, 1.0), forces)
 
 
-@dataclass(frozen=True)
-class Confinement:
-    """Amplitudes over a region and beyond it, m/N: largest and root mean square; ratio of the two rms values."""
-
-    inside_max: float
-    outside_max: float
-    inside_rms: float
-    outside_rms: float
-
-    @property
-    def ratio(self) -> float:
-        """rms inside over rms outside."""
-        return self.inside_rms / self.outside_rms
-
-
 def confinement(x_m: FloatArray, deflection: ComplexArray, region_m: tuple[float, float]) -> Confinement:
     """Amplitudes within `region` and beyond it; x evenly spaced. SolverError when a side holds no point."""
     inside = (x_m > region_m[0]) & (x_m < region_m[1])
@@ -214,14 +345,6 @@ def confinement(x_m: FloatArray, deflection: ComplexArray, region_m: tuple[float
         raise SolverError("the region to confine to must hold some of the beam and leave some of it out")
     rms = [float(np.sqrt(np.mean(size[part] ** 2))) for part in (inside, ~inside)]
     return Confinement(float(size[inside].max()), float(size[~inside].max()), *rms)
-
-
-# -- stability ---------------------------------------------------------------------------------------------------------
-# Stability of velocity feedback on a free-free beam: poles, characteristic loci, margins of delay and of gain.
-
-Filter = Callable[[FloatArray], ComplexArray]
-HIGHEST_HZ = 1e12
-MODES = 40  # of the pole calculation: 1e-3 of the whole beam's poles
 
 
 def closed_loop_poles(beam: FreeBeam, layout: Layout, damper_n_s_m: float, modes: int = MODES) -> ComplexArray:
@@ -241,24 +364,6 @@ def growth_per_s(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
     """Largest real part of the poles other than rigid drift, 1/s; above 0 is unstable."""
     poles = closed_loop_poles(beam, layout, damper_n_s_m)
     return float(poles[np.abs(poles) > 1e-3 * beam.natural_rad_s(3)[2]].real.max())
-
-
-@dataclass(frozen=True)
-class Loci:
-    """Eigenvalues of the return ratio per unit damper over n frequencies, (n, loops), followed from one to the next.
-
-    omega_rad_s (n,) from the carrier's neighbourhood to the upper end. Gain and delay are common to all loops, so that
-    these eigenvalues' distance from -1 gives their margins exactly.
-    """
-
-    omega_rad_s: FloatArray
-    values: ComplexArray
-
-
-def _return_ratio(beam: FreeBeam, layout: Layout, omega: FloatArray) -> ComplexArray:
-    """j omega C G(j omega) B, (n, loops, loops)."""
-    moved = beam.receptance(layout.points_m, layout.points_m, 1j * omega)
-    return np.asarray(1j * omega[:, None, None] * (layout.pick @ moved @ layout.spread))
 
 
 def characteristic_loci(beam: FreeBeam, layout: Layout, high_hz: float) -> Loci:
@@ -285,21 +390,6 @@ def highest_hz(beam: FreeBeam, layout: Layout, damper_n_s_m: float) -> float:
     return high
 
 
-def _grid(beam: FreeBeam, low: float, high: float) -> FloatArray:
-    """Logarithmic, with clusters at the natural frequencies as wide as their damping, as long as that is below half."""
-    top = min(high, 1.0 / beam.viscosity_s) if beam.viscosity_s > 0.0 else high
-    count = 3
-    while beam.natural_rad_s(count)[-1] < top:
-        count += max(4, count // 4)
-    tones = beam.natural_rad_s(count)[2:]
-    tones = tones[tones < top]
-    widths = np.maximum(0.5 * beam.viscosity_s * tones**2, 1e-9 * tones)
-    offsets = np.sinh(np.linspace(-8.0, 8.0, 121)) / 4.0
-    clusters = (tones[:, None] + widths[:, None] * offsets).ravel()
-    every = np.concatenate([np.geomspace(low, high, 2000), clusters])
-    return np.unique(every[(every >= low) & (every <= high)])
-
-
 def delay_margin_s(loci: Loci, damper_n_s_m: float) -> float:
     """Largest pure delay that the loop bears, s; inf without a crossing.
 
@@ -321,13 +411,6 @@ def gain_limit_n_s_m(loci: Loci, filtered: Filter) -> tuple[float, float]:
     found, omega = _crossings(loci, values.imag, values)
     limits = [(float(-1.0 / x), float(w / (2.0 * pi))) for x, w in zip(found.real, omega, strict=True) if x < 0.0]
     return min(limits, default=(inf, nan))
-
-
-def _crossings(loci: Loci, level: FloatArray, values: ComplexArray) -> tuple[ComplexArray, FloatArray]:
-    """Values (n, loops) and frequencies where a level (n, loops) changes its sign, interpolated."""
-    i, k = np.nonzero((level[:-1] < 0.0) != (level[1:] < 0.0))
-    share, omega = level[i, k] / (level[i, k] - level[i + 1, k]), loci.omega_rad_s
-    return values[i, k] + share * (values[i + 1, k] - values[i, k]), omega[i] + share * (omega[i + 1] - omega[i])
 
 
 def delayed(delay_s: float) -> Filter:
@@ -359,3 +442,146 @@ def instability_gain_n_s_m(beam: FreeBeam, layout: Layout, high_n_s_m: float) ->
         if growth(float(high)) > 0.0:
             return float(brentq(growth, low, high, rtol=1e-6)) if growth(float(low)) < 0.0 else float(low)
     return inf
+
+
+def active_beam_study(data: ActiveBeamData | None = None) -> ActiveBeamStudy:
+    """Closed-loop shapes, forces, stability and sensitivity of active pillars on a free-free strip.
+
+    SolverError for a zero gain, a frequency not above 0, a lossless resonance hit exactly.
+    """
+    data = ActiveBeamData() if data is None else data
+    _check(data)
+    beam, left = data.beam, data.place_m
+    x = np.linspace(0.0, data.length_m, STEPS + 1)
+    layouts = loop_layouts(left, data.apart_m, data.length_m)
+    cases = [
+        _case(data, layout, frequency, gain, x)
+        for frequency in data.frequencies_hz
+        for layout in layouts
+        for gain in data.gains_n_m
+    ]
+    opened = [
+        data.force_n * np.abs(beam.receptance(x, data.length_m / 2.0, 2j * pi * f)[:, 0]) for f in data.frequencies_hz
+    ]
+    gains = np.geomspace(1e-3, 1e3, 61) * beam.point_stiffness_n_m(2.0 * pi * data.frequencies_hz[0])
+    places = np.linspace(1.5 * data.apart_m, data.length_m / 2.0 - data.apart_m, 61)
+    first, coarse = data.frequencies_hz[0], x[::5]
+    return ActiveBeamStudy(
+        data=data,
+        left_m=left,
+        x_m=x,
+        open_m=np.stack(opened),
+        cases=tuple(cases),
+        stability=tuple(_stability(data, layout) for layout in layouts),
+        sweep_gains_n_m=gains,
+        gain_sweep={
+            layout.name: np.array([_case(data, layout, first, gain, coarse).after.ratio for gain in gains])
+            for layout in layouts
+        },
+        sweep_places_m=places,
+        place_sweep=_place_sweep(data, places, coarse),
+    )
+
+
+def _direct(roots: ComplexArray, distance: FloatArray, derivative: int) -> ComplexArray:
+    """Derivatives outwards of sum e^{p|d|}/(4 p^3), the shape of distance."""
+    d = np.abs(np.asarray(distance))[..., None]
+    return np.asarray(np.sum(roots**derivative * np.exp(roots * d) / (4.0 * roots**3), axis=-1))
+
+
+def _return_ratio(beam: FreeBeam, layout: Layout, omega: FloatArray) -> ComplexArray:
+    """j omega C G(j omega) B, (n, loops, loops)."""
+    moved = beam.receptance(layout.points_m, layout.points_m, 1j * omega)
+    return np.asarray(1j * omega[:, None, None] * (layout.pick @ moved @ layout.spread))
+
+
+def _grid(beam: FreeBeam, low: float, high: float) -> FloatArray:
+    """Logarithmic, with clusters at the natural frequencies as wide as their damping, as long as that is below half."""
+    top = min(high, 1.0 / beam.viscosity_s) if beam.viscosity_s > 0.0 else high
+    count = 3
+    while beam.natural_rad_s(count)[-1] < top:
+        count += max(4, count // 4)
+    tones = beam.natural_rad_s(count)[2:]
+    tones = tones[tones < top]
+    widths = np.maximum(0.5 * beam.viscosity_s * tones**2, 1e-9 * tones)
+    offsets = np.sinh(np.linspace(-8.0, 8.0, 121)) / 4.0
+    clusters = (tones[:, None] + widths[:, None] * offsets).ravel()
+    every = np.concatenate([np.geomspace(low, high, 2000), clusters])
+    return np.unique(every[(every >= low) & (every <= high)])
+
+
+def _crossings(loci: Loci, level: FloatArray, values: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+    """Values (n, loops) and frequencies where a level (n, loops) changes its sign, interpolated."""
+    i, k = np.nonzero((level[:-1] < 0.0) != (level[1:] < 0.0))
+    share, omega = level[i, k] / (level[i, k] - level[i + 1, k]), loci.omega_rad_s
+    return values[i, k] + share * (values[i + 1, k] - values[i, k]), omega[i] + share * (omega[i + 1] - omega[i])
+
+
+def _place_sweep(data: ActiveBeamData, places: FloatArray, x: FloatArray) -> dict[str, FloatArray]:
+    """rms ratio of the three dual layouts over the place of the loops, each frequency, the last gain."""
+    moved = [loop_layouts(at, data.apart_m, data.length_m)[:3] for at in places]
+    return {
+        f"{dual[0].name} at {frequency:g} Hz": np.array(
+            [_case(data, layout, frequency, data.gains_n_m[-1], x).after.ratio for layout in dual]
+        )
+        for dual in zip(*moved, strict=True)
+        for frequency in data.frequencies_hz
+    }
+
+
+def _check(data: ActiveBeamData) -> None:
+    if not data.gains_n_m or not all(isfinite(gain) and gain > 0.0 for gain in data.gains_n_m):
+        raise SolverError(f"gains K' = {data.gains_n_m} N/m: must be finite and above 0 (0 leaves the loops open)")
+    if not data.frequencies_hz or not all(isfinite(f) and f > 0.0 for f in data.frequencies_hz):
+        raise SolverError(f"frequencies {data.frequencies_hz} Hz: must be finite and above 0")
+    if isnan(data.quality_factor) or data.quality_factor <= 0.0 or not (isfinite(data.force_n) and data.force_n > 0.0):
+        raise SolverError("quality factor and excitation force must be above 0")
+    if not all(isfinite(delay) and delay >= 0.0 for delay in data.delays_s):
+        raise SolverError(f"delays {data.delays_s} s: must be finite, 0 or more")
+
+
+def _case(data: ActiveBeamData, layout: Layout, frequency_hz: float, gain: float, x: FloatArray) -> Case:
+    beam, omega, middle = data.beam, 2.0 * pi * frequency_hz, data.length_m / 2.0
+    before = forced(beam, layout, 0.0, omega, x, middle)
+    after = forced(beam, layout, gain, omega, x, middle)
+    signals = layout.pick @ beam.receptance(layout.points_m, middle, 1j * omega)
+    return Case(
+        layout=layout.name,
+        frequency_hz=frequency_hz,
+        gain_n_m=float(gain),
+        strength=float(gain) / beam.point_stiffness_n_m(omega),
+        steady=after,
+        before=confinement(x, data.force_n * before.deflection, layout.region_m),
+        after=confinement(x, data.force_n * after.deflection, layout.region_m),
+        largest_force_n=data.force_n * float(np.max(np.abs(after.forces))),
+        switch_on_force_n=data.force_n * float(gain) * float(np.max(np.abs(signals))),
+    )
+
+
+def _stability(data: ActiveBeamData, layout: Layout) -> LoopStability:
+    beam, omega = data.beam, 2.0 * pi * data.frequencies_hz[0]
+    growth = tuple(growth_per_s(beam, layout, gain / omega) for gain in data.gains_n_m)
+    highest = 10.0 * max(data.gains_n_m) / omega
+    unstable = inf if layout.dual else instability_gain_n_s_m(beam, layout, highest)
+    stable = [gain / omega < unstable for gain in data.gains_n_m]
+    filters = [delayed(delay) for delay in data.delays_s]
+    filters.append(demodulated(omega, 1.0 / data.frequencies_hz[0]))
+    margins: list[float | None]
+    if beam.viscosity_s == 0.0:  # endlessly many modes without losses: any delay drives some of them at any gain
+        limits, margins = [(0.0, nan)] * len(filters), [0.0 if holds else None for holds in stable]
+    else:
+        loci = characteristic_loci(beam, layout, highest_hz(beam, layout, highest))
+        limits = [gain_limit_n_s_m(loci, one) for one in filters]
+        margins = [
+            delay_margin_s(loci, gain / omega) if holds else None
+            for gain, holds in zip(data.gains_n_m, stable, strict=True)
+        ]
+    return LoopStability(
+        layout=layout.name,
+        dual=layout.dual,
+        growth_per_s=growth,
+        unstable_from_n_m=unstable * omega,
+        delay_margin_s=tuple(margins),
+        gain_limits_n_m=tuple(limit * omega for limit, _ in limits),
+        gain_limits_hz=tuple(hz for _, hz in limits),
+    )

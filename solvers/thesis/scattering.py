@@ -1,10 +1,10 @@
-"""Flexural waves on an infinite beam that meet resonators, or one point force or moment; e^{-i omega t}."""
+"""Flexural waves that meet resonators, a point force or a moment, on a beam or on a strip with a row of pillars."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import pi
+from math import isnan, pi
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,16 @@ from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from geometry.elements import ComplexArray, FloatArray
+from geometry.layout import Design, Pillar
+from solvers.analytic.beams import Beam
+from solvers.analytic.predesign import pillar_beam, pillar_frequencies_hz
 from solvers.errors import SolverError, checked_frequencies, solved
 
-# -- resonators on a beam ----------------------------------------------------------------------------------------------
-# Flexural waves on an infinite beam that carries resonators: reflection, transmission, stop bands; e^{-i omega t}.
-# The incident wave is e^{i beta x}. Near fields are kept exactly, between resonators too.
+PINNED = 1e9  # s that stands for infinity: |t|^2 = 1/2 to a billionth
+SPAN = 2.0  # wavelengths shown on each side
+KINDS = (("spring", 1.0, 0), ("pinned", PINNED, 0), ("printed damper", -1j, 0), ("moment", -1.0, 1))
+
+DECAYS_DB = 0.01  # a row: below it a wave counts as passing
 
 
 @dataclass(frozen=True)
@@ -47,6 +52,64 @@ class Scattering:
     def absorbed(self) -> FloatArray:
         """1 - |r|^2 - |t|^2, the share of power that the resonators keep, shape (n,)."""
         return np.asarray(1.0 - np.abs(self.reflection) ** 2 - np.abs(self.transmission) ** 2)
+
+
+@dataclass(frozen=True)
+class ScatteringCase:
+    """One resonator: deflection phasor (n,) along the beam, shares of power transmitted, reflected and absorbed."""
+
+    name: str
+    deflection: ComplexArray
+    transmitted: float
+    reflected: float
+    absorbed: float
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
+
+    x_over_wavelength: FloatArray
+    cases: tuple[ScatteringCase, ...]
+
+    def of(self, name: str) -> ScatteringCase:
+        """The case of a name. SolverError without one."""
+        for case in self.cases:
+            if case.name == name:
+                return case
+        raise SolverError(f"no case {name!r}: there are {', '.join(case.name for case in self.cases)}")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Powers and the deflection's size in shares of the incident ones."""
+        known = ("name", "transmitted", "reflected", "absorbed")
+        cases = [{key: getattr(case, key) for key in known} | {"abs": np.abs(case.deflection)} for case in self.cases]
+        return {"x_over_wavelength": self.x_over_wavelength, "cases": cases}
+
+
+@dataclass(frozen=True)
+class PillarFilter:
+    """Over n frequencies: |t|^2 and |r|^2 of 1 ... rows pillars, shape (rows, n), decay of an endless row (n,), dB.
+
+    clamped_hz: the pillar on a rigid foot (Timoshenko); stopped_hz: where one pillar's moment lets nothing through;
+    oscillator_stopped_hz: the same for a vertical oscillator of the pillar's mass and clamped frequency. bands_hz: the
+    widest stretch with |t|^2 <= 1/2 for 1 ... rows pillars; stop_hz: the widest in which the endless row lets no wave
+    through without losses (decay above 0.01 dB a row); None without any in the window.
+    """
+
+    frequencies_hz: FloatArray
+    transmitted: FloatArray
+    reflected: FloatArray
+    decay_db: FloatArray
+    clamped_hz: float
+    stopped_hz: float
+    oscillator_stopped_hz: float
+    bands_hz: tuple[tuple[float, float] | None, ...]
+    stop_hz: tuple[float, float] | None
+
+    @property
+    def band_hz(self) -> tuple[float, float] | None:
+        """The first of bands_hz: one pillar."""
+        return self.bands_hz[0]
 
 
 def strengths(host_beam: HostBeam, feet: ComplexArray, omega: ArrayLike) -> tuple[ComplexArray, ComplexArray]:
@@ -84,29 +147,6 @@ def field(
         g = _green(host_beam, k, x[:, None] - np.asarray(places_m, dtype=float))
         rows.append(np.exp(1j * k * x) + g[0] @ loads[:, 0] - g[1] @ loads[:, 1])
     return np.stack(rows)
-
-
-def _green(host_beam: HostBeam, beta: float, x: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-    """g, g' and g'' of a unit point force at 0."""
-    wave, near, sign = np.exp(1j * beta * np.abs(x)), np.exp(-beta * np.abs(x)), np.sign(x)
-    scale = 1.0 / (4.0 * host_beam.bending_n_m2 * beta**3)
-    return scale * (1j * wave - near), scale * beta * sign * (near - wave), -scale * beta**2 * (near + 1j * wave)
-
-
-def _loads(host_beam: HostBeam, beta: float, foot: ComplexArray, places: FloatArray) -> ComplexArray:
-    """Forces and moments of every resonator, shape (resonators, 2): (1 + G K) u = incident, load = -K u."""
-    count = places.size
-    g, slope, curve = _green(host_beam, beta, places[:, None] - places[None, :])
-    mobility = np.empty((count, 2, count, 2), dtype=complex)
-    mobility[:, 0, :, 0], mobility[:, 0, :, 1] = g, -slope
-    mobility[:, 1, :, 0], mobility[:, 1, :, 1] = slope, -curve
-    incident = np.exp(1j * beta * places)[:, None] * np.array([1.0, 1j * beta])
-    scale = np.array([1.0, beta])  # w and w_x/beta: both equations of one size
-    matrix = np.eye(2 * count) + np.einsum("iajb,bc->iajc", mobility, foot).reshape(2 * count, 2 * count)
-    matrix = matrix * np.tile(scale, count)[None, :] / np.tile(scale, count)[:, None]
-    trouble = "the resonators and the beam form a singular system at this frequency"
-    motion = solved(matrix, (incident / scale).ravel(), trouble)
-    return np.asarray(-(motion.reshape(count, 2) * scale) @ foot.T)
 
 
 def transfer_matrix(host_beam: HostBeam, foot: ComplexArray, pitch_m: float, omega: float) -> ComplexArray:
@@ -188,47 +228,6 @@ def moment_total_reflection_rad_s(
     return float(brentq(excess, 1e-3 * clamped_rad_s, (1.0 - 1e-9) * clamped_rad_s, xtol=1e-12 * clamped_rad_s))
 
 
-# -- one force or moment -----------------------------------------------------------------------------------------------
-# A flexural wave on an endless beam met by one point force or moment: total reflection and what falls short of it;
-# e^{-iwt}.
-# Everything in units of the incident amplitude and of the wavelength; the beam's data drop out.
-
-PINNED = 1e9  # s that stands for infinity: |t|^2 = 1/2 to a billionth
-SPAN = 2.0  # wavelengths shown on each side
-
-
-@dataclass(frozen=True)
-class ScatteringCase:
-    """One resonator: deflection phasor (n,) along the beam, shares of power transmitted, reflected and absorbed."""
-
-    name: str
-    deflection: ComplexArray
-    transmitted: float
-    reflected: float
-    absorbed: float
-
-
-@dataclass(frozen=True)
-class PointForce:
-    """x over the wavelength (n,), and what a unit wave from the left becomes at each kind of point."""
-
-    x_over_wavelength: FloatArray
-    cases: tuple[ScatteringCase, ...]
-
-    def of(self, name: str) -> ScatteringCase:
-        """The case of a name. SolverError without one."""
-        for case in self.cases:
-            if case.name == name:
-                return case
-        raise SolverError(f"no case {name!r}: there are {', '.join(case.name for case in self.cases)}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Powers and the deflection's size in shares of the incident ones."""
-        known = ("name", "transmitted", "reflected", "absorbed")
-        cases = [{key: getattr(case, key) for key in known} | {"abs": np.abs(case.deflection)} for case in self.cases]
-        return {"x_over_wavelength": self.x_over_wavelength, "cases": cases}
-
-
 def point_force(points: int = 801) -> PointForce:
     """Spring s = 1, pinned point, damper of the printed condition s = -i, moment s = -1, and the printed force by itself.
 
@@ -250,7 +249,134 @@ def point_force(points: int = 801) -> PointForce:
     return PointForce(x, (*cases, driven))
 
 
-KINDS = (("spring", 1.0, 0), ("pinned", PINNED, 0), ("printed damper", -1j, 0), ("moment", -1.0, 1))
+def pillar_foot(beam: Beam, omega: ArrayLike, axial_n: float, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
+    """A pillar on its foot, its tip free or with a rigid body on it, shape (n, 2, 2): bending by the foot's rotation,
+    stretching by its deflection.
+
+    beam: the pillar (uniform; shear_n = inf and rotary_kg_m = 0 make it Euler-Bernoulli's); axial_n: EA in N; loss eta:
+    E (1 - i eta); lever_m: height of the foot above the host's neutral line, which stays at rest along x.
+    K_ww = -rho A omega^2 h B/(kh), k^2 = rho A omega^2/EA, B = tan(kh) without a body on the tip, with one of M = m rho A h
+    (sin kh + m kh cos kh)/(cos kh - m kh sin kh); K_tt = D_tt + 2 e D_ut + e^2 D_uu with the bending
+    stiffness D of the foot. N/m, N m.
+    """
+    w = np.atleast_1d(checked_frequencies(omega))
+    foot = np.zeros((w.size, 2, 2), dtype=complex)
+    phase = w * beam.length_m * np.sqrt(beam.mass_kg_m / (axial_n * (1.0 - 1j * loss)))
+    heavy = np.tan(phase)
+    if beam.end is not None:
+        transmitted = beam.end_shares[0] * phase
+        heavy = (heavy + transmitted) / (1.0 - transmitted * heavy)
+    foot[:, 0, 0] = -beam.mass_kg_m * beam.length_m * w**2 * heavy / phase
+    bending = np.stack([bending_foot(beam, value, loss) for value in w])
+    foot[:, 1, 1] = bending[:, 1, 1] + 2.0 * lever_m * bending[:, 0, 1] + lever_m**2 * bending[:, 0, 0]
+    return foot
+
+
+def bending_foot(beam: Beam, omega: float, loss: float = 0.0) -> ComplexArray:
+    """Dynamic stiffness of a uniform beam's end s = 0, other end free or with a rigid body, over (displacement, rotation),
+    shape (2, 2).
+
+    From the four exact waves exp(lambda s), lambda^4 + (b + r O^2) lambda^2 + r O^2 b - O^2 = 0, O the dimensionless
+    frequency with E (1 - i loss). Euler-Bernoulli: K_tt = -EI beta (sin cosh - cos sinh)/(1 + cos cosh) of beta L.
+    """
+    if beam.width_ratio is not None:
+        raise SolverError("a tapered pillar has no exact foot stiffness")
+    lossy = 1.0 - 1j * loss
+    square = (omega / beam.unit_rad_s) ** 2 / lossy
+    b, turn = beam.flexibility * square, beam.rotation * square
+    half = (b + turn) / 2.0
+    root = np.sqrt(half**2 - turn * b + square)
+    trig = half + root
+    lambdas = np.array([np.sqrt(-trig), -np.sqrt(-trig), *(sign * np.sqrt(root - half) for sign in (1, -1))])
+    anchor = np.where(lambdas.real > 0.0, 1.0, 0.0)  # growing waves are counted from the far end
+    tilt = (lambdas**2 + b) / lambdas
+
+    def at(s: float) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
+        wave = np.exp(lambdas * (s - anchor))
+        return wave, tilt * wave, tilt * lambdas * wave, (square / lambdas) * wave  # w, psi, psi', shear force/EI
+
+    far, near = at(1.0), at(0.0)
+    mass, inertia, arm = beam.end_shares
+    lifted = square * mass * (far[0] + arm * far[1])
+    moment_free, shear_free = far[2] - square * inertia * far[1] - arm * lifted, far[3] + lifted
+    waves = np.linalg.solve(np.stack([near[0], near[1], moment_free, shear_free]), np.eye(4)[:, :2])
+    length, stiff = beam.length_m, beam.bending_n_m2 * lossy
+    moment, shear = -stiff / length**2 * (near[2] @ waves), stiff / length**3 * (near[3] @ waves)
+    return np.stack([[shear[0], shear[1] * length], [moment[0], moment[1] * length]])
+
+
+def strip_beam(design: Design) -> HostBeam:
+    """The strip of one pitch: bending stiffness D pitch of a plate kept straight along x."""
+    stack, width = design.stack, design.pitch_x_m
+    if isnan(width) or isnan(design.thickness_m):
+        raise SolverError("the strip needs a pitch and a thickness")
+    return HostBeam(float(stack.bending_n_m[1, 1]) * width, stack.mass_kg_m2 * width)
+
+
+def pillar_filter(design: Design, frequencies_hz: FloatArray, loss: float = 0.0) -> PillarFilter:
+    """Scattering of the design's rows, pitch_y apart, at normal incidence. loss: E (1 - i loss) in the pillar.
+
+    The foot stands half a thickness above the neutral line. SolverError without a pillar, a pitch or a thickness.
+    """
+    if design.pillar is None:
+        raise SolverError("a row of pillars needs a pillar")
+    host_beam, pillar, lever_m = strip_beam(design), design.pillar, design.thickness_m / 2.0
+    omega, rows = 2.0 * pi * frequencies_hz, max(design.rows, 1)
+    feet = design_feet(pillar, omega, loss, lever_m)
+    scattered = [
+        scatter(host_beam, feet, [n * design.pitch_y_m for n in range(count)], omega) for count in range(1, rows + 1)
+    ]
+    clamped = 2.0 * pi * float(pillar_frequencies_hz(pillar, "timoshenko", about_x=True)[0])
+    transmitted = np.stack([np.abs(one.transmission) ** 2 for one in scattered])
+    decay = decay_db_per_row(host_beam, feet, design.pitch_y_m, omega)
+    lossless = feet if loss == 0.0 else design_feet(pillar, omega, 0.0, lever_m)
+    stopping = decay_db_per_row(host_beam, lossless, design.pitch_y_m, omega) > DECAYS_DB
+    stopped = moment_total_reflection_rad_s(
+        host_beam, lambda w: design_feet(pillar, np.array([w]), 0.0, lever_m), clamped
+    )
+    return PillarFilter(
+        frequencies_hz=frequencies_hz,
+        transmitted=transmitted,
+        reflected=np.stack([np.abs(one.reflection) ** 2 for one in scattered]),
+        decay_db=decay,
+        clamped_hz=clamped / (2.0 * pi),
+        stopped_hz=stopped / (2.0 * pi),
+        oscillator_stopped_hz=oscillator_total_reflection_rad_s(host_beam, pillar.faces * pillar.mass_kg, clamped)
+        / (2.0 * pi),
+        bands_hz=tuple(half_power_band(one, frequencies_hz) for one in transmitted),
+        stop_hz=half_power_band(np.where(stopping, 0.0, 1.0), frequencies_hz),
+    )
+
+
+def design_feet(pillar: Pillar, omega: FloatArray, loss: float = 0.0, lever_m: float = 0.0) -> ComplexArray:
+    """Foot stiffness of a design's pillar, or of both on opposite faces, shape (n, 2, 2): diagonal, so that the mirror image
+    adds the same.
+    """
+    axial = pillar.material.rod(2).young_pa * pillar.form.section.area_m2
+    return pillar.faces * pillar_foot(pillar_beam(pillar, about_x=True), omega, axial, loss, lever_m)
+
+
+def _green(host_beam: HostBeam, beta: float, x: FloatArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+    """g, g' and g'' of a unit point force at 0."""
+    wave, near, sign = np.exp(1j * beta * np.abs(x)), np.exp(-beta * np.abs(x)), np.sign(x)
+    scale = 1.0 / (4.0 * host_beam.bending_n_m2 * beta**3)
+    return scale * (1j * wave - near), scale * beta * sign * (near - wave), -scale * beta**2 * (near + 1j * wave)
+
+
+def _loads(host_beam: HostBeam, beta: float, foot: ComplexArray, places: FloatArray) -> ComplexArray:
+    """Forces and moments of every resonator, shape (resonators, 2): (1 + G K) u = incident, load = -K u."""
+    count = places.size
+    g, slope, curve = _green(host_beam, beta, places[:, None] - places[None, :])
+    mobility = np.empty((count, 2, count, 2), dtype=complex)
+    mobility[:, 0, :, 0], mobility[:, 0, :, 1] = g, -slope
+    mobility[:, 1, :, 0], mobility[:, 1, :, 1] = slope, -curve
+    incident = np.exp(1j * beta * places)[:, None] * np.array([1.0, 1j * beta])
+    scale = np.array([1.0, beta])  # w and w_x/beta: both equations of one size
+    matrix = np.eye(2 * count) + np.einsum("iajb,bc->iajc", mobility, foot).reshape(2 * count, 2 * count)
+    matrix = matrix * np.tile(scale, count)[None, :] / np.tile(scale, count)[:, None]
+    trouble = "the resonators and the beam form a singular system at this frequency"
+    motion = solved(matrix, (incident / scale).ravel(), trouble)
+    return np.asarray(-(motion.reshape(count, 2) * scale) @ foot.T)
 
 
 def _scattering_case(name: str, strength: complex, axis: int, x: FloatArray) -> ScatteringCase:

@@ -22,11 +22,11 @@ from geometry.layout import Design
 from geometry.mesh import Mesh
 from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import factor_near
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import constrain, free_mask
-from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import SAME_M, Contact, JoinedPanels, Panels, grid_weights, positive_part
 from solvers.piezo.forced import ForcedPlate, GroupModes, residual_vectors
+from solvers.piezo.patch import Beneath
 from solvers.piezo.patched_plate import Group
 from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import Reductions

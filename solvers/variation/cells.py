@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from geometry.elements import FloatArray, IntArray
-from geometry.hex.moved import FLUSH_M, PillarChange, VariedPanel
+from geometry.hex.panels import FLUSH_M, PillarChange, VariedPanel
 from geometry.layout import PLAIN, Pillar
 from geometry.mesh import Mesh
 from geometry.tiling import Panel, Signature, signature

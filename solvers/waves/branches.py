@@ -15,8 +15,7 @@ from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.lattice import MIRRORS
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import ReducedLattice, Waves, degenerate, times
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice, Waves, degenerate, times
 
 # -- branches ----------------------------------------------------------------------------------------------------------
 # Waves followed along a path through their crossings, by the modal overlap of their shapes.

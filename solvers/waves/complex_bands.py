@@ -12,7 +12,7 @@ from scipy.linalg import eig, lu_factor, lu_solve
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from solvers.errors import SolverError
 from solvers.superelement.cell import Cell, ResidualModes
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 
 # -- waves across rows -------------------------------------------------------------------------------------------------
 # ComplexArray bands of rows of cells: all waves across the rows at a real frequency and a real wavenumber along them.

@@ -17,11 +17,14 @@ from solvers.waves.branches import Branches, Label, Solved, label_of, modal_over
 # -- extremes ----------------------------------------------------------------------------------------------------------
 # Extremes of bands between the sampled wavevectors: along straight segments of a path, and over the irreducible zone.
 # A segment is searched where the cubic through sampled values and group velocities (Hellmann-Feynman, one-sided at
-# degenerate points) may exceed the best sample; the zone from its best grid points, with the gradient.
+# degenerate points) may exceed the best sample; the zone from its best grid points, with the gradient. Where a cell gives
+# frequencies only, the chords of the neighbouring intervals stand for the group velocities.
 
 CLOSE = 1e-3  # of an interval: where a search stops; a smooth extreme is then known to its square
 INSIDE = np.linspace(0.0, 1.0, 18)[1:-1]
 STARTS = 4  # grid points from which an extreme over the zone is sought
+SIMPLEX_SOLVES = 40  # at most, of a search for an extreme over the zone without a gradient
+Solve = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True)
@@ -33,16 +36,40 @@ class Extreme:
 
 
 class Line:
-    """The sorted bands on a straight segment of a path, sampled at its wavevectors (m, 2), with slopes along the segment."""
+    """The sorted bands on a straight segment of a path, sampled at its wavevectors (m, 2), with slopes along the segment.
 
-    def __init__(self, solved: Solved, wavevectors: FloatArray) -> None:
-        self.solved, self.start, self.along = solved, wavevectors[0], wavevectors[-1] - wavevectors[0]
+    value, beyond, before (m, bands): what `solve` gives at a wavevector, and its slopes after and before each sample over the
+    segment's length; hz: the frequency of a value.
+    """
+
+    def __init__(self, solve: Solve, wavevectors: FloatArray, hz: Callable[[float], float]) -> None:
+        self.solve, self.hz = solve, hz
+        self.start, self.along = wavevectors[0], wavevectors[-1] - wavevectors[0]
         self.at = np.linalg.norm(wavevectors - self.start, axis=1) / np.linalg.norm(self.along)
-        waves = [solved(k) for k in wavevectors]
-        self.value = np.array([w.eigenvalue for w in waves])[:, : solved.count]
-        slopes = [one_sided(solved.lattice, w, self.along) for w in waves]
-        self.beyond, self.before = (np.array(side)[:, : solved.count] for side in zip(*slopes, strict=True))
+        self.value = self.beyond = self.before = np.empty((0, 0))
         self._extremes: dict[tuple[int, int], Extreme] = {}
+
+    @classmethod
+    def of_waves(cls, solved: Solved, wavevectors: FloatArray) -> Line:
+        """Slopes by Hellmann-Feynman, values scaled eigenvalues."""
+        line = cls(lambda k: solved(k).eigenvalue, wavevectors, lambda value: _hz(solved.lattice, value))
+        waves = [solved(k) for k in wavevectors]
+        line.value = np.array([w.eigenvalue for w in waves])[:, : solved.count]
+        slopes = [one_sided(solved.lattice, w, line.along) for w in waves]
+        line.beyond, line.before = (np.array(side)[:, : solved.count] for side in zip(*slopes, strict=True))
+        return line
+
+    @classmethod
+    def of_samples(cls, solve: Solve, wavevectors: FloatArray, frequency_hz: FloatArray) -> Line:
+        """Slopes by the chords of the neighbouring intervals, 0 at the ends, where bands are extreme by symmetry; values in
+        Hz.
+        """
+        line = cls(solve, wavevectors, float)
+        line.value = frequency_hz
+        chords = np.diff(frequency_hz, axis=0) / np.diff(line.at)[:, None]
+        still = np.zeros_like(frequency_hz[:1])
+        line.beyond, line.before = np.vstack([still, chords]), np.vstack([chords, still])
+        return line
 
     def extreme(self, band: int, sign: int) -> Extreme:
         """The largest (sign 1) or smallest (-1) frequency of a sorted band (from 0) on the segment, ends included."""
@@ -60,14 +87,14 @@ class Line:
             inside, at = self._inside(band, sign, self.at[i], self.at[i + 1])
             if inside > best:
                 best, where = inside, at
-        return Extreme(_hz(self.solved.lattice, sign * best), self.start + where * self.along)
+        return Extreme(self.hz(sign * best), self.start + where * self.along)
 
     def _inside(self, band: int, sign: int, low: float, high: float) -> tuple[float, float]:
         """The largest value of sign times a band's eigenvalue between two samples, and where it is."""
         from scipy.optimize import minimize_scalar  # slow to import
 
         minimum = minimize_scalar(
-            lambda s: -sign * self.solved(self.start + float(s) * self.along).eigenvalue[band],
+            lambda s: -sign * self.solve(self.start + float(s) * self.along)[band],
             bounds=(low, high),
             method="bounded",
             options={"xatol": CLOSE * (high - low)},
@@ -173,7 +200,13 @@ def complete_gaps(frequencies_hz: FloatArray) -> list[Gap]:
 
 def path_lines(solved: Solved, path: Path) -> list[Line]:
     """The path's segments with their bands."""
-    return [Line(solved, path.wavevectors[segment.first : segment.last + 1]) for segment in path.segments]
+    return [Line.of_waves(solved, path.wavevectors[segment.first : segment.last + 1]) for segment in path.segments]
+
+
+def sampled_lines(solve: Solve, path: Path, frequency_hz: FloatArray) -> list[Line]:
+    """The path's segments with bands (n, bands) in Hz that `solve` gives at a wavevector."""
+    parts = [slice(segment.first, segment.last + 1) for segment in path.segments]
+    return [Line.of_samples(solve, path.wavevectors[part], frequency_hz[part]) for part in parts]
 
 
 def path_gaps(lines: list[Line]) -> list[Gap]:
@@ -211,6 +244,23 @@ def sampled_extreme(wavevectors: FloatArray, frequencies_hz: FloatArray, band: i
     """The extreme of a band among frequencies (n, bands) at wavevectors (n, 2)."""
     best = int(np.argmax(sign * frequencies_hz[:, band]))
     return Extreme(float(frequencies_hz[best, band]), wavevectors[best])
+
+
+def searched_extreme(
+    solve: Solve, wavevectors: FloatArray, frequencies_hz: FloatArray, band: int, sign: int
+) -> Extreme:
+    """The extreme of a band, searched from the best of its samples (n, bands) at wavevectors (n, 2) without a gradient."""
+    from scipy.optimize import minimize  # slow to import
+
+    best = sampled_extreme(wavevectors, frequencies_hz, band, sign)
+    distance = np.linalg.norm(wavevectors - best.wavevector, axis=1)
+    step = float(distance[distance > 0.0].min(initial=np.inf))
+    if not np.isfinite(step):
+        return best
+    simplex = best.wavevector + step * np.array([[0.0, 0.0], [0.5, 0.0], [0.0, 0.5]])
+    options = {"initial_simplex": simplex, "maxfev": SIMPLEX_SOLVES, "xatol": CLOSE * step, "fatol": CLOSE**2 * best.hz}
+    found = minimize(lambda k: -sign * solve(k)[band], best.wavevector, method="Nelder-Mead", options=options)
+    return best if found.fun >= -sign * best.hz else Extreme(float(-sign * found.fun), found.x)
 
 
 def _may_open(values: list[FloatArray], band: int) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 
-NAMES = ("cold_start", "factorisations", "lanczos", "bands")
+NAMES = ("cold_start", "linear_algebra", "bands")
 
 if __name__ == "__main__":
     for name in NAMES:

@@ -15,13 +15,13 @@ from pipeline.planning.resources import GIB
 from studies.benchmarks import ran
 
 MEASURED = """import sys, time
-from pipeline.batch import peak_memory
+from solvers import machine
 from pipeline.cli.main import main
 from pipeline.planning.resources import Demand
 told, text = [], Demand.text
 Demand.text = lambda self: told.append((self.memory_bytes, self.seconds)) or text(self)
 code = main(sys.argv[1:])
-print(max(each[0] for each in told), sum(each[1] for each in told), peak_memory.peak_bytes(), time.process_time())
+print(max(each[0] for each in told), sum(each[1] for each in told), machine.peak_bytes(), time.process_time())
 sys.exit(code)"""  # the process tells its own peak: what its parent reads of it may begin with the parent's size
 REFERENCE, SMALL = "studies/three-rows.toml", "examples/small.toml"
 ROUND = 'pillar={shape="round",diameter_mm=2.0,height_mm=6.3}'

@@ -20,16 +20,16 @@ from tests.helpers.exploring import small_explorer
 ROOT = Path(__file__).resolve().parents[2]
 HOMES = [*(f"antinode.{name}" for name in ("plate", "sweeps")),
          *sorted({each.__module__ for each in registered().values()}),
-         "pipeline.case.tables", "pipeline.models.mode_parts",
-         "pipeline.records.frames", "pipeline.errors", "solvers.errors"]  # fmt: skip
+         "pipeline.case.schema", "pipeline.models.answer_parts",
+         "pipeline.records.outputs", "pipeline.errors", "solvers.errors"]  # fmt: skip
 NAMES = sorted(set(antinode.__all__) - {"__version__"})
 COMPUTATIONS = [name for name, each in inspect.getmembers(antinode.Plate, inspect.isfunction) if name[0] != "_"]
-SLOW = {  # a second and more, run by `make test-all`
+SLOW = {  # a second and more, run by `make slow`
     "antinode.sweeps.sweep",
     *(f"antinode.plate.Plate.{name}"
       for name in ("explore",)),
     *(f"pipeline.questions.{name.lower()}.{name}" for name in ("Crosstalk", "Hybrid", "Touch", "Travel")),
-    "pipeline.questions.active.ActiveShaping",
+    *(f"pipeline.questions.active.Active{name}" for name in ("Beam", "Shaping")),
     "pipeline.questions.tolerance.Tolerance",
     "pipeline.questions.tolerance.AlikeTolerance",
     *(f"pipeline.questions.response.{name}Response" for name in ("", "Measured", "Synthetic")),

@@ -279,6 +279,7 @@ def test_bands_have_wavevectors_labels_and_errors(plate: antinode.Plate, tmp_pat
     assert repr(bands).endswith(f", {count} complete gap>" if count == 1 else f", {count} complete gaps>")
 
 
+@pytest.mark.slow
 def test_a_modes_surface_is_closed_and_has_the_bodys_volume(plate: antinode.Plate) -> None:
     """Volume of the plate with its pillars by the divergence theorem over the surface, against length x width x height."""
     design = plate.case.design
@@ -325,6 +326,7 @@ print([row["status"] for row in antinode.sweep(plate, **asked)])
 """
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_costs_a_script_without_a_guard_one_case(tmp_path: Path) -> None:
     """Workers are started anew and would run the caller's script again; the next sweep computes what is missing alone."""
     (tmp_path / "script.py").write_text(SCRIPT.format(case=str(SMALL)))

@@ -8,7 +8,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from pipeline.case import tables
+import pytest
+
+from pipeline.case import schema as tables
 from pipeline.case.schema import MATERIAL_OWNERS, TABLES
 from pipeline.questions import registered
 
@@ -81,6 +83,7 @@ def expected(checker: int) -> dict[int, str]:
     return {number: WRONG[line][checker] for number, line in enumerate(LINES, start=1) if line in WRONG}
 
 
+@pytest.mark.slow
 def test_mypy_sees_options_and_results(tmp_path: Path) -> None:
     options = ["--config-file", str(ROOT / "pyproject.toml"), "--cache-dir", str(ROOT / ".mypy_cache")]
     said = said_by(["mypy", *options, "--hide-error-context"], tmp_path)

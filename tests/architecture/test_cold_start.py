@@ -92,6 +92,7 @@ def test_faults_of_the_input_are_told_before_anything_heavy_is_loaded() -> None:
     assert not packages(loaded_by(*wrong, code=2)) & (ALWAYS_LATE | {"scipy"})
 
 
+@pytest.mark.slow
 def test_plans_and_a_look_at_the_machine_load_no_cad_mesher_or_renderer() -> None:
     """Versions are asked for without importing."""
     plans = [(command, CASE, "--explain") for command in ("modes", "bands", "response")]

@@ -34,7 +34,13 @@ def cell_outputs(sources: list[str]) -> Iterator[Any]:
             yield eval(compile(ast.Expression(last.value), "cell", "eval"), names)
 
 
-@pytest.mark.parametrize("place", NOTEBOOKS, ids=lambda place: place.stem)
+@pytest.mark.parametrize(
+    "place",
+    [
+        pytest.param(p, id=p.stem, marks=[pytest.mark.slow] if p.stem in ("dispersion", "sweep") else [])
+        for p in NOTEBOOKS
+    ],
+)
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_a_notebook_answers_on_coarse_plates(
     place: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

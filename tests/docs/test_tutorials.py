@@ -64,8 +64,17 @@ def test_what_a_page_shows_is_compared_by_words_and_numbers() -> None:
 
 # half a minute to two minutes each
 SLOW = {
-    *("finger", "how-many-rows", "own-pillar", "first-plate", "table-to-board", "own-measurement", "other-programs"),
-    *("search-and-tolerance", "shaped-patches", "start", "notebooks"),
+    *(
+        "finger",
+        "how-many-rows",
+        "own-pillar",
+        "first-plate",
+        "table-to-board",
+        "own-measurement",
+        "other-programs",
+        "cluster",
+    ),
+    *("search-and-tolerance", "shaped-patches", "start", "notebooks", "own-mesh"),
 }
 PAGES = [
     pytest.param(page, id=page.stem, marks=[pytest.mark.slow] if page.stem in SLOW else [])
@@ -113,7 +122,10 @@ def test_the_first_page_answers_on_coarse_plates(
     assert {path.name for path in tmp_path.glob("*.svg")} == {"bands.svg", "modes.svg"}
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(s, id=s.stem, marks=[pytest.mark.slow] if s.stem == "dispersion" else []) for s in SCRIPTS],
+)
 def test_an_example_answers_on_a_coarse_plate(
     script: Path, coarsest_cells: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:

@@ -9,8 +9,7 @@ import pytest
 
 from firmware import build as builder
 from firmware.client.client import BoardError, Client
-from firmware.emulate.beam import Beam
-from firmware.emulate.plant import Plate, Resonance
+from firmware.emulate.plant import Beam, Plate, Resonance
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, header_text, to_bytes
 from firmware.protocol import Kind
 
@@ -26,9 +25,8 @@ def visit(tmp_path, monkeypatch, core):
     """Boards of a build whose branches are recorded from their first start on; without unrolled loops, whose copies are no
     branches of the source."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
-    from firmware.emulate.six import EmulatedSix
-    from firmware.image.elf import Elf
+    from firmware.emulate.images import EmulatedSingle, EmulatedSix
+    from firmware.image import Elf
     from tests.helpers.board_probes import BranchRecorder, EmulatedPort, routines_of_the_board
 
     monkeypatch.setattr(builder, "LANGUAGE", (*builder.LANGUAGE, "-fno-unroll-loops"))

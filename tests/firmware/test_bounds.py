@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from firmware import build as builder
-from firmware.image import bounds
+from firmware import image
 from firmware.mode_table import Mode, ModeTable, to_bytes
 
 ALLOWED = {"single": {"an_fast_tick": 90, "an_slow_step": 380}, "six": {"an_six_tick": 300}}
@@ -34,16 +34,16 @@ def compiler(request, tmp_path_factory: pytest.TempPathFactory):
 
 @pytest.mark.parametrize(("variant", "routine"), [(v, name) for v, names in ALLOWED.items() for name in names])
 def test_no_path_is_longer_than_allowed(compiler: dict[str, Path], variant: str, routine: str) -> None:
-    assert bounds.bound(compiler[variant], routine) <= ALLOWED[variant][routine]
+    assert image.bound(compiler[variant], routine) <= ALLOWED[variant][routine]
 
 
 def test_a_loop_has_no_bound(compiler: dict[str, Path]) -> None:
-    with pytest.raises(bounds.Unbounded, match="loop"):
-        bounds.bound(compiler["single"], "an_crc32")
+    with pytest.raises(image.Unbounded, match="loop"):
+        image.bound(compiler["single"], "an_crc32")
 
 
 def test_both_images_fit(compiler: dict[str, Path]) -> None:
-    from firmware.image.elf import Elf
+    from firmware.image import Elf
 
     for elf in compiler.values():
         flash, ram = builder.sizes(Elf.read(elf))

@@ -11,8 +11,7 @@ import pytest
 
 from firmware.client import actions
 from firmware.client.client import BoardError, Client
-from firmware.emulate.beam import Beam, adc_codes
-from firmware.emulate.plant import Plate, Resonance, adc_code
+from firmware.emulate.plant import Beam, Plate, Resonance, adc_code, adc_codes
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import Captured
 from tests.helpers.fake_board import FakePort
@@ -36,8 +35,7 @@ def taken(client: Client) -> np.ndarray:
 @pytest.fixture
 def boards(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSingle, EmulatedSix
     from tests.helpers.board_probes import EmulatedPort
 
     def make(variant: str):
@@ -112,14 +110,14 @@ def test_the_client_writes_them_into_a_file(boards, tmp_path: Path) -> None:
     rows = list(csv.reader(file.open()))
     assert rows[0] == ["time_s", "input_1", "output_1"] and len(rows) == 1025
     assert float(rows[-1][0]) == pytest.approx(1023 * 8e-6, rel=1e-9) and {row[2] for row in rows[1:]} == {"2048"}
-    assert "1024 rows, one each 8 us" in said
+    assert "1024 rows, one every 8 us" in said
 
 
 def test_a_capture_that_stands_still_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(actions, "CAPTURE_S", 0.05)
     client = Client(FakePort())
     client.captured = lambda start: Captured(2, 2048, 2, (2048, 2048)[start:])
-    with pytest.raises(BoardError, match="stands at 2 of 2048"):
+    with pytest.raises(BoardError, match="stalled at 2 of 2048"):
         actions.capture(client, Namespace(file=tmp_path / "x.csv", every=1))
     assert not (tmp_path / "x.csv").exists()
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware.client import client, command_line, port, selftest
+from firmware.client import actions, client, command_line
 from firmware.emulate.plant import Plate, Resonance
 from firmware.mode_table import Mode, ModeTable, to_bytes
 from firmware.protocol import PROTOCOL
@@ -29,7 +29,7 @@ PLATE = Plate((Resonance(31250.0, 3e-3, 0.77),), delay_s=7.3e-6)
 @pytest.fixture
 def board(make_image, core, monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
 
     made = EmulatedSingle(make_image(TABLE).elf, PLATE)
     made.run(1e-3)
@@ -129,7 +129,7 @@ def test_identity_and_health_are_told(board, capsys) -> None:
     assert f"build single, protocol {PROTOCOL}, table version 1: 1 modes" in capsys.readouterr().out
     assert command_line.main(["COM7", "health"]) == 0
     out = capsys.readouterr().out
-    assert "clock 180 MHz, resets by the watchdog in a row 0" in out and "exception" not in out
+    assert "clock 180 MHz, consecutive watchdog resets 0" in out and "exception" not in out
 
 
 def test_identify_measures_again_until_it_is_stopped(board) -> None:
@@ -143,8 +143,8 @@ def test_identify_measures_again_until_it_is_stopped(board) -> None:
 
 def test_the_selftest_of_an_emulated_bench(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
     """The board's own clock stands for the host's; cycles are not counted there."""
-    monkeypatch.setattr(selftest, "time", types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run))
-    monkeypatch.setattr(selftest, "RATE_S", 0.04)
+    monkeypatch.setattr(actions, "time", types.SimpleNamespace(monotonic=lambda: board.time_s, sleep=board.run))
+    monkeypatch.setattr(actions, "RATE_S", 0.04)
     assert command_line.main(["COM7", "selftest", "line"]) == 0
     assert command_line.main(["COM7", "selftest", "rest"]) == 0
     out = capsys.readouterr().out
@@ -164,6 +164,6 @@ def test_without_pyserial_the_way_to_get_it_is_said(capsys, monkeypatch: pytest.
 
 
 def test_without_cobs_the_way_to_get_it_is_said(board, capsys, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(port, "find_spec", lambda name: None)
+    monkeypatch.setattr(client, "find_spec", lambda name: None)
     assert command_line.main(["COM7", "status"]) == 5
     assert "pip install cobs" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware.client import actions, command_line, selftest
+from firmware.client import actions, command_line
 from firmware.client.client import BoardError, Client, describe_health
 from firmware.protocol import FAULT, IDENTIFY, IDLE, PROTOCOL, RUN, Fault, Kind, Message, Result
 from tests.helpers.fake_board import (
@@ -93,7 +93,7 @@ def test_a_start_without_an_answer_is_stopped(monkeypatch: pytest.MonkeyPatch, c
 def test_a_board_that_falls_silent_while_driving_is_told(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
     port = FakePort(lambda reply: refused(reply, Kind.IDENTITY) if reply.kind & 0x7F == Kind.START else b"")
     assert run(monkeypatch, port, "start", "0.1") == 3
-    assert "could not be stopped, but stops by itself" in capsys.readouterr().err
+    assert "stopping failed, but the board stops by itself" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -117,7 +117,7 @@ def test_what_ends_in_a_fault_is_a_failure(
     write_sound(tmp_path / "a.wav", [0, 255], width=1)
     port = FakePort(status=single_status(FAULT, Fault.IDENTIFY))
     assert run(monkeypatch, port, action, *([str(tmp_path / "a.wav")] if action == "stream" else [])) == 3
-    assert capsys.readouterr().err.startswith(f"client: {action}: ended in the fault identify")
+    assert capsys.readouterr().err.startswith(f"client: {action}: ended with fault identify")
 
 
 def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
@@ -126,7 +126,7 @@ def test_a_pattern_is_no_start_of_one_mode_and_takes_its_reference_along(
     """To the single build the number of a pattern would be a level."""
     port = FakePort()
     assert run(monkeypatch, port, "pattern", "3", "0.1") == 3 and kinds(port) == [Kind.STATUS]
-    assert capsys.readouterr().err == "client: pattern: this board's image is the one for one mode\n"
+    assert capsys.readouterr().err == "client: pattern: this board runs the single-mode image\n"
     port = FakePort(status=bytes([RUN]) + SIX_STATUS[1:])
     Client(port).pattern(1, 0.05)
     assert kinds(port) == [Kind.STATUS, Kind.PATTERN, Kind.REFERENCE]
@@ -210,7 +210,7 @@ def test_a_file_that_stands_is_not_logged_over(monkeypatch: pytest.MonkeyPatch, 
     file = tmp_path / "log.csv"
     file.write_text("mine")
     assert run(monkeypatch, FakePort(), "log", str(file)) == 2
-    assert "is there already" in capsys.readouterr().err and file.read_text() == "mine"
+    assert "file already exists" in capsys.readouterr().err and file.read_text() == "mine"
     assert run(monkeypatch, FakePort(), "log", str(tmp_path / "none" / "log.csv")) == 2
 
 
@@ -275,9 +275,13 @@ def port_of(device: str, vid: int | None) -> Namespace:
 @pytest.mark.parametrize(
     ("ports", "code", "words"),
     [
-        ([], 5, "no board's serial port is here (other ports: none)"),
-        ([("/dev/ttyS0", None)], 5, "other ports: /dev/ttyS0"),
-        ([("/dev/ttyACM0", 0x0483), ("/dev/ttyACM1", 0x0483)], 2, "name one of /dev/ttyACM0, /dev/ttyACM1 by --port"),
+        ([], 5, "no board found (other serial ports: none)"),
+        ([("/dev/ttyS0", None)], 5, "other serial ports: /dev/ttyS0"),
+        (
+            [("/dev/ttyACM0", 0x0483), ("/dev/ttyACM1", 0x0483)],
+            2,
+            "choose one of /dev/ttyACM0, /dev/ttyACM1 with --port",
+        ),
     ],
 )
 def test_no_board_or_several_are_told(
@@ -361,10 +365,10 @@ def bench(monkeypatch: pytest.MonkeyPatch, capsys):
 
     def go(*arguments: str, **wrong) -> tuple[int, list[str]]:
         clock = Clock()
-        monkeypatch.setattr(selftest, "time", clock)
+        monkeypatch.setattr(actions, "time", clock)
         code = run(monkeypatch, Bench(clock, **wrong), "selftest", *arguments)
         lines = capsys.readouterr().out.splitlines()
-        assert all(line.startswith(("pass  ", "FAIL  ", *selftest.STEPS)) for line in lines), lines
+        assert all(line.startswith(("pass  ", "FAIL  ", *actions.STEPS)) for line in lines), lines
         return code, [line.removeprefix("FAIL  ") for line in lines if line.startswith("FAIL")]
 
     return go
@@ -383,7 +387,7 @@ def test_a_sound_bench_passes_every_check(bench) -> None:
         ({"offset": 0.02}, "rest: offset: 0.0200, allowed 0.01"),
         ({"offset": -0.02}, "rest: offset"),
         ({"offset": float("nan")}, "rest: offset: not finite"),
-        ({"rate": 4444.0}, "rest: windows: 4444 a second"),
+        ({"rate": 4444.0}, "rest: windows: 4444 per second"),
         ({"rate": 5200.0}, "rest: windows"),
         ({"end": (RUN, 0)}, "loopback: no resonance: ended in run"),
         ({"end": (IDLE, 0)}, "loopback: no resonance: ended in idle"),
@@ -408,7 +412,7 @@ def test_one_step_alone_and_the_other_build(bench, capsys) -> None:
 
 
 def test_a_board_that_does_not_clear_fails_the_rest(monkeypatch: pytest.MonkeyPatch, capsys) -> None:
-    monkeypatch.setattr(selftest, "time", Clock())
+    monkeypatch.setattr(actions, "time", Clock())
     port = FakePort(lambda reply: refused(reply, Kind.CLEAR), single_status(FAULT, Fault.CLOCK))
     assert run(monkeypatch, port, "selftest", "rest") == 4
     assert "FAIL  rest: fault cleared: clear: refused in the present state" in capsys.readouterr().out
@@ -419,7 +423,7 @@ def test_the_wiring_is_asked_for_on_a_terminal(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr("sys.stdin", Namespace(isatty=lambda: True))
     monkeypatch.setattr("builtins.input", lambda text: prompts.append(text))
     assert run(monkeypatch, FakePort(), "selftest", "line") == 0
-    assert len(prompts) == 1 and "USB cable alone" in capsys.readouterr().out
+    assert len(prompts) == 1 and "USB cable only" in capsys.readouterr().out
 
 
 def test_a_lost_sensor_read_is_an_error_not_a_traceback() -> None:
@@ -437,6 +441,6 @@ def test_a_board_that_takes_no_samples_ends_the_stream(monkeypatch: pytest.Monke
 
     waited: list[float] = []
     monkeypatch.setattr(actions.time, "sleep", waited.append)
-    with pytest.raises(BoardError, match="takes no samples, 0 of 300 are played"):
+    with pytest.raises(BoardError, match="accepts no samples; 0 of 300 were played"):
         actions._give(Full(), [0.5] * 300, 1e-3)  # type: ignore[arg-type]
     assert sum(waited) >= 3 * actions.STORE * 1e-3

@@ -43,10 +43,10 @@ def with_payload(payload: bytes):
 
 
 SPOILED = {
-    "empty": (with_payload(b""), "an empty reply"),
+    "empty": (with_payload(b""), "empty reply"),
     "long": (lambda reply: with_payload(reply.payload + b"\1")(reply), "bytes, expected"),
     "refused": (with_payload(b"\3"), "refused in the present state"),
-    "refused for no known reason": (with_payload(b"\x63"), "the unknown reason 99"),
+    "refused for no known reason": (with_payload(b"\x63"), "unknown reason 99"),
     "table refused without a reason": (with_payload(b"\4"), "the table was refused"),
     "table refused for no known reason": (with_payload(b"\4\x63"), "unknown reason 99"),
     "record of a wrong length": (lambda reply: log_frame(RECORD[:-1]) + encode(reply), "23 bytes of log"),
@@ -91,7 +91,7 @@ def run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys):
 def test_a_sound_board_is_understood(run, action: str, status: bytes) -> None:
     code, out, err = run(FakePort(status=status), action)
     if action == "pattern" and status is STATUS:
-        assert code == 3 and "one mode" in err
+        assert code == 3 and "single-mode image" in err
         return
     assert (code, err) == (0, "") and out
     assert "state idle" in out or action in ("identity", "health", "watch", "log", "capture", "selftest")
@@ -155,7 +155,7 @@ def test_a_status_of_a_wrong_length_is_refused(length: int) -> None:
 
 
 def test_an_unknown_state_is_refused_and_an_unknown_fault_told_by_number() -> None:
-    with pytest.raises(BoardError, match="the state 9"):
+    with pytest.raises(BoardError, match="the unknown state 9"):
         Client(FakePort(status=b"\x09" + STATUS[1:])).status()
     status = Client(FakePort(status=single_status(faults=Fault.MISMATCH | 1 << 29, first=1 << 29))).status()
     assert status.faults == ("mismatch", "bit 29") and status.first == ("bit 29",)
@@ -176,7 +176,7 @@ def test_an_identity_is_checked() -> None:
     assert (Client(FakePort()).identity().build, Client(FakePort()).identity().count) == ("single", 3)
     with pytest.raises(BoardError, match="identity: the board sent 3 bytes, expected 20"):
         Client(FakePort(with_payload(b"\0abc"))).identity()
-    with pytest.raises(BoardError, match="the build 99"):
+    with pytest.raises(BoardError, match="the unknown build 99"):
         Client(FakePort(with_payload(b"\0\1\x63\1\1" + bytes(16)))).identity()
 
 
@@ -227,7 +227,7 @@ def test_a_real_port_is_spoken_to(action: str, tmp_path: Path, capsys, monkeypat
 @pytest.mark.parametrize(
     ("port", "words"),
     [
-        (FakePort(SPOILED["empty"][0]), "an empty reply"),
+        (FakePort(SPOILED["empty"][0]), "empty reply"),
         (FakePort(SPOILED["long"][0]), "bytes, expected"),
         (FakePort(lambda reply: b"", flood=FLOODS["records"]), "no answer to status"),
     ],
@@ -270,13 +270,13 @@ def test_a_board_that_is_pulled_out_is_one_line(capsys) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        (["reference", "nan"], "'nan', allowed a number from 0 to 1"),
-        (["reference", "much"], "'much', allowed a number from 0 to 1"),
+        (["reference", "nan"], "'nan': must be a number from 0 to 1"),
+        (["reference", "much"], "'much': must be a number from 0 to 1"),
         (["sine", "50"], "DEPTH"),
-        (["sine", "1e300", "0.5"], "allowed a number from -1e+09 to 1e+09"),
-        (["start", "0.1", "inf"], "allowed a number from -1e+09 to 1e+09"),
-        (["pattern", "-1"], "'-1', allowed a whole number from 0"),
-        (["shape", "1.5"], "allowed a whole number from 0"),
+        (["sine", "1e300", "0.5"], "must be a number from -1e+09 to 1e+09"),
+        (["start", "0.1", "inf"], "must be a number from -1e+09 to 1e+09"),
+        (["pattern", "-1"], "'-1': must be an integer from 0"),
+        (["shape", "1.5"], "must be an integer from 0"),
         (["dance"], "invalid choice"),
     ],
 )

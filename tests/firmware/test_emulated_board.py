@@ -26,7 +26,7 @@ KNOWN = to_bytes(ModeTable(250e3, bytes(16), (MEASURED,)))
 @pytest.fixture
 def make_single(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
 
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
         return EmulatedSingle(make_image(table).elf, plate, **options)
@@ -68,6 +68,7 @@ def test_the_guard_looks_behind_the_fast_interrupt(make_single) -> None:
     assert 216 + 220 < first % 720 < 620
 
 
+@pytest.mark.slow
 def test_unidentified_mode_is_swept_and_then_held_at_the_lowest_useful_level(make_single, core) -> None:
     """And the whole sweep, its fits included, is on this machine what it is on the Cortex-M4, bit for bit."""
     from tests.helpers.hosted_boards import HostedSingle
@@ -183,6 +184,7 @@ def test_an_unexpected_interrupt_rests_the_outputs(make_single) -> None:
     assert board.dac.value == 2048 | 2048 << 16
 
 
+@pytest.mark.slow
 def test_the_stack_is_large_enough(make_single) -> None:
     """The deepest use by the main loop leaves room for both interrupts, their frames of 104 bytes included."""
     from tests.helpers.board_probes import count_instructions, peek, stack_pointer

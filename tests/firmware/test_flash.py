@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from firmware import flash
-from firmware.image.elf import Elf
+from firmware.image import Elf
 from firmware.mode_table import Mode, ModeTable, to_bytes
 
 TABLE = to_bytes(ModeTable(250e3, bytes(16), (Mode(31250.0, 3e-3),)))
@@ -102,7 +102,7 @@ def test_what_is_missing_is_said_with_how_to_get_it(built: Path, put_tool, capsy
 def test_a_programmer_that_fails_is_heard(built: Path, put_tool, capsys) -> None:
     put_tool("openocd", 1, "Info : clock\nError: open failed\nshutdown command invoked")
     assert flash.main(["single", "--from", str(built)]) == 3
-    assert capsys.readouterr().err == "flash: openocd ended with 1: Error: open failed\n"
+    assert capsys.readouterr().err == "flash: openocd failed with exit code 1: Error: open failed\n"
 
 
 def test_a_failed_write_is_not_followed_by_a_reset(built: Path, put_tool) -> None:
@@ -113,14 +113,14 @@ def test_a_failed_write_is_not_followed_by_a_reset(built: Path, put_tool) -> Non
 
 def test_an_image_that_is_not_built_is_said(tmp_path: Path, capsys) -> None:
     assert flash.main(["six", "--from", str(tmp_path)]) == 2
-    assert "`make firmware` builds it" in capsys.readouterr().err
+    assert "build it with `make firmware`" in capsys.readouterr().err
 
 
 def test_the_board_may_keep_its_table(make_image, put_tool, capsys) -> None:
     image = make_image(TABLE)
     put_tool("openocd")
     assert flash.main(["single", "--from", str(image.elf.parent), "--keep-table"]) == 0
-    assert "the table on the board stays" in capsys.readouterr().out
+    assert "the board's table is kept" in capsys.readouterr().out
     code = image.elf.with_name("antinode-code.bin").read_bytes()
     whole, elf = image.binary.read_bytes(), Elf.read(image.elf)
     end = max(

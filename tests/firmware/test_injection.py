@@ -12,8 +12,8 @@ import pytest
 
 from firmware import injection
 from firmware.build import BuildError
-from firmware.control_table import held_plate
-from firmware.emulate.beam import Beam, measured_table
+from firmware.closed_loop import held_plate
+from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import SIX_WORDS, WORDS
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from firmware.protocol import FAULT, IDENTIFY, IDLE, RUN

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from firmware.control_table import held_plate
-from firmware.emulate.beam import Beam, measured_table
+from firmware.closed_loop import held_plate
+from firmware.emulate.plant import Beam, measured_table
 from firmware.injection import held
 from firmware.mode_table import Mode, ModeTable, Pattern, Shape, to_bytes
 from tests.helpers.hosted_boards import HostedSix, Rig

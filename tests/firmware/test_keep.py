@@ -97,7 +97,7 @@ def test_no_damaged_bit_is_believed(core, rig) -> None:
 
 
 def test_each_shape_has_its_own_matrix(core) -> None:
-    from firmware.emulate.beam import Beam
+    from firmware.emulate.plant import Beam
     from tests.helpers.hosted_boards import HostedSix
 
     patterns = (Pattern("all", (1,) * 6),)
@@ -126,7 +126,7 @@ def test_the_image_keeps_them_and_says_so(make_image, core) -> None:
     """Values put where an identification would: the next start of the same image has them; an upload ends that."""
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
     from firmware.client.client import Client, describe_health
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
     from tests.helpers.board_probes import EmulatedPort
 
     for has_backup in (True, False):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from firmware import lifts
+from firmware import closed_loop
 
 MOST = 1.2  # of the reference
 
@@ -13,5 +13,5 @@ MOST = 1.2  # of the reference
 @pytest.mark.parametrize("quality_factor", [30, 100, 300, 1000, 2000])
 def test_no_lift_overshoots_by_more_than_a_fifth(core, quality_factor: float, lift_s: float) -> None:
     """From a sixth of the plate's own quality factor, the drive at its limit or not, at any moment of a window."""
-    for share in lifts.SHARES:
-        assert max(lifts.peaks(quality_factor, share, lift_s)) < MOST, share
+    for share in closed_loop.SHARES:
+        assert max(closed_loop.peaks(quality_factor, share, lift_s)) < MOST, share

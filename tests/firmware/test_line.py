@@ -27,7 +27,7 @@ OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(29000.0, 
 @pytest.fixture
 def talk(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.single import EmulatedSingle
+    from firmware.emulate.images import EmulatedSingle
     from tests.helpers.board_probes import EmulatedPort
 
     def make(table: bytes = KNOWN, plate: Plate = PLATE, **options):
@@ -73,7 +73,7 @@ def test_refusals_say_why(talk) -> None:
         client.reference(0.1)
     with pytest.raises(BoardError, match="present state"):
         client.clear()
-    with pytest.raises(BoardError, match="does not know"):
+    with pytest.raises(BoardError, match="does not support"):
         client.request(Kind.PATTERN)
 
 

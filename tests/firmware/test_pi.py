@@ -33,7 +33,7 @@ def planned(
     )
     step = core.lib.an_dds_step(FREQUENCY + detuning_hz, 250e3)
     gains = core.ffi.new("an_pi_gains *")
-    wish = {
+    spec = {
         "period_s": PERIOD,
         "ahead_s": ahead_s,
         "response_s": RESPONSE,
@@ -42,7 +42,7 @@ def planned(
         "noise2": 0.0,
         "free_gain": abs(gain),
     }
-    core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_wish *", wish))
+    core.lib.an_pi_plan(gains, mode, step, detuning_hz, core.ffi.new("an_pi_spec *", spec))
     return gains
 
 

@@ -63,6 +63,7 @@ def run_tests(names: list[str], **environment: str) -> None:
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
 
 
+@pytest.mark.slow
 def test_parsers_stay_within_their_bounds() -> None:
     run_tests(PARSERS)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from firmware.client.client import BoardError, Client, describe
-from firmware.emulate.beam import Beam, BeamSimulation, _clamped_roots, measured_table
+from firmware.emulate.plant import Beam, BeamSimulation, _clamped_roots, measured_table
 from firmware.injection import (
     BOARD_KINDS,
     SIX_WORDS,
@@ -112,6 +112,7 @@ def field_of(board, at_m: np.ndarray) -> np.ndarray:
     return np.abs(BEAM.matrix(2400.0, at_m) @ board.drives)
 
 
+@pytest.mark.slow
 def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None:
     """Seen along the whole beam, not at the sensors alone: three times as much inside as outside; a wave goes one way."""
     board = hosted(table(matrix=seen_matrix()), BEAM)
@@ -283,6 +284,7 @@ def warmed(structure, share: float):
     return dataclasses.replace(structure, angular=structure.angular * (1.0 - 0.0024 * share))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [pressed, warmed])
 def test_neither_a_finger_nor_warmth_is_a_fault(hosted, change) -> None:
     """Within 50 ms; the integrals bring every sensor back to where it is target."""
@@ -353,7 +355,7 @@ def test_tables_without_shapes_are_refused(hosted) -> None:
 @pytest.fixture
 def make_six(make_image, core):
     pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-    from firmware.emulate.six import EmulatedSix
+    from firmware.emulate.images import EmulatedSix
 
     def make(data: bytes, **options):
         board = EmulatedSix(make_image(data, "six").elf, BEAM, **options)
@@ -541,6 +543,7 @@ def test_a_slow_step_that_hangs_opens_the_gates_and_then_resets_the_chip(make_si
     assert board.resets == 1 and board.app.base.supervisor.first == Fault.WATCHDOG
 
 
+@pytest.mark.slow
 def test_instructions_a_tick_and_host_and_cortex_m4_alike(make_six, hosted, core) -> None:
     from tests.helpers.board_probes import count_instructions
 
@@ -638,6 +641,7 @@ def test_the_gates_open_within_100_us_of_what_an_interrupt_can_see(make_six, wha
     assert row.moments == 5 and row.is_sound, row.text
 
 
+@pytest.mark.slow
 def test_the_gates_open_within_100_us_of_a_sensor_that_fails(make_six) -> None:
     """Any of the six, each kind of failure, at each of twelve ticks of a window; what else rings has rung out."""
     board = make_six(table(matrix=seen_matrix()))

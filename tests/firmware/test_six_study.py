@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from firmware.emulate.beam import Beam, Structure
+from firmware.emulate.plant import Beam, Structure
 from firmware.mode_table import MIN_MODE_HZ, from_bytes, to_bytes
-from pipeline.board import shaping
-from pipeline.board.shaping import full_scale, shaping_table
+from pipeline.board import six_channels
+from pipeline.board.six_channels import full_scale, shaping_table
 from pipeline.errors import InputError
-from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.travelling_wave import inner_window, travelling_wave_ratio, two_wave_fit
+from solvers.shaping.voltages import REGIONS, contrast, region_points
 from solvers.thesis.shaped_beam import LINE, ShapedBeam, pointed
-from solvers.thesis.shaping_steps import travel_window
-from solvers.thesis.shaping_study import ShapingData
+from solvers.thesis.shaping_study import ShapingData, travel_window
 
 TONE = 2400.0
 NAMES = ("left", "middle", "right", "left max", "mid max", "rightmax", "wave+", "wave-")
@@ -47,7 +46,7 @@ def board(request, model, make_image, core):
         made = HostedSix(table, structure(model))
     else:
         pytest.importorskip("unicorn", reason="unicorn is not installed: pip install unicorn")
-        from firmware.emulate.six import EmulatedSix
+        from firmware.emulate.images import EmulatedSix
 
         made = EmulatedSix(make_image(table, "six").elf, structure(model))
     made.run(5e-3)
@@ -136,21 +135,21 @@ def test_a_structure_answers_as_its_matrix(model: ShapedBeam) -> None:
 
 def test_the_command_writes_a_table_for_the_real_patches(tmp_path: Path, capsys) -> None:
     file = tmp_path / "six.bin"
-    assert shaping.main([str(file), "--frequency", "2.4kHz"]) == 0
+    assert six_channels.main([str(file), "--frequency", "2.4kHz"]) == 0
     table = from_bytes(file.read_bytes())
     assert table.shapes[0].frequency_hz == TONE and table.sample_rate_hz == 40e3
     assert "matrix identified, patterns left, middle, right" in capsys.readouterr().out
-    assert shaping.main([str(file), "--points", "--unmeasured"]) == 0
+    assert six_channels.main([str(file), "--points", "--unmeasured"]) == 0
     assert all(shape.matrix is None for shape in from_bytes(file.read_bytes()).shapes)
-    assert shaping.main([str(file), "--frequency", "loud"]) == 2
+    assert six_channels.main([str(file), "--frequency", "loud"]) == 2
     error = capsys.readouterr().err
     assert "loud" in error and error.count("\n") == 1
 
 
 def test_tones_that_the_board_refuses_are_not_exported(tmp_path: Path, capsys, core) -> None:
     """The limit is the board's own, and what is chosen without being asked for keeps it."""
-    assert shaping.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
+    assert six_channels.MIN_SHAPE_HZ == core.lib.AN_SIX_FREQUENCY_MIN_HZ
     assert MIN_MODE_HZ == core.lib.AN_SINGLE_FREQUENCY_MIN_HZ
-    assert shaping.BAND_HZ[0] == shaping.MIN_SHAPE_HZ
-    assert shaping.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
+    assert six_channels.BAND_HZ[0] == six_channels.MIN_SHAPE_HZ
+    assert six_channels.main([str(tmp_path / "low.bin"), "--points", "--frequency", "260Hz"]) == 2
     assert "350 Hz" in capsys.readouterr().err and not (tmp_path / "low.bin").exists()

@@ -89,6 +89,7 @@ def sources_and_places(variant: str, tmp_path: Path) -> tuple[list[str], list[st
     return sources, [f"-I{part}" for part in (*parts, tmp_path)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variant", builder.VARIANTS)
 def test_clang_s_analyzer_finds_nothing(variant: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Core and board as the Cortex-M4 gets them, by zig's own clang."""

@@ -97,6 +97,7 @@ def test_step_response_of_the_table_s_own_plate(emulation) -> None:
     assert result["drive"].max() > 0.6  # the push that makes it fast
 
 
+@pytest.mark.slow
 def test_a_computed_gain_is_not_trusted_before_the_board_has_measured(emulation) -> None:
     """The plate is 0.2 % off the table: the image finds it, its own gain and delay, and is as fast as it should be."""
     tau_s = TAU / 3.0  # the sweep takes as long as the plate rings

@@ -367,6 +367,7 @@ def test_a_resonance_beyond_the_search_ends_quietly(make, seed: int) -> None:
     assert rig.state == FAULT and rig.faults == Fault.IDENTIFY
 
 
+@pytest.mark.slow
 def test_identification_ends_within_a_minute(make) -> None:
     rig = make(table=guessed(8000.0), resonances=(Resonance(TRUE, tau_of(8000.0), 0.8),))
     identified(rig, 61.0)

@@ -10,7 +10,7 @@ import pytest
 
 from geometry.layout import half_wavelength_m
 from pipeline.case.model import load_case
-from pipeline.search.limits import Limits
+from pipeline.search.terms import Limits
 from solvers.analytic.beams import roots
 from solvers.analytic.predesign import predesign
 

@@ -12,7 +12,7 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.layout import Design, Pillar, Tip
 from geometry.materials import MATERIALS, Material
 from solvers.accuracy.singularity import clamped_edge_exponent
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import constrain, free_mask

@@ -17,8 +17,7 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
 from geometry.mesh import Mesh, check_mesh
-from geometry.pillar_shapes.base import Square
-from geometry.pillar_shapes.shapes import SHAPES, Cross, Hexagonal, Round, Tapered, shape_of
+from geometry.pillar_shapes import SHAPES, Cross, Hexagonal, Round, Square, Tapered, shape_of
 
 ALUMINIUM = MATERIALS["aluminium"]
 S, A = 2e-3, 0.8e-3  # overall width and arm, m

@@ -7,8 +7,7 @@ import pytest
 
 from geometry.errors import GeometryError
 from geometry.layout import Pillar, region_materials
-from geometry.materials import MATERIALS
-from geometry.stack import Layer, Stack
+from geometry.materials import MATERIALS, Layer, Stack
 from tests.helpers.laws import SPRUCE, orthotropic
 
 STEEL, ALUMINIUM = MATERIALS["steel"], MATERIALS["aluminium"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from geometry.layout import Pillar
 from geometry.materials import Material
+from solvers.analytic.beams import Beam
 from solvers.analytic.predesign import pillar_beam
-from solvers.analytic.timoshenko import Beam
 
 
 def square_beam(length_m: float, side_m: float, young_pa: float, density_kg_m3: float, poisson: float) -> Beam:

@@ -13,10 +13,10 @@ from unicorn import UC_HOOK_CODE, UC_HOOK_EDGE_GENERATED, UC_HOOK_MEM_WRITE, Uc
 from unicorn.arm_const import UC_ARM_REG_LR, UC_ARM_REG_SP
 
 from firmware import build as builder
+from firmware import image
 from firmware.emulate.board import RAM, RAM_BYTES, EmulatedBoard
-from firmware.emulate.six import ADC_SR, OVERRUN, SCAN_LEFT, EmulatedSix
-from firmware.image import bounds
-from firmware.image.elf import Elf
+from firmware.emulate.images import ADC_SR, OVERRUN, SCAN_LEFT, EmulatedSix
+from firmware.image import Elf
 
 
 class EmulatedPort:
@@ -159,7 +159,7 @@ class BranchRecorder:
     """Both ways of each conditional branch of some routines, and which of them were gone."""
 
     def __init__(self, elf: Elf, routines: set[str]) -> None:
-        self.code = bounds.Code(elf)
+        self.code = image.Code(elf)
         self.ways: set[tuple[int, int]] = set()
         self.ranges: list[tuple[int, int]] = []
         self.gone: set[tuple[int, int]] = set()
@@ -179,7 +179,7 @@ class BranchRecorder:
             reached.add(at)
             try:
                 step = self.code.step(at, False)
-            except bounds.Unbounded:
+            except image.Unbounded:
                 continue
             nexts = [*step.targets, *([at + step.size] if step.falls_through else [])]
             if step.targets and step.falls_through:

@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.batch import runner
-from pipeline.batch.progress import Progress
-from pipeline.batch.runner import StudyBusy
+from pipeline.batch.runner import Progress, StudyBusy
 from pipeline.process import terminable
 from pipeline.records import store
 from solvers.errors import SolverError

@@ -8,11 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from firmware.emulate.beam import CHANNELS, Beam, BeamSimulation, Structure, adc_codes
-from firmware.emulate.plant import Plate, PlateSimulation, adc_code, dac_level
-from firmware.emulate.six import SixView
+from firmware.closed_loop import SingleRig
+from firmware.emulate.images import SixView
+from firmware.emulate.plant import (
+    CHANNELS,
+    Beam,
+    BeamSimulation,
+    Plate,
+    PlateSimulation,
+    Structure,
+    adc_code,
+    adc_codes,
+    dac_level,
+)
 from firmware.host import Supervised, load
-from firmware.host.rig import SingleRig
 
 
 class Orders(Supervised):

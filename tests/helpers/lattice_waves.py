@@ -9,7 +9,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.lattice import Lattice
 from geometry.materials import Material
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.errors import SolverError
 
 

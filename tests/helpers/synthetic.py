@@ -11,8 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, TargetMode, TargetRecord
-from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
+from pipeline.models.answer_parts import (
+    AttenuationPoint,
+    CountRecord,
+    ModeRecord,
+    RivalRecord,
+    TargetMode,
+    TargetRecord,
+    Transmission,
+    Wave,
+)
 from pipeline.questions.attenuation import AttenuationResult, PredictionResult
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
 from pipeline.questions.board import BoardResult

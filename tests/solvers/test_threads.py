@@ -12,12 +12,11 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from pipeline.workers import LocalWorkers
 from solvers import machine, threads
+from solvers.fem import factor
 from solvers.fem.eigen import Modes, modes_in_band
-from solvers.fem.factor import choice, factoriser
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.threads import Abandoned, go_on, side_by_side
@@ -38,15 +37,15 @@ def solved() -> tuple[PlateModel, list[Modes]]:
     """Panels reduced and all classes of a small plate solved, each of several."""
     reduction = ReductionSettings(Interface(3, 3), 400e3, HexSettings(3, 2e-3, 0, pillar_size_m=2.5e-3))
     model = PlateModel(DESIGN, Reductions(Stack.of(DESIGN.thickness_m, STEEL), PILLAR, reduction))
-    return model, factoriser.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
+    return model, factor.side_by_side(lambda name: modes_in_band(model.pencil(name), 1e3, 150e3), model.symmetries)
 
 
-@pytest.mark.parametrize("backend", choice.available())
+@pytest.mark.parametrize("backend", machine.factorisations())
 def test_one_worker_and_two_give_the_same_digits(backend: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Cells and modes to the last bit; a task's factorisations and BLAS have one thread in both."""
     monkeypatch.setenv("ANTINODE_FACTOR", backend)
     seen: set[str] = set()
-    monkeypatch.setattr(factoriser, "go_on", lambda: seen.add(threading.current_thread().name))
+    monkeypatch.setattr(factor, "go_on", lambda: seen.add(threading.current_thread().name))
     two, modes_of_two = solved()
     assert len(seen) == 2 and threading.main_thread().name not in seen
     monkeypatch.setenv("ANTINODE_THREADS", "1")

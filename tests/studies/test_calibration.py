@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.planning import mesh_rules
 from pipeline.records import store
-from studies import accuracy, calibration, ladder
+from studies import accuracy, ladder
 
 SECONDS = {"seconds": 1.0, "repeats": 1, "peak_bytes": 1_000_000}
 
@@ -36,7 +36,7 @@ def test_a_mesh_has_its_worst_quantity_and_a_theory_its_first() -> None:
     other = {"model": "hex", "order": 3, "size_mm": 2.0}
     tets = {"model": "tet", "order": 2, "size_mm": 1.0}
     theory = {"model": "analytic", "theory": "euler"}
-    result = calibration.rows(
+    result = accuracy.calibration_rows(
         [
             *REFERENCES,
             stored("pillar", planned, pillar((101.0, 200.0, 297.0))),
@@ -61,7 +61,7 @@ def test_a_zones_modes_tell_what_hexahedra_do_at_their_frequencies_and_tetrahedr
         return stored("zone", mesh_level, dict(zip(ladder.ZONE, tones, strict=False)), role)
 
     planned = {"model": "hex", "order": 3, "size_mm": 8.0, "layers": 1, "factor": 0.1, "share": 0.8, "through": 1}
-    result = calibration.rows(
+    result = accuracy.calibration_rows(
         [
             *(zone({"model": "hex", "order": 4, "size_mm": 1.0}, (d, d), "reference") for d in (4e-6, 2e-6, 1e-6)),
             zone(planned, (0.01, 0.04)),
@@ -86,8 +86,8 @@ def test_a_study_of_other_meshes_is_refused(
     other = {**given, "mesh_level": {**given["mesh_level"], "size_mm": 123.0}}
     (folder / "input.json").write_text(json.dumps({"parameters": other}))
     store.seal(folder, {"schema": store.SCHEMA, "case_id": name, "status": "OK"})
-    monkeypatch.setattr(calibration, "RESULTS", tmp_path)
-    monkeypatch.setattr(calibration, "TABLE", tmp_path / "calibration.csv")
-    assert calibration.main() == 2
+    monkeypatch.setattr(accuracy, "RESULTS", tmp_path)
+    monkeypatch.setattr(accuracy, "TABLE", tmp_path / "calibration.csv")
+    assert accuracy.main() == 2
     assert name in capsys.readouterr().err
     assert not (tmp_path / "calibration.csv").exists()

@@ -8,9 +8,8 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from studies import compared_scenes, error_bars
-from studies.compared_scenes import described, of_block, paired
-from studies.error_bars import SEED, Compared
+from studies import error_bars
+from studies.error_bars import SEED, Compared, described, of_block, paired
 
 
 def results() -> list[Compared]:
@@ -43,8 +42,8 @@ def test_a_mode_that_either_list_lacks_lies_outside_every_bar() -> None:
 
 @pytest.mark.slow
 def test_a_block_of_any_material_is_compared_with_its_exact_solution(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compared_scenes, "BLOCK_MODES", 2)
-    monkeypatch.setattr(compared_scenes, "DEGREES", (8, 8, 8))
+    monkeypatch.setattr(error_bars, "BLOCK_MODES", 2)
+    monkeypatch.setattr(error_bars, "DEGREES", (8, 8, 8))
     design = Design(20e-3, 15e-3, 8e-3, 1, MATERIALS["brass"], None, *[np.nan] * 2, 0, 0.0)
     result = of_block("block", "superelement", design)
     assert len(result.error) >= 2 and result.within == 1.0

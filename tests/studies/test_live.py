@@ -15,6 +15,7 @@ LIVE = {
     "confinement_db": 6.0,
     "confinement_error_db": 1.0,
     "near_hz": None,
+    "others": [],
 }
 REAL = {"frequency_hz": 39e3, "frequency_error": 0.01, "confinement_db": 7.0, "confinement_error_db": 0.5}
 
@@ -29,6 +30,14 @@ def test_both_bars_count_each_of_its_own_figure() -> None:
 def test_a_mode_that_the_plate_lacks_is_outside() -> None:
     lacking = BesidePlate.of(LIVE, {"why_not": "no mode of the target shape in the window"})
     assert not lacking.within and "1 plates lack the mode" in summary([lacking])
+
+
+def test_a_plate_is_within_by_the_mode_that_the_live_answer_names_beside_its_own() -> None:
+    other = {name: LIVE[name] for name in ("frequency_error", "confinement_error_db")}
+    named = LIVE | {"others": [other | {"frequency_hz": 52e3, "confinement_db": 3.0}]}
+    real = REAL | {"frequency_hz": 52.5e3, "confinement_db": 3.5}
+    assert not BesidePlate.of(LIVE, real).within and BesidePlate.of(named, real).within
+    assert not BesidePlate.of(named, real | {"confinement_db": 7.0}).within, "the level is that of the same mode"
 
 
 def test_designs_are_drawn_from_all_of_the_cloud() -> None:

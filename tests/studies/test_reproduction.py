@@ -10,9 +10,7 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
-from pipeline.models.mode_parts import TargetMode
-from pipeline.models.touch_parts import TouchStateRecord
-from pipeline.models.zone_parts import DrivenZone
+from pipeline.models.answer_parts import DrivenZone, TargetMode, TouchStateRecord
 from pipeline.questions.crosstalk import CrosstalkResult
 from pipeline.questions.touch import TouchResult
 from pipeline.records.record import (

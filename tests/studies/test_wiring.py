@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from solvers.shaping.inversion import filter_for
+from solvers.shaping.voltages import filter_for
 from studies import licences, wiring
 
 PAGE = wiring.FOLDER.parent / "bring-up.md"

@@ -12,8 +12,7 @@ from geometry.hex.boxes import Boxes, cell_boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import lattice_panel
 from pipeline.planning import mesh_rules
 from solvers.fem.assembly import assemble
@@ -95,7 +94,8 @@ def test_bands_at_gamma_are_the_known_ones() -> None:
     assert np.abs(result[3:] / known - 1.0).max() < 0.005
 
 
-@pytest.mark.parametrize("design", [CELL, OBLONG], ids=["square", "oblong"])
+@pytest.mark.slow
+@pytest.mark.parametrize("design", [CELL, pytest.param(OBLONG, marks=pytest.mark.slow)], ids=["square", "oblong"])
 def test_the_reduced_cell_has_the_bands_of_the_full_cell(design: Design) -> None:
     settings = HexSettings(order=3, size_m=4e-3, layers=0, pillar_size_m=6.3e-3)
     reduction = ReductionSettings(Interface(4, 3), mesh_rules.lattice_reduction(design, 0.01).top_hz, settings)
@@ -106,7 +106,7 @@ def test_the_reduced_cell_has_the_bands_of_the_full_cell(design: Design) -> None
         assert np.abs(ours / truth - 1.0).max() < 1e-3, share
 
 
-@pytest.mark.parametrize("route", ["full", "reduced"])
+@pytest.mark.parametrize("route", [pytest.param("full", marks=pytest.mark.slow), "reduced"])
 def test_the_bare_plate_carries_the_exact_lamb_and_shear_waves(route: str) -> None:
     bare = replace(OBLONG, pillar=None, rows=0)
     settings = HexSettings(order=4, size_m=2e-3, layers=0)

@@ -15,14 +15,13 @@ from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
 from geometry.materials import MATERIALS, PIEZO_MATERIALS
 from pipeline.models.forced import FOLLOWS
-from solvers.piezo.beneath import Beneath
 from solvers.piezo.forced import Drive, ForcedPlate
-from solvers.piezo.patch import bonded_patch
+from solvers.piezo.patch import Beneath, bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
-from solvers.piezo.peak_errors import frequency_errors, height_error
+from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from studies.bonded_solid import UNSURE, BondedPlate, SolidModes, height, solid_modes
+from studies.independent import UNSURE, BondedPlate, SolidModes, height, solid_modes
 
 PZ26, BAND = PIEZO_MATERIALS["pz26"], (0.75, 4.5)  # of the first mode that a patch in the middle drives
 NONE = float("nan")

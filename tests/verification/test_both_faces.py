@@ -22,7 +22,7 @@ from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
 from pipeline.planning.model_choice import Request, cell_model_choice
 from pipeline.records.record import DesignRecord
-from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.terms import Limits, mass_kg
 from solvers.fem.surface import face_quadrature
 from solvers.measures.confinement import measure, ratio_db
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -31,7 +31,7 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
-from solvers.thesis.pillar_row import design_feet
+from solvers.thesis.scattering import design_feet
 from tests.helpers.scenes import STEEL_PILLARS
 from tests.helpers.whole_solid import check_within_both_bars
 

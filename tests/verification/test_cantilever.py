@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geometry.materials import Material
-from solvers.analytic.timoshenko import Beam, exact_omegas
+from solvers.analytic.beams import Beam, exact_omegas
 from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 from tests.helpers.beams import square_beam

@@ -21,9 +21,9 @@ from geometry.hex.scenes import Grading, HexSettings, grid_lines, plate_scene
 from pipeline.case.model import Case, case_from_dict
 from pipeline.logs import TerminalLog
 from solvers.fem.assembly import assemble
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.piezo.bond import SAME_M, grid_weights
-from studies.bonded_solid import bonded_solid
+from studies.independent import bonded_solid
 from tests.helpers.asked import touch_of
 
 ORDER, SHRINK, EXPONENT = (

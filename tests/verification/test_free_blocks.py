@@ -12,7 +12,7 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
-from studies.ritz_blocks import free_block_hz
+from studies.independent import free_block_hz
 from tests.helpers.laws import FIBRES, orthotropic
 from tests.helpers.recording_log import RecordingLog
 
@@ -90,7 +90,8 @@ def test_turning_a_block_over_changes_no_frequency() -> None:
     np.testing.assert_allclose(*together, rtol=1e-8)
 
 
-@pytest.mark.parametrize("thickness_mm", [2.0, 10.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness_mm", [2.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_slabs_are_inside_their_bars(thickness_mm: float) -> None:
     size = (*SLAB_MM, thickness_mm)
     case = case_of(size, "aluminium", 0.01)
@@ -115,6 +116,7 @@ def test_a_block_misses_no_mode() -> None:
     check(solved(case, high), exact)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("thickness_mm", [4.0, 14.0])
 def test_slabs_meshed_whole_are_inside_their_bars(thickness_mm: float) -> None:
     """Of thin ones edges and their layers make most of the error, and one element across hides half of it."""
@@ -147,7 +149,7 @@ def test_thin_plates_keep_degree_three_and_nothing_further() -> None:
         assert thick.interface.through > 3 and thick.further == 2
 
 
-@pytest.mark.parametrize("model", ["superelement", "solid"])
+@pytest.mark.parametrize("model", ["superelement", pytest.param("solid", marks=pytest.mark.slow)])
 def test_a_slab_of_fibres_along_x_has_the_modes_of_its_orthotropic_law(model: str) -> None:
     case = case_of((*SLAB_MM, 4.0), "pmma", 0.01, model)
     case = replace(case, design=replace(case.design, material=orthotropic(**FIBRES, density_kg_m3=1900.0)))

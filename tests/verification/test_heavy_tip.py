@@ -40,6 +40,7 @@ def heavy() -> tuple[ModeRow, ...]:
     return lone()
 
 
+@pytest.mark.slow
 def test_a_rigid_block_on_a_beam_bends_as_the_solid(heavy: tuple[ModeRow, ...]) -> None:
     """Beam theory of a stem 2.5 times as high as wide: the predesign states 3 % of shear, and one hundredth is left."""
     pillar = case_from_dict(RAW).design.pillar

@@ -11,8 +11,7 @@ import pytest
 from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
 from solvers.measures.confinement import measure
@@ -97,6 +96,7 @@ GRADED = replace(
 )
 
 
+@pytest.mark.slow
 def test_rows_that_differ_have_the_modes_of_the_whole_mesh() -> None:
     """Heights and pitches by row: two kinds of pillar cells and their strips, against one mesh of all of it."""
     compare(ORDER_3, ("SS",), 3, GRADED)
@@ -105,6 +105,7 @@ def test_rows_that_differ_have_the_modes_of_the_whole_mesh() -> None:
 ONE_COLUMN = replace(DESIGN, length_m=4e-3, width_m=8e-3, extension_m=1e-3)
 
 
+@pytest.mark.slow
 def test_a_single_column_has_the_modes_of_the_whole_mesh() -> None:
     """Its panels are their own images with both ends free: a fixed-interface mode belongs to one class, not to two."""
     compare(ORDER_3, ("SS", "AA"), 3, ONE_COLUMN)

@@ -265,7 +265,10 @@ def test_every_command_is_compared_or_left_out_with_its_reason() -> None:
     assert sorted(commands) == sorted(here)
 
 
-@pytest.mark.parametrize("command", PASSIVE)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(c, marks=pytest.mark.slow) if c in ("bands", "attenuation", "broadband") else c for c in PASSIVE],
+)
 def test_a_scaled_scene_gives_scaled_figures(command: str, tmp_path: Path) -> None:
     """Modes of a bare plate: those with pillars take half a minute."""
     compared(tmp_path, command, PASSIVE[command], BARE if command == "modes" else COARSE, OTHER)
@@ -285,7 +288,7 @@ def test_a_scaled_driven_plate_moves_as_much_per_volt(command: str, length: floa
     compared(tmp_path, command, DRIVEN[command], COARSE + PATCHED, Scaling(length))
 
 
-@pytest.mark.parametrize("command", ["predesign", "bands"])
+@pytest.mark.parametrize("command", ["predesign", pytest.param("bands", marks=pytest.mark.slow)])
 def test_other_words_for_a_scene_give_the_same_figures(command: str, tmp_path: Path) -> None:
     """Frequencies of options in kHz, too."""
     case = tomllib.loads(COARSE)

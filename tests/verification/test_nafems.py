@@ -143,6 +143,7 @@ def test_fv52_published_frequencies_are_those_of_twenty_node_bricks() -> None:
     check_line_supports()
 
 
+@pytest.mark.slow
 def test_fv52_richer_elements_on_a_finer_division_lie_lower() -> None:
     few = modes_in_band(twenty_node_plate((8, 8, 3)), 1.0, 207.0).frequency_hz
     many = modes_in_band(thick_plate((8, 8, 3), 2), 1.0, 207.0).frequency_hz
@@ -215,5 +216,6 @@ def check_drift(levels: tuple[int, ...] = (2, 3, 4)) -> None:
     assert (compliance[1:] > 0.9 * compliance[:-1]).all(), "no limit: the steps do not fade"
 
 
+@pytest.mark.slow
 def test_fv52_line_supports_drift_at_the_rate_of_the_loaded_wedge() -> None:
     check_drift()

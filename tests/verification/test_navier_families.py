@@ -7,7 +7,7 @@ from math import pi, sqrt
 import numpy as np
 
 from geometry.materials import Material
-from solvers.analytic import plate_waves
+from solvers.analytic import plates
 from solvers.fem.eigen import modes_in_band
 from tests.helpers import bodies
 from tests.helpers.lattice_waves import shear_hz
@@ -25,7 +25,7 @@ def exact_hz() -> np.ndarray:
         for n in range(6):
             k = pi * sqrt(m * m + n * n) / 10.0
             if m and n and m * m + n * n < 20:
-                result.append(plate_waves.lamb_hz(k, 1.0, STEEL, False))
+                result.append(plates.lamb_hz(k, 1.0, STEEL, False))
             if m or n:
                 result.append(shear_hz(k, STEEL))
     return np.sort([value for value in result if value < TOP_HZ])

@@ -12,7 +12,7 @@ import pytest
 
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
-from solvers.analytic import plate_waves
+from solvers.analytic import plates
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import Pencil, constrain
@@ -35,13 +35,13 @@ def supported(cuts: int, order: int) -> Pencil:
 
 def exact() -> np.ndarray:
     """Bending modes from A0 and the shear modes (1, 0), (0, 1), whose motion is in the plane."""
-    bending = [plate_waves.lamb_hz(pi * sqrt(m * m + n * n) / 10.0, 1.0, PLATE, False) for m, n in BENDING_HZ]
+    bending = [plates.lamb_hz(pi * sqrt(m * m + n * n) / 10.0, 1.0, PLATE, False) for m, n in BENDING_HZ]
     return np.sort([*bending, *[shear_hz(pi / 10.0, PLATE)] * 2])
 
 
 def test_two_exact_routes_agree() -> None:
     for (m, n), known in BENDING_HZ.items():
-        wave = plate_waves.lamb_hz(pi * sqrt(m * m + n * n) / 10.0, 1.0, PLATE, False)
+        wave = plates.lamb_hz(pi * sqrt(m * m + n * n) / 10.0, 1.0, PLATE, False)
         assert wave == pytest.approx(known, rel=2e-6)
 
 

@@ -41,6 +41,7 @@ def zone(accuracy: float) -> np.ndarray:
     return every_class(SolidModel(mesh, {"plate": ALUMINIUM}, ("y+",), True), 15e3, 67e3)
 
 
+@pytest.mark.slow
 def test_zone_coarse_settings_meet_the_accuracy_they_promise() -> None:
     error = zone(0.01)[:14] / ZONE_HZ - 1.0
     assert np.abs(error).max() < 0.01
@@ -84,6 +85,7 @@ def test_pillar_bends_once_below_80_khz_at_the_known_frequency(height_m: float, 
     assert abs(bending[0] / PILLAR_HZ[height_m] - 1.0) < 0.003
 
 
+@pytest.mark.slow
 def test_three_bendings_of_the_pillar_lie_within_their_bar() -> None:
     """Elements too long for the third would keep the first one right and the bar small."""
 

@@ -17,8 +17,7 @@ import scipy.sparse.linalg as spla
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Material, PiezoMaterial, Stack
 from solvers.control.identification import half_power_quality_factor
 from solvers.fem.assembly import assemble
 from solvers.piezo.forced import Drive, ForcedPlate
@@ -27,7 +26,7 @@ from solvers.piezo.patched_plate import CLASSES, PatchedPlate
 from solvers.piezo.responses import circuit_shift, open_modes
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
-from studies.bonded_solid import bonded_solid, lifted
+from studies.independent import bonded_solid, lifted
 from tests.helpers.piezo_beam import (
     Section,
     cantilever_hz,
@@ -165,6 +164,7 @@ def test_open_it_is_stiffer_by_the_laminates_share(pair: Pair) -> None:
     assert shift.coupling == pytest.approx(1.0 - (exact[0] / exact[1]) ** 2, rel=pair.apart)
 
 
+@pytest.mark.slow
 def test_the_space_of_modes_and_rests_holds_the_open_mode() -> None:
     """Against the whole pencil with theta theta'/C added to it."""
     forced = covered(REAL)
@@ -199,7 +199,7 @@ def test_a_voltage_peaks_at_the_short_and_a_charge_at_the_open_frequency(circuit
 
 @pytest.mark.parametrize(
     ("fault", "seen"),
-    [({"d31": 0.95 * D31}, "size"), ({"s11": 1.1 * CERAMIC.s11}, "stiffness")],
+    [({"d31": 0.95 * D31}, "size"), pytest.param({"s11": 1.1 * CERAMIC.s11}, "stiffness", marks=pytest.mark.slow)],
     ids=["d31 a twentieth too small", "a patch a tenth too soft"],
 )
 def test_a_planted_fault_is_seen(fault: dict, seen: str) -> None:

@@ -12,9 +12,8 @@ import pytest
 from geometry.hex.boxes import hex_mesh, pillar_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh, check_mesh, split_hexahedra
-from geometry.stack import Stack
 from geometry.tiling import Panel, lattice_panel
 from pipeline.case.model import load_case
 from pipeline.logs import WarningLog
@@ -100,6 +99,7 @@ def lowest(pillar: Pillar, settings: HexSettings, symmetry: str, high_hz: float)
     return float(modes_in_band(model.pencil(symmetry), 0.0, high_hz).frequency_hz[0])
 
 
+@pytest.mark.slow
 def test_hexahedra_and_tetrahedra_of_a_cross_fall_towards_one_limit() -> None:
     """Quadratic tetrahedra on the same nodes are stiffer; both lie above hexahedra of a higher order, which are graded, too."""
     finest = lowest(CROSS, HexSettings(3, S, 1, 0.15, S), "SA", 60e3)

@@ -25,12 +25,11 @@ from pipeline.planning.mesh_rules import lattice_reduction
 from pipeline.planning.model_choice import Request
 from pipeline.questions.broadband import BroadbandResult
 from pipeline.records.record import DesignRecord
-from pipeline.search.limits import mass_kg
-from solvers.accuracy.bands import waves_of
-from solvers.accuracy.plate import MARGIN
+from pipeline.search.terms import mass_kg
+from solvers.accuracy.reduction import MARGIN, waves_of
 from solvers.fem.assembly import assemble
 from solvers.superelement.interface import Interface
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.waves.bloch import BlochCell
 from solvers.waves.complex_bands import Row, chain
 from solvers.waves.gaps import complete_gaps, sampled_extreme, zone_gaps
@@ -107,6 +106,7 @@ def test_what_cannot_be_is_refused_in_one_line(settings: tuple[str, ...], line: 
     assert len(caught.value.lines) == 1 and line in caught.value.lines[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rows", [2, 3])
 def test_the_rows_of_a_column_take_what_shifted_rows_of_a_lattice_take(rows: int) -> None:
     """The column's rows begin with the one or the other panel; the lattice repeats one row, shifted: within both bars.

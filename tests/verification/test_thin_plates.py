@@ -7,12 +7,12 @@ import pytest
 
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.materials import Material
-from solvers.analytic.plate_waves import supported_plate_hz
+from solvers.analytic.plates import supported_plate_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_in_band, modes_near
-from solvers.fem.factor.choice import available
 from solvers.fem.solid import Pencil, constrain, free_mask
+from solvers.machine import factorisations
 
 EDGE_M = 0.1
 PLATE = Material.isotropic("plate", 70e9, 2700.0, 0.34)
@@ -27,7 +27,7 @@ def plate(thickness_m: float, order: int, cuts: int, supported: bool = True) -> 
     return constrain(assemble(mesh, {"plate": PLATE}), free_mask(mesh, (), mirrors))
 
 
-@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("backend", factorisations())
 @pytest.mark.parametrize("ratio", [10, 100, 1000])
 def test_the_lowest_mode_is_exact_within_rounding_and_discretisation(ratio: int, backend: str) -> None:
     """Order 4 on 3 x 3 elements: 1e-5 of discretisation (the thick plate's own error is 5e-7), the rest is rounding."""

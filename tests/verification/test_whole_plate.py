@@ -10,11 +10,10 @@ import pytest
 from geometry.hex.boxes import VOID, Boxes, hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh
-from geometry.stack import Stack
 from geometry.tiling import Panel, signature
-from solvers.accuracy.plate import mode_errors
+from solvers.accuracy.reduction import mode_errors
 from solvers.errors import SolverError
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import CLASSES, SolidModel

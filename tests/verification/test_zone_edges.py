@@ -16,9 +16,8 @@ import pytest
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh
-from geometry.stack import Stack
 from geometry.tet.scenes import tet_panel, tet_plate
 from geometry.tiling import Panel
 from pipeline.case.model import load_case
@@ -87,6 +86,7 @@ def test_a_column_s_zone_ends_at_its_border() -> None:
     assert profile.weights.sum() == pytest.approx(DESIGN.pitch_x_m * DESIGN.half_span_m, rel=AREAS)
 
 
+@pytest.mark.slow
 def test_driven_zones_end_at_their_borders() -> None:
     """Response, tolerance and touch share the Gram matrices of the forced plate, crosstalk has its own of every zone."""
     model = joined(DESIGN)

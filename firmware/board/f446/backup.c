@@ -2,9 +2,9 @@
 #include "board.h"
 #include "registers.h"
 
-_Static_assert(AN_SLOTS * AN_KEEP_BYTES <= BACKUP_BYTES - 4, "what is kept fits, and the word that is tried");
+_Static_assert(AN_SLOTS * AN_KEEP_BYTES <= BACKUP_BYTES - 4, "the kept values and the test word fit");
 
-/* The last word is written, to see whether it takes anything. */
+/* True if the last word of the memory can be written and read back. */
 static bool takes(uint32_t word)
 {
     reg *last = (reg *)(BACKUP + BACKUP_BYTES - 4u);

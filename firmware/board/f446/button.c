@@ -3,7 +3,7 @@
 
 enum { BUTTON = 1 << 13 };
 
-/* PC13 is an input from reset on. */
+/* PC13 is an input after reset. */
 bool button_pressed(void)
 {
     return (GPIOC->IDR & BUTTON) == 0u;

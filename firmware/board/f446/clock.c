@@ -1,7 +1,7 @@
 #include "board.h"
 #include "registers.h"
 
-enum { PATIENCE = 200000 }; /* turns of a polling loop: some 50 ms at 16 MHz, far beyond a crystal's start */
+enum { POLLS_MAX = 200000 }; /* some 50 ms at 16 MHz, far longer than a crystal takes to start */
 
 #define CORE_PLL_HZ 180000000u
 #define CORE_RC_HZ 16000000u
@@ -10,7 +10,7 @@ static bool from_pll;
 
 static bool becomes_set(const reg *where, uint32_t bits)
 {
-    for (uint32_t i = 0u; i < PATIENCE; i++) {
+    for (uint32_t i = 0u; i < POLLS_MAX; i++) {
         if ((*where & bits) == bits) {
             return true;
         }
@@ -20,11 +20,11 @@ static bool becomes_set(const reg *where, uint32_t bits)
 
 static bool crystal_start(void)
 {
-    RCC->CR |= RCC_CR_HSEBYP | RCC_CR_HSEON; /* the debugger feeds 8 MHz */
+    RCC->CR |= RCC_CR_HSEBYP | RCC_CR_HSEON; /* bypass: the debugger supplies 8 MHz */
     return becomes_set(&RCC->CR, RCC_CR_HSERDY);
 }
 
-/* 2 MHz from either source, times 180 = 360 MHz, / 2 = 180 MHz. */
+/* Either source is divided to 2 MHz; 2 MHz x 180 / 2 = 180 MHz. */
 static bool pll_start(bool crystal)
 {
     const uint32_t source = crystal ? 4u | (uint32_t)RCC_PLLCFGR_PLLSRC_HSE : 8u;
@@ -43,7 +43,7 @@ static bool overdrive_start(void)
     return becomes_set(&PWR->CSR, PWR_CSR_ODSWRDY);
 }
 
-/* The wait states must hold before the clock is raised. */
+/* The flash wait states must be in effect before the clock is raised. */
 static bool pll_run(void)
 {
     FLASH->ACR = FLASH_ACR_LATENCY_5 | FLASH_ACR_PRFTEN | FLASH_ACR_ICEN | FLASH_ACR_DCEN;
@@ -63,7 +63,7 @@ static void peripherals_start(void)
     RCC->APB2ENR |= RCC_APB2ENR_TIM1EN | RCC_APB2ENR_TIM8EN | RCC_APB2ENR_ADC1EN;
 }
 
-/* No other peripheral may be clocked while the overdrive switches (RM0390 5.1.4). */
+/* No other peripheral may be clocked while overdrive is being enabled (RM0390 5.1.4). */
 bool clock_start(void)
 {
     RCC->APB1ENR |= RCC_APB1ENR_PWREN;
@@ -74,7 +74,7 @@ bool clock_start(void)
     if (!crystal || !from_pll) {
         return false;
     }
-    RCC->CR |= RCC_CR_CSSON; /* a crystal that dies later raises the NMI */
+    RCC->CR |= RCC_CR_CSSON; /* a later failure of the crystal raises an NMI */
     return true;
 }
 

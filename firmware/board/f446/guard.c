@@ -11,8 +11,9 @@ static uint32_t samples;
 
 void SysTick_Handler(void);
 
-/* Sampling was started just before. A look that began with a sample would end after it, and that sample's code would reach the
- * DAC with the next trigger: the first period is longer, so that this one's looks begin behind the fast interrupt. */
+/* Sampling has just been started. A check that coincided with a sample would delay the fast interrupt, and the code of
+ * that sample would reach the DAC one trigger late. The first period is therefore longer, so that all checks follow the
+ * fast interrupt. */
 void guard_start(void)
 {
     samples = application_samples() - 1u;
@@ -20,7 +21,7 @@ void guard_start(void)
     SYSTICK->LOAD = GUARD_CYCLES - 1u + GUARD_LATER;
     SYSTICK->VAL = 0u;
     SYSTICK->CTRL = SYSTICK_CTRL_ENABLE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_CORE_CLOCK;
-    __asm volatile("dsb\n isb" ::: "memory"); /* by now it has begun with the longer one */
+    __asm volatile("dsb\n isb" ::: "memory"); /* the first, longer period has started */
     SYSTICK->LOAD = GUARD_CYCLES - 1u;
 }
 

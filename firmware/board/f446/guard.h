@@ -1,6 +1,5 @@
-/* A look 25 000 times a second, by an interrupt that depends on nothing but the core's clock: do samples still come, is
- * the supply still there? Without the PLL it comes as much later as the clock is slower: at 16 MHz the interrupts would leave
- * the main loop no time. */
+/* Guard: a check of sampling and supply 25 000 times per second, in an interrupt that depends only on the core clock.
+ * Without the PLL its rate falls with the clock, because at 16 MHz the full rate would leave the main loop no time. */
 #ifndef GUARD_H
 #define GUARD_H
 
@@ -9,16 +8,16 @@
 
 enum { GUARD_RATE_HZ = 25000, GUARD_CYCLES = 7200, GUARD_LATER = 400 /* cycles */ };
 
-/* Begins; sampling must be under way. */
+/* Start the guard; sampling must already run. */
 void guard_start(void);
 
-/* The chip will do nothing for a while. */
+/* Stop the guard before an operation that stalls the chip. */
 void guard_stop(void);
 
-/* True when samples had stopped to come; forgets it. */
+/* True if sampling had stalled since the last call. */
 bool guard_found_standstill(void);
 
-/* Looks so far. */
+/* Number of checks so far. */
 uint32_t guard_count(void);
 
 #endif

@@ -1,10 +1,10 @@
-/* Between the serial line and the protocol. */
+/* Connection between the serial line and the protocol. */
 #ifndef LINE_H
 #define LINE_H
 
 #include "an_link.h"
 
-/* Sends what is to be sent, and passes on what came, as far as neither has to wait. */
+/* Send pending output and process received bytes, as far as possible without waiting. */
 void line_serve(an_link *link);
 
 #endif

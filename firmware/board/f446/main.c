@@ -1,4 +1,4 @@
-/* The main loop of both builds. */
+/* Main loop of both builds. */
 #include "an_button.h"
 #include "an_faults.h"
 #include "an_link.h"
@@ -8,7 +8,7 @@
 #include "line.h"
 #include "registers.h"
 
-enum { HEALTHY = GUARD_RATE_HZ }; /* looks of the guard: a second */
+enum { HEALTHY = GUARD_RATE_HZ }; /* checks of the guard in one second */
 
 static an_link line;
 static an_capture capture;
@@ -17,14 +17,14 @@ static uint8_t *backup;
 
 int main(void);
 
-/* A table that was there at three watchdog resets in a row is left alone: another one can then be uploaded. */
+/* After three consecutive watchdog resets the stored table is ignored, so that another one can be uploaded. */
 static void boot(uint32_t faults)
 {
     const bool suspect = record_get()->watchdog_resets >= RECORD_RESETS_MAX;
     application_boot(store_table(), suspect ? 0u : store_bytes(), faults);
 }
 
-/* A new table answers for the old one's faults, and for no other. */
+/* Store the staged table and restart. A new table clears the faults of the old table only. */
 static void store_staged(void)
 {
     const uint32_t kept = application_state()->supervisor.faults & ~(uint32_t)(AN_FAULT_TABLE | AN_FAULT_FLASH);
@@ -55,7 +55,7 @@ static void serve_line(void)
     }
 }
 
-static void tell_health(uint32_t main_cycles)
+static void update_health(uint32_t main_cycles)
 {
     const board_record *record = record_get();
     uint32_t *health = line.health;
@@ -128,7 +128,7 @@ int main(void)
         serve_button(&button);
         serve_guard();
         watchdog_feed(application_windows(), application_answers());
-        tell_health(main_cycles);
+        update_health(main_cycles);
         note_cycles(&main_cycles, begin);
         __asm volatile("wfi" ::: "memory");
     }

@@ -9,7 +9,7 @@ typedef struct {
     board_record record;
 } kept;
 
-/* Start-up neither clears nor fills it; after power-on it holds anything. */
+/* Not initialised by start-up; undefined after power-on. */
 __attribute__((section(".noinit"))) static kept memory;
 
 bool record_boot(void)

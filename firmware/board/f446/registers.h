@@ -1,6 +1,6 @@
-/* The registers of the STM32F446 that this firmware touches (RM0390; PM0214 for those of the core).
+/* Registers of the STM32F446 used by this firmware (RM0390; PM0214 for those of the core).
  *
- * Registers and bits bear the names of the manuals. Every member's offset is asserted.
+ * Registers and bits have the names used in the manuals. The offset of every member is asserted.
  */
 #ifndef REGISTERS_H
 #define REGISTERS_H
@@ -159,14 +159,14 @@ enum {
     TIM_CR2_MMS_ENABLE = 1 << 4,
     TIM_CR2_MMS_UPDATE = 2 << 4,
     TIM_CR2_MMS_OC4REF = 7 << 4,
-    TIM_SMCR_SMS_TRIGGER = 6 << 0, /* by ITR0, which for TIM8 is TIM1 */
+    TIM_SMCR_SMS_TRIGGER = 6 << 0, /* trigger mode from ITR0, which is TIM1 for TIM8 */
     TIM_DIER_BIE = 1 << 7,
     TIM_SR_BIF = 1 << 7,
     TIM_EGR_UG = 1 << 0,
-    TIM_OC_PWM1_PRELOADED = 6 << 4 | 1 << 3, /* of the lower channel in a CCMR; the upper one's is 8 bits up */
+    TIM_OC_PWM1_PRELOADED = 6 << 4 | 1 << 3, /* lower channel of a CCMR; the upper one is 8 bits higher */
     TIM_OC_PWM2 = 7 << 4,
     TIM_CCMR_UPPER_POS = 8,
-    TIM_CCER_PAIR = 5, /* an output and its complement; the next one's is 4 bits up */
+    TIM_CCER_PAIR = 5, /* an output and its complement; the next pair is 4 bits higher */
     TIM_CCER_NEXT_POS = 4,
     TIM_BDTR_LOCK_2 = 2 << 8,
     TIM_BDTR_OSSI = 1 << 10,
@@ -204,7 +204,7 @@ enum {
     ADC_CR2_EXTSEL_TIM2_TRGO = 6 << 24,
     ADC_CR2_EXTSEL_TIM8_TRGO = 14 << 24,
     ADC_CR2_EXTEN_RISING = 1 << 28,
-    ADC_SMP_15 = 1, /* cycles, of one channel; the next one's is 3 bits up */
+    ADC_SMP_15 = 1, /* cycles for one channel; the next channel is 3 bits higher */
     ADC_SMP_BITS = 3,
     ADC_SQ_BITS = 5,
     ADC_SQR1_L_POS = 20,
@@ -291,8 +291,8 @@ enum {
     DMA_CR_CHSEL_POS = 25,
     DMA_LISR_HTIF0 = 1 << 4,
     DMA_LISR_TCIF0 = 1 << 5,
-    DMA_FLAGS_STREAM0 = 0x3d,        /* of LISR, LIFCR */
-    DMA_FLAGS_STREAM6 = 0x3d << 16   /* of HISR, HIFCR */
+    DMA_FLAGS_STREAM0 = 0x3d,        /* in LISR and LIFCR */
+    DMA_FLAGS_STREAM6 = 0x3d << 16   /* in HISR and HIFCR */
 };
 
 typedef struct {
@@ -405,10 +405,10 @@ enum { BACKUP_BYTES = 4096 };
 
 enum { ADC_IRQ = 18, TIM1_BRK_IRQ = 24, TIM8_BRK_IRQ = 43, DMA2_STREAM0_IRQ = 56, INTERRUPTS = 97 };
 
-/* The fast interrupt and whatever may trip it share one priority, so that none cuts into another's words. */
+/* The fast interrupt and all interrupts that can trip it share one priority, so that none preempts another. */
 enum { PRIORITY_FAST = 0x00, PRIORITY_SLOW = 0x20 };
 
-/* Keeps the longest of the times since begin. */
+/* Update the longest duration with the time since begin. */
 static inline void note_cycles(uint32_t *worst, uint32_t begin)
 {
     const uint32_t cycles = DWT->CYCCNT - begin;

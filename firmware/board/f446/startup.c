@@ -1,4 +1,4 @@
-/* From reset to main, and what happens to an interrupt nobody expects. */
+/* Start-up from reset to main, and the handler of unexpected interrupts. */
 #include "board.h"
 #include "registers.h"
 
@@ -14,7 +14,7 @@ void Unexpected_Handler(void);
 void unexpected(const uint32_t *frame);
 int main(void);
 
-/* Each build defines those it uses. */
+/* Each build defines the handlers it uses. */
 #define UNEXPECTED __attribute__((weak, alias("Unexpected_Handler")))
 void PendSV_Handler(void) UNEXPECTED;
 void SysTick_Handler(void) UNEXPECTED;
@@ -36,7 +36,7 @@ __attribute__((section(".vectors"), used)) static const vector_table vectors = {
     .system =
         {
             [0] = Reset_Handler,
-            [1 ... 5] = Unexpected_Handler, /* NMI (lost crystal), hard, memory, bus, usage fault */
+            [1 ... 5] = Unexpected_Handler, /* NMI (crystal failure), hard, memory, bus and usage fault */
             [10] = Unexpected_Handler,      /* SVC */
             [11] = Unexpected_Handler,      /* debug monitor */
             [13] = PendSV_Handler,
@@ -56,8 +56,8 @@ __attribute__((section(".vectors"), used)) static const vector_table vectors = {
         },
 };
 
-/* Outputs to rest, a note of where it was, then silence: the watchdog resets the chip and the fault is reported after that.
- * A stack pointer that left the stack is not followed. */
+/* Set the outputs to rest, record where the exception occurred, and wait for the watchdog to reset the chip; the fault
+ * is reported after the reset. The stack frame is read only if it lies within the stack. */
 __attribute__((used)) void unexpected(const uint32_t *frame)
 {
     board_outputs_safe();
@@ -82,7 +82,8 @@ __attribute__((naked)) void Unexpected_Handler(void)
     __asm volatile("mrs r0, msp\n b unexpected");
 }
 
-/* The floating-point unit before the first floating-point instruction; the watchdog before anything that could hang. */
+/* Enable the floating-point unit before the first floating-point instruction, and the watchdog before anything that
+ * could hang. */
 void Reset_Handler(void)
 {
     SCB->CPACR |= SCB_CPACR_FPU;

@@ -1,10 +1,10 @@
 #include "board.h"
 #include "registers.h"
 
-enum { SECTOR = 3, WORD = 4, PATIENCE = 400000000 };
+enum { SECTOR = 3, WORD = 4, POLLS_MAX = 400000000 };
 
 extern volatile uint8_t table_start[]; /* written by program() */
-extern const uint8_t table_bytes[]; /* its address is the size */
+extern const uint8_t table_bytes[]; /* the linker symbol's address is the size */
 
 const uint8_t *store_table(void)
 {
@@ -18,7 +18,7 @@ uint32_t store_bytes(void)
 
 static bool done(void)
 {
-    for (uint32_t i = 0u; i < PATIENCE; i++) {
+    for (uint32_t i = 0u; i < POLLS_MAX; i++) {
         if ((FLASH->SR & FLASH_SR_BSY) == 0u) {
             return (FLASH->SR & FLASH_SR_ERRORS) == 0u;
         }
@@ -62,8 +62,8 @@ static bool program(const uint8_t *data, uint32_t length)
     return true;
 }
 
-/* The data cache may still hold what stood there before. */
-static void forget_caches(void)
+/* The caches may still hold the previous contents of the sector. */
+static void flush_caches(void)
 {
     const uint32_t caches = FLASH_ACR_ICEN | FLASH_ACR_DCEN;
     const uint32_t forget = FLASH_ACR_ICRST | FLASH_ACR_DCRST;
@@ -92,7 +92,7 @@ bool store_write(const uint8_t *data, uint32_t length)
     unlock();
     const bool written = erase() && program(data, length);
     FLASH->CR = FLASH_CR_LOCK;
-    forget_caches();
+    flush_caches();
     watchdog_start();
     return written && reads_back(data, length);
 }

@@ -1,3 +1,3 @@
-/* The mode table the image is built with, in the sector where a later one will replace it. */
+/* Mode table built into the image, in the flash sector where an uploaded table replaces it. */
 #define ANTINODE_TABLE_PLACE __attribute__((section(".table"), used))
 #include "mode_table.h"

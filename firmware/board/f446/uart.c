@@ -18,7 +18,7 @@ void uart_init(void)
     dma_stream_regs *receive = &DMA1->stream[RECEIVE];
     GPIOA->AFRL |= 7u << 8 | 7u << 12;
     GPIOA->MODER |= (uint32_t)GPIO_MODE_ALTERNATE << 4 | (uint32_t)GPIO_MODE_ALTERNATE << 6;
-    USART2->BRR = (clock_apb1_hz() + BAUD / 2u) / BAUD; /* 49 of 45 MHz: 0.4 % slow; 17 of 16 MHz: 2.1 % fast */
+    USART2->BRR = (clock_apb1_hz() + BAUD / 2u) / BAUD; /* 45 MHz / 49: 0.4 % slow; 16 MHz / 17: 2.1 % fast */
     USART2->CR3 = USART_CR3_DMAR | USART_CR3_DMAT;
     USART2->CR1 = USART_CR1_RE | USART_CR1_TE | USART_CR1_UE;
     receive->PAR = address_of(&USART2->DR);

@@ -1,16 +1,16 @@
 #include "board.h"
 #include "registers.h"
 
-enum { PATIENCE = 100000 };
+enum { POLLS_MAX = 100000 };
 
-/* The prescaler and the reload value travel to the watchdog's own clock, five of its cycles. */
+/* Prescaler and reload value take five cycles of the watchdog's own clock to take effect. */
 static void set(uint32_t prescaler, uint32_t reload)
 {
     IWDG->KR = IWDG_KR_START;
     IWDG->KR = IWDG_KR_UNLOCK;
     IWDG->PR = prescaler;
     IWDG->RLR = reload;
-    for (uint32_t i = 0u; i < PATIENCE && IWDG->SR != 0u; i++) {
+    for (uint32_t i = 0u; i < POLLS_MAX && IWDG->SR != 0u; i++) {
     }
     IWDG->KR = IWDG_KR_FEED;
 }

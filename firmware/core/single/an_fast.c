@@ -14,14 +14,14 @@ void an_fast_init(an_fast *fast, uint32_t step)
     fast->command.step = step;
 }
 
-/* The slow step saw the faults of its own window; here only its silence has to be noticed. */
+/* Take over the slow step's command, or note that it is late. The slow step itself reports the faults of its window. */
 static void take_command(an_fast *fast)
 {
     if (fast->command.count == fast->window.count) {
         fast->drive = fast->command.drive;
         fast->step = fast->command.step;
     } else {
-        volatile uint32_t *faults = &fast->faults; /* read anew: kept in a register it costs all other ticks */
+        volatile uint32_t *faults = &fast->faults; /* volatile: a value held in a register would slow down every tick */
         *faults |= AN_FAULT_SLOW_LATE;
     }
     fast->sums = (an_sums){0.0f, 0.0f, 0.0f};
@@ -38,10 +38,10 @@ static void end_window(an_fast *fast)
     fast->window.count++;
 }
 
-#define AN_LEVEL_MAX 2047.4f /* a full drive and its rounding; still within the codes */
+#define AN_LEVEL_MAX 2047.4f /* full drive with rounding errors, still within the DAC's range */
 
-/* Rounded to the nearest code. A NaN fails the comparison, so that no undefined conversion is ever reached. Whatever fault
- * there is, and whoever found it: the output rests. */
+/* Round to the nearest DAC code. A NaN fails the comparison, so that no undefined conversion can occur. Any fault,
+ * whatever its origin, sets the output to rest. */
 static uint32_t dac_code(an_fast *fast, float level)
 {
     if (!(__builtin_fabsf(level) <= AN_LEVEL_MAX)) {

@@ -9,45 +9,45 @@
 #define AN_PI_NUMBER 3.14159265f
 #define AN_START_LEVEL 0.01f    /* of full scale */
 #define AN_MIN_LEVEL 1e-4f
-#define AN_COARSE_MAX 0.16f    /* of the drive limit, while nothing but noise answers */
-#define AN_LOUDER 4.0f
-#define AN_FIRST_SPAN 0.01f     /* of the frequency, to either side: the least that is looked at */
-#define AN_WIDEST_SPAN 0.04f
-#define AN_FIRST_SPACINGS 4.0f  /* the same in half bandwidths */
-#define AN_OVER_NOISE 6.0f      /* noise of this many rms comes once in 4e15 points */
-#define AN_CODES 0.002f         /* four of the converter's codes: what is smaller is its steps */
-#define AN_OVER_MEDIAN 1.6f     /* no flat response has it, every resonance seen over four half bandwidths has 2.2 */
-#define AN_PASSED 0.7f          /* of the peak: half a bandwidth off */
-#define AN_AIM 0.4f             /* of the amplitude limit, at the peak of the fine sweep */
-#define AN_TOO_MUCH 0.5f        /* of the amplitude limit */
-#define AN_RATIO_MIN 0.4f     /* of a response raised to what it was, both by their drives */
+#define AN_COARSE_MAX 0.16f    /* of the drive limit, while only noise is seen */
+#define AN_LEVEL_STEP 4.0f     /* ratio of two successive drive levels */
+#define AN_MIN_SPAN 0.01f      /* of the frequency, to either side: shortest coarse sweep */
+#define AN_MAX_SPAN 0.04f      /* likewise: longest */
+#define AN_MIN_SPACINGS 4.0f   /* shortest coarse sweep in half bandwidths */
+#define AN_NOISE_RATIO 6.0f    /* smallest peak over rms noise; noise alone exceeds it at one point in 4e15 */
+#define AN_MIN_PEAK 0.002f     /* of full scale, four codes: quantisation dominates smaller responses */
+#define AN_MEDIAN_RATIO 1.6f   /* smallest peak over median; a resonance swept over four half bandwidths has 2.2 */
+#define AN_SKIRT 0.7f          /* of the peak, at half a bandwidth from it */
+#define AN_FINE_RESPONSE 0.4f  /* of the amplitude limit: intended peak of the fine sweep */
+#define AN_COARSE_RESPONSE_MAX 0.5f /* of the amplitude limit */
+#define AN_RATIO_MIN 0.4f      /* response after a change of level, over the response that linearity predicts */
 #define AN_RATIO_MAX 3.0f
-#define AN_TAU_RATIO 8.0f       /* found over guessed, or the other way round */
+#define AN_TAU_RATIO 8.0f      /* largest ratio of fitted and assumed time constants, either way */
 #define AN_COARSE_SETTLE 4.0f   /* time constants */
 #define AN_FINE_SETTLE 6.0f
 #define AN_SURVEY_SETTLE 3.0f
 #define AN_SURVEY_SPAN_HZ 1500.0f
-#define AN_SURVEY_LEVEL 0.25f /* of the fine sweep's: a neighbour may be stronger */
+#define AN_SURVEY_LEVEL 0.25f /* of the fine sweep's level: a neighbouring mode may respond more strongly */
 #define AN_MISFIT_MAX 0.03f
 #define AN_TWO_PI 6.2831853f
 
 enum { COARSE_AVERAGE = 4, FINE_AVERAGE = 8, SURVEY_AVERAGE = 4, SURVEY_POINTS_MAX = 255, ROUNDS_MAX = 5 };
-enum { FIRST_BIN = 2 * (127 - 24) }; /* a float's exponent and first bit: 2^-24 */
+enum { FIRST_BIN = 2 * (127 - 24) }; /* exponent and leading mantissa bit of the float 2^-24 */
 
-/* Full width of |U| at -3 dB, Hz. */
+/* Full width of the resonance curve |U| at -3 dB, in Hz. */
 static float bandwidth_hz(const an_mode *mode)
 {
     return 1.0f / (AN_PI_NUMBER * mode->tau_s);
 }
 
-/* Points half a bandwidth apart: no resonance of that width slips through. From the guess outward, on both sides in turn,
- * to a bandwidth beyond the widest span. */
+/* Sweep outwards from the guess, alternating between both sides, to a bandwidth beyond AN_MAX_SPAN. A spacing of half a
+ * bandwidth cannot miss a resonance of that width. */
 static void begin_coarse(an_ident *ident, float level)
 {
     ident->stage = AN_IDENT_COARSE;
     ident->level = level;
     ident->spacing_hz = 0.5f * bandwidth_hz(&ident->mode);
-    ident->points = 2u * ((uint32_t)(AN_WIDEST_SPAN * ident->mode.frequency_hz / ident->spacing_hz) + 3u) + 1u;
+    ident->points = 2u * ((uint32_t)(AN_MAX_SPAN * ident->mode.frequency_hz / ident->spacing_hz) + 3u) + 1u;
     ident->index = 0u;
     ident->best = 0u;
     ident->best_size = 0.0f;
@@ -94,7 +94,8 @@ void an_ident_init(an_ident *ident, const an_mode *guess, bool senses_displaceme
     begin_coarse(ident, AN_START_LEVEL < most ? AN_START_LEVEL : most);
 }
 
-/* 0, 1, -1, 2, -2 ... spacings in the coarse sweep, evenly from end to end in the others. */
+/* Offset of a point from the centre: 0, 1, -1, 2, -2 ... spacings in the coarse sweep, end to end in the other
+ * sweeps. */
 static float offset_hz(const an_ident *ident, uint32_t index)
 {
     if (ident->stage == AN_IDENT_COARSE) {
@@ -120,6 +121,7 @@ void an_ident_probe(const an_ident *ident, an_probe *probe)
     probe->average = average[stage];
 }
 
+/* Count a response in the histogram of half octaves: the exponent and the leading mantissa bit give the bin. */
 static void count_size(an_ident *ident, float size)
 {
     const union {
@@ -131,7 +133,7 @@ static void count_size(an_ident *ident, float size)
     ident->sizes[bin < AN_IDENT_BINS ? bin : AN_IDENT_BINS - 1u]++;
 }
 
-/* The lower end of the bin that the median lies in. */
+/* Lower end of the histogram bin that contains the median. */
 static float median_size(const an_ident *ident)
 {
     uint32_t bin = 0u;
@@ -155,29 +157,29 @@ static float larger(float a, float b)
 
 static bool is_above_noise(const an_ident *ident)
 {
-    return ident->best_size > AN_CODES &&
-           ident->best_size * ident->best_size * (float)ident->index > AN_OVER_NOISE * AN_OVER_NOISE * ident->noise2;
+    return ident->best_size > AN_MIN_PEAK &&
+           ident->best_size * ident->best_size * (float)ident->index > AN_NOISE_RATIO * AN_NOISE_RATIO * ident->noise2;
 }
 
-/* Looked at when a pair of points is complete: the outermost ones are well below the peak, so it is not the skirt of one
- * that lies further out. */
-static bool has_found_a_peak(const an_ident *ident)
+/* Called when a pair of points is complete. Both outermost responses must be well below the peak; otherwise it might be
+ * the skirt of a resonance farther out. */
+static bool has_found_peak(const an_ident *ident)
 {
     const float outside = larger(ident->last_size[0], ident->last_size[1]);
     const float spacings = (float)(ident->index / 2u);
-    const float least = AN_FIRST_SPAN * ident->mode.frequency_hz / ident->spacing_hz;
-    const bool wide = spacings >= least && spacings >= AN_FIRST_SPACINGS;
-    const bool passed = outside < AN_PASSED * ident->best_size;
-    return wide && passed && is_above_noise(ident) && ident->best_size > AN_OVER_MEDIAN * median_size(ident);
+    const float least = AN_MIN_SPAN * ident->mode.frequency_hz / ident->spacing_hz;
+    const bool wide = spacings >= least && spacings >= AN_MIN_SPACINGS;
+    const bool passed = outside < AN_SKIRT * ident->best_size;
+    return wide && passed && is_above_noise(ident) && ident->best_size > AN_MEDIAN_RATIO * median_size(ident);
 }
 
 static float aim(const an_ident *ident)
 {
-    const float aimed = AN_AIM * ident->mode.amplitude_limit * ident->level / ident->best_size;
+    const float aimed = AN_FINE_RESPONSE * ident->mode.amplitude_limit * ident->level / ident->best_size;
     return aimed < ident->mode.drive_limit ? aimed : ident->mode.drive_limit;
 }
 
-/* A step towards the level of the fine sweep. */
+/* Take one step towards the drive level of the fine sweep. */
 static void raise(an_ident *ident)
 {
     const float aimed = aim(ident);
@@ -186,27 +188,27 @@ static void raise(an_ident *ident)
         begin_fine(ident);
         return;
     }
-    const float louder = AN_LOUDER * ident->level;
-    ident->best_size *= (louder < aimed ? louder : aimed) / ident->level; /* what it ought to become */
-    ident->level = louder < aimed ? louder : aimed;
+    const float raised = AN_LEVEL_STEP * ident->level;
+    ident->best_size *= (raised < aimed ? raised : aimed) / ident->level; /* predicted by linearity */
+    ident->level = raised < aimed ? raised : aimed;
     ident->stage = AN_IDENT_RAISE;
 }
 
 static void end_coarse(an_ident *ident)
 {
     const float most = AN_COARSE_MAX * ident->mode.drive_limit;
-    const float louder = AN_LOUDER * ident->level;
+    const float raised = AN_LEVEL_STEP * ident->level;
     if (is_above_noise(ident) || ident->lowered || ident->level >= most) {
         ident->stage = AN_IDENT_FAILED;
     } else {
-        begin_coarse(ident, louder < most ? louder : most);
+        begin_coarse(ident, raised < most ? raised : most);
     }
 }
 
 static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
 {
     const float size = an_abs(measured);
-    if (size > AN_TOO_MUCH * ident->mode.amplitude_limit) {
+    if (size > AN_COARSE_RESPONSE_MAX * ident->mode.amplitude_limit) {
         ident->lowered = true;
         begin_coarse(ident, 0.25f * ident->level);
         ident->stage = ident->level > AN_MIN_LEVEL ? AN_IDENT_COARSE : AN_IDENT_FAILED;
@@ -220,7 +222,7 @@ static void answer_coarse(an_ident *ident, an_complex measured, float noise2)
     count_size(ident, size);
     ident->last_size[ident->index % 2u] = size;
     ident->index++;
-    if (ident->index % 2u == 1u && has_found_a_peak(ident)) {
+    if (ident->index % 2u == 1u && has_found_peak(ident)) {
         ident->centre = step_of(ident, ident->best);
         raise(ident);
     } else if (ident->index >= ident->points) {
@@ -240,7 +242,7 @@ static void answer_raise(an_ident *ident, an_complex measured)
     raise(ident);
 }
 
-/* exp(j w late) at a point of the sweep. */
+/* exp(j w late_s) at a point of the sweep. */
 static an_complex lead_of(const an_ident *ident, uint32_t index, float late_s)
 {
     const float turns = (an_dds_frequency(ident->centre, ident->sample_rate_hz) + offset_hz(ident, index)) * late_s;
@@ -248,7 +250,7 @@ static an_complex lead_of(const an_ident *ident, uint32_t index, float late_s)
     return an_turn((uint32_t)(int32_t)(rest * 2147483648.0f) << 1);
 }
 
-/* Takes so much delay out of every response. */
+/* Remove a delay from all responses. */
 static void advance(an_ident *ident, float late_s)
 {
     for (uint32_t i = 0u; i < ident->points; i++) {
@@ -256,8 +258,8 @@ static void advance(an_ident *ident, float late_s)
     }
 }
 
-/* A real mode's gain is real for velocity, 90 degrees behind for displacement, of either sign: what is left of its
- * phase, to a quarter of a turn, is delay the guess did not know. */
+/* Delay beyond the one assumed so far. The gain of a real mode is real for a velocity sensor and lags by 90 degrees for
+ * a displacement sensor, with either sign. Any remaining phase, modulo half a turn, is therefore due to delay. */
 static float unknown_delay(const an_ident *ident, an_complex gain, float frequency_hz)
 {
     const uint32_t excess = an_phase_of(gain) + ident->quarter_turns * 0x40000000u;
@@ -266,6 +268,7 @@ static float unknown_delay(const an_ident *ident, an_complex gain, float frequen
     return ident->mode.delay_s + delay_s >= 0.0f ? delay_s : delay_s + 0.5f / frequency_hz;
 }
 
+/* Fit the resonance with the known delay removed; correct the delay twice by the phase of the fitted gain. */
 static bool fit_without_delay(an_ident *ident, an_resonance *fit)
 {
     const float centre_hz = an_dds_frequency(ident->centre, ident->sample_rate_hz);
@@ -281,7 +284,7 @@ static bool fit_without_delay(an_ident *ident, an_resonance *fit)
     return an_resonance_fit(fit, ident->response, ident->points, ident->span_hz);
 }
 
-/* The pole turns at the damped frequency; the table and the peak of |U| speak of the undamped one. */
+/* The pole lies at the damped frequency w0 - 1 / (2 w0 tau^2); the mode table refers to the undamped one. */
 static float undamped_offset(const an_ident *ident, const an_resonance *fit)
 {
     const float rate_hz = 1.0f / (2.0f * AN_PI_NUMBER * fit->tau_s);
@@ -332,8 +335,8 @@ static void answer_survey(an_ident *ident, an_complex measured)
     const float slope = AN_TWO_PI * offset_hz(ident, ident->index) * ident->mode.tau_s;
     const an_complex own = an_div(ident->mode.gain, an_cplx(1.0f, slope));
     const an_complex late = an_conj(lead_of(ident, ident->index, ident->mode.delay_s));
-    const float beside = an_abs(an_sub(response, an_mul(own, late)));
-    ident->neighbour = beside > ident->neighbour ? beside : ident->neighbour;
+    const float residual = an_abs(an_sub(response, an_mul(own, late)));
+    ident->neighbour = residual > ident->neighbour ? residual : ident->neighbour;
     ident->index++;
     if (ident->index >= ident->points) {
         ident->stage = AN_IDENT_DONE;

@@ -4,17 +4,17 @@
 #include "an_sine.h"
 
 #define AN_TWO_PI 6.2831853f
-#define AN_FRESH 6.0f      /* steps over tau: a sixth of tau is remembered, in which a plate set free goes a sixth of its way */
-#define AN_AHEAD 2.0f      /* steps from the middle of what was weighed to the end of the next answer */
-#define AN_UNSURE 0.05f    /* of the drive: its age and the gain of the mode are known so well */
-#define AN_NOISES 6.0f     /* that a fall must be larger than */
-#define AN_NEAR 0.5f       /* of the reference, and the other way round: no finger leaves a plate that is further away */
-#define AN_SEEN 0.004f     /* of full scale: eight codes */
-#define AN_TOUCHED 1.25f   /* of the free plate's damping */
-#define AN_FREE 0.8f       /* of what the free plate takes: it has not softened by more */
-#define AN_MIN_SHARE 0.1f /* Kp G at least: slower than this the plate alone would be faster */
+#define AN_UPDATE_RATE 6.0f    /* per tau: a memory of tau / 6, in which a released plate covers a sixth of its way */
+#define AN_LOOKAHEAD 2.0f      /* steps from the middle of the data to the end of the next answer */
+#define AN_DRIVE_ERROR 0.05f   /* relative uncertainty of the drive, from its timing and from the gain of the mode */
+#define AN_NOISE_SIGMAS 6.0f   /* a decrease must exceed this many standard deviations */
+#define AN_NEAR_RATIO 0.5f     /* amplitude over reference, or its inverse; farther apart, no finger is lifting */
+#define AN_AMPLITUDE_MIN 0.004f /* of full scale: eight codes */
+#define AN_TOUCHED_RATIO 1.25f /* times the damping of the free plate */
+#define AN_FREE_MARGIN 0.8f    /* lower bound on the drive per amplitude, relative to that of the free plate */
+#define AN_LOOP_GAIN_MIN 0.1f  /* lower bound on Kp G, below which the plate alone would respond faster */
 
-/* exp(-x), x >= 0, as a Pade fraction: positive, below one, and within 1e-4 for x up to 0.7. */
+/* exp(-x) for x >= 0 as a Pade approximant: between 0 and 1, with an error below 1e-4 for x up to 0.7. */
 static float decay_of(float x)
 {
     const float even = 1.0f + x * x * (1.0f / 12.0f);
@@ -27,22 +27,23 @@ static uint32_t phase_of_turns(float turns)
     return (uint32_t)(int32_t)((turns - whole) * 2147483648.0f) << 1;
 }
 
-/* What both laws of a plate are made of: push is the amplitude that a unit of drive adds in a step, turn what becomes of a
- * free mode until an answer acts, reached the share of a difference that is gone within a step. */
+/* Quantities common to the control laws of a plate, whatever its damping. */
 typedef struct {
-    float push;
-    float turning;
-    float age;
+    float push;             /* b T = G T / tau: amplitude that unit drive adds in a step */
+    float turning;          /* tau (w - w0) / G */
+    float age;              /* of a measurement when its answer takes effect, in steps */
     float proportional_max;
-    an_complex turn;
-    float reached[2];
+    an_complex turn;        /* rotation of the free mode, in the drive's frame, over that age */
+    float reached[2];       /* 1 - p, in general and when leaving the limit */
 } an_basis;
 
-/* The law for a plate of which a unit of amplitude takes so much drive. */
+/* Control law of a plate that needs the drive taken = 1 / G' per unit amplitude. A finger changes G' and tau' alike, so
+ * that b = G / tau is known and T / tau' = b T / G'; spent is 1 - a'. The prediction from the middle of the window to
+ * the time when the answer takes effect is U = decay * (measured U) + push * (last drive). */
 static an_pi_law law_of(const an_basis *basis, float taken, uint32_t limited)
 {
     const float spent = 1.0f - decay_of(basis->push * taken);
-    const float least = AN_MIN_SHARE * taken;
+    const float least = AN_LOOP_GAIN_MIN * taken;
     const float aimed = basis->reached[limited] * taken / spent;
     const float bounded = aimed < basis->proportional_max ? aimed : basis->proportional_max;
     const float proportional = bounded > least ? bounded : least;
@@ -53,6 +54,7 @@ static an_pi_law law_of(const an_basis *basis, float taken, uint32_t limited)
     return (an_pi_law){proportional, proportional * spent, an_mul(feedback, decay), an_mul(feedback, push)};
 }
 
+/* Laws of the known mode, and their differences from those of the free plate, for interpolation in between. */
 static void plan_laws(an_pi_gains *gains, const an_basis *basis)
 {
     for (uint32_t limited = 0u; limited < 2u; limited++) {
@@ -68,28 +70,29 @@ static void plan_laws(an_pi_gains *gains, const an_basis *basis)
     }
 }
 
-void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_wish *wish)
+void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_spec *spec)
 {
     const float size = an_abs(mode->gain);
     const float late = (mode->frequency_hz + detuning_hz) * mode->delay_s;
-    const float fresh = AN_FRESH * wish->period_s / mode->tau_s;
+    const float fresh = AN_UPDATE_RATE * spec->period_s / mode->tau_s;
     const an_basis basis = {
-        .push = size * wish->period_s / mode->tau_s,
+        .push = size * spec->period_s / mode->tau_s,
         .turning = AN_TWO_PI * detuning_hz * mode->tau_s / size,
-        .age = wish->ahead_s / wish->period_s,
-        .proportional_max = wish->proportional_max,
-        .turn = an_turn(phase_of_turns(-detuning_hz * wish->ahead_s)),
-        .reached = {1.0f - decay_of(wish->period_s / wish->response_s), 1.0f - decay_of(wish->period_s / wish->leaving_s)},
+        .age = spec->ahead_s / spec->period_s,
+        .proportional_max = spec->proportional_max,
+        .turn = an_turn(phase_of_turns(-detuning_hz * spec->ahead_s)),
+        .reached = {1.0f - decay_of(spec->period_s / spec->response_s),
+                    1.0f - decay_of(spec->period_s / spec->leaving_s)},
     };
-    const bool touched = wish->free_gain > AN_TOUCHED * size;
+    const bool touched = spec->free_gain > AN_TOUCHED_RATIO * size;
     gains->inverse_gain = 1.0f / size;
-    gains->lightest = touched ? AN_FREE / wish->free_gain : gains->inverse_gain;
+    gains->lightest = touched ? AN_FREE_MARGIN / spec->free_gain : gains->inverse_gain;
     gains->per_lift = touched ? 1.0f / (gains->inverse_gain - gains->lightest) : 0.0f;
     plan_laws(gains, &basis);
-    gains->most = (1.0f + AN_UNSURE) * gains->inverse_gain;
+    gains->most = (1.0f + AN_DRIVE_ERROR) * gains->inverse_gain;
     gains->fresh = fresh < 1.0f ? fresh : 1.0f;
     gains->pull = 1.0f / basis.push;
-    gains->noise = AN_NOISES * gains->fresh * gains->pull * __builtin_sqrtf(wish->noise2);
+    gains->noise = AN_NOISE_SIGMAS * gains->fresh * gains->pull * __builtin_sqrtf(spec->noise2);
     gains->turning = basis.turning;
     gains->drive_limit = mode->drive_limit;
     gains->age = basis.age;
@@ -112,34 +115,36 @@ static float smaller(float a, float b)
     return a < b ? a : b;
 }
 
-/* Drive that a unit of amplitude will take while the next answer acts: as the mode is known, or clearly less.
+/* Predict the drive per unit amplitude, 1 / G', while the next answer acts: that of the known mode, or clearly less.
  *
- * Weighed is what held the motion from the middle of one window to that of the next: the old drive until the gap had passed,
- * the new one after that. Doubts make it more. What falls is carried on to the end of the next answer. */
-static float taken_of(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference)
+ * held is the drive that balanced the damping from the middle of one window to the middle of the next, with the old
+ * drive acting until the gap had passed and the new one after that. A first-order filter smooths held over amplitude.
+ * All uncertainties are added, so that only a clear decrease changes the law. A decrease is extrapolated to the end of
+ * the next answer. */
+static float drive_per_amplitude(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference)
 {
     const float middle = 0.5f * (measured.re + pi->measured.re);
     const float drive = pi->drive.re + gains->age * (pi->before - pi->drive.re);
     const float crossed = 0.5f * gains->turning * (measured.im + pi->measured.im);
     const float held = drive - gains->pull * (measured.re - pi->measured.re) + crossed;
-    const bool near = measured.re > AN_NEAR * reference && AN_NEAR * measured.re < reference;
+    const bool near = measured.re > AN_NEAR_RATIO * reference && AN_NEAR_RATIO * measured.re < reference;
     pi->measured = measured;
     pi->before = pi->drive.re;
-    if (!near || measured.re < AN_SEEN || middle < AN_NEAR * AN_SEEN) {
+    if (!near || measured.re < AN_AMPLITUDE_MIN || middle < AN_NEAR_RATIO * AN_AMPLITUDE_MIN) {
         pi->seen = gains->most;
         return gains->inverse_gain;
     }
     const float each = 1.0f / middle;
     const float was = smaller(pi->seen, gains->most);
-    const float now = was + gains->fresh * (each * (held + AN_UNSURE * __builtin_fabsf(drive)) - was);
+    const float now = was + gains->fresh * (each * (held + AN_DRIVE_ERROR * __builtin_fabsf(drive)) - was);
     pi->seen = smaller(now, gains->most);
-    const float taken = pi->seen - AN_AHEAD * (was - smaller(was, pi->seen)) + gains->noise * each;
+    const float taken = pi->seen - AN_LOOKAHEAD * (was - smaller(was, pi->seen)) + gains->noise * each;
     const float lighter = smaller(taken, gains->inverse_gain);
     return lighter > gains->lightest ? lighter : gains->lightest;
 }
 
-/* The integral compares a measurement with the reference of its own age, as if that moved evenly between two
- * steps: with the new one it would gather half a step too much and overshoot. */
+/* Compare the measurement with the reference at the time of the measurement, interpolated between two steps. With the
+ * new reference, the integral would gain half a step too much and the amplitude would overshoot. */
 static void integrate(an_pi *pi, float age, float integral, an_complex measured, float reference)
 {
     const float then = reference - age * (reference - pi->reference);
@@ -147,14 +152,15 @@ static void integrate(an_pi *pi, float age, float integral, an_complex measured,
     pi->integral.im -= integral * measured.im;
 }
 
-/* While the drive is limited the integral is what would hold the present amplitude: control leaves the limit as if
- * it had just started there, and neither overshoots nor crawls. */
+/* V = I + Kp r - state U - feed V_before, with anti-windup: while the drive is limited, the integral is set to the
+ * drive that holds the present amplitude. The loop then leaves the limit as if it had just been closed, without
+ * overshoot or creep. */
 an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference)
 {
     const uint32_t leaves = pi->limited == AN_PI_LIMITED ? 1u : 0u;
     const an_pi_law *law = &gains->law[leaves];
     const an_pi_law *lighter = &gains->lighter[leaves];
-    const float taken = taken_of(pi, gains, measured, reference);
+    const float taken = drive_per_amplitude(pi, gains, measured, reference);
     const float lifted = (gains->inverse_gain - taken) * gains->per_lift;
     if (lifted > 0.0f) {
         pi->integral.re = smaller(pi->integral.re, taken * (pi->limited != 0u ? smaller(measured.re, reference) : reference));

@@ -1,26 +1,26 @@
-/* Control of one mode in its rotating frame.
+/* PI control of one mode in the frame rotating with the drive.
  *
- * The plant, seen from a drive at w: tau dU/dt + (1 + j tau (w - w0)) U = G V. Proportional and integral gains
- * cancel its pole a = exp(-T/tau):
+ * With the drive at w, the complex envelope U of the mode obeys tau dU/dt + (1 + j tau (w - w0)) U = G V. The zero of
+ * the PI controller cancels the plant's pole a = exp(-T/tau):
  *
- *     Kp = (1 - p) / (1 - a) / G,    Ki = (1 - a) Kp a step,    p = exp(-T/response).
+ *     Kp = (1 - p) / (1 - a) / G,    Ki = (1 - a) Kp per step,    p = exp(-T/response).
  *
- * The open loop is then (1 - p)/(z - 1) and the closed loop's pole p, whatever the mode's own tau.
+ * The open loop is then (1 - p)/(z - 1), and the pole of the closed loop is p, whatever the time constant of the mode.
  *
- * V += j tau (w - w0) / G U cancels its cross-coupling, and the drive is turned ahead by the known delay and the
- * mode's own phase, so that G counts as real here. A measurement is half a window old when its answer begins to
- * act: the plant's model carries it on to that moment.
+ * The term V += j tau (w - w0) / G U cancels the cross-coupling of real and imaginary parts. The drive is rotated ahead
+ * by the known delay and the phase of the mode, so that G is real and positive here. A measurement is half a window
+ * old, plus the gap, when its answer takes effect; the model of the plant predicts U at that time.
  *
- * A finger that lifts leaves within milliseconds a plate that needs a sixth of the drive, long before the mode that is
- * followed shows it. So the drive that held the motion over the last step is weighed, from
+ * When a finger lifts, the plate suddenly needs as little as a sixth of the drive, milliseconds before the tracked mode
+ * follows. The loop therefore estimates G' from the drive that held the motion over the last step:
  *
- *     U_k+1 - U_k = (G T / tau) (V - U / G'):
+ *     U_k+1 - U_k = (G T / tau) (V - U / G').
  *
- * whenever a unit of amplitude takes clearly less of it than 1 / G of the known mode, the law is that of the lesser G' and
- * tau', and the integral holds no more than the reference takes.
+ * If the drive per unit amplitude, 1 / G', is clearly below 1 / G of the known mode, the law is that of G' and tau',
+ * and the integral is limited to the drive that the reference needs.
  *
- * Where the drive is limited only its direction counts. The way out of the limit has a pole of its own, a window long: the
- * drive stays at its limit until one window is enough to arrive.
+ * At the drive limit only the phase of the drive is free. A separate, faster pole applies on leaving the limit: the
+ * drive stays at the limit until the reference is within reach of one window.
  */
 #ifndef AN_PI_H
 #define AN_PI_H
@@ -31,58 +31,57 @@
 /* V = integral + proportional reference - state U - feed V before. */
 typedef struct {
     float proportional;
-    float integral;   /* a step */
-    an_complex state; /* Kp - j tau (w - w0) / G, times what is left of a measurement when its answer acts */
-    an_complex feed;  /* the same, times what the last drive adds until then */
+    float integral;   /* per step */
+    an_complex state; /* Kp - j tau (w - w0) / G, times the decay of the state until the answer takes effect */
+    an_complex feed;  /* Kp - j tau (w - w0) / G, times the response to the last drive until then */
 } an_pi_law;
 
 typedef struct {
-    an_pi_law law[2];     /* of the mode as it is known: in general; from the limit */
-    an_pi_law lighter[2]; /* what the laws of the plate without a finger have more */
-    float inverse_gain;   /* drive that a unit of amplitude takes: of the mode as it is known ... */
-    float lightest;       /* ... and of the plate without a finger; the same where none lies on it */
-    float per_lift;       /* 1 over the difference of the two, or 0 */
-    float most;           /* what the mode as it is known is seen to take, doubts included */
-    float fresh;          /* share of the last step in what is seen */
-    float noise;          /* what noise makes of it, times the amplitude */
-    float pull;           /* drive that makes a unit of amplitude in a step, tau / (G T): no finger changes force and mass */
+    an_pi_law law[2];     /* of the known mode: in general; when leaving the limit */
+    an_pi_law lighter[2]; /* laws of the plate without a finger, minus those of the known mode */
+    float inverse_gain;   /* 1 / G, drive per unit amplitude of the known mode ... */
+    float lightest;       /* ... and of the plate without a finger; equal unless the plate is touched */
+    float per_lift;       /* inverse of their difference, or 0 */
+    float most;           /* upper bound of the estimated drive per amplitude, including its uncertainty */
+    float fresh;          /* weight of the last step in the estimate */
+    float noise;          /* uncertainty of the estimate due to noise, times the amplitude */
+    float pull;           /* drive per unit amplitude and step, tau / (G T); independent of a finger's damping */
     float turning;        /* tau (w - w0) / G */
     float drive_limit;
-    float age; /* of a measurement when its answer begins to act, in steps */
-    an_complex lead; /* turns the drive ahead: one sample, the delay, the mode's phase */
+    float age; /* of a measurement when its answer takes effect, in steps */
+    an_complex lead; /* rotates the drive ahead by one sample, the delay and the phase of the mode */
 } an_pi_gains;
 
-/* What the loop is asked for. */
+/* Specification of the loop. */
 typedef struct {
-    float period_s;         /* of the slow step */
-    float ahead_s;          /* from the moment a measurement stands for to its answer */
-    float response_s;       /* gives p */
-    float leaving_s;        /* the same, from the limit */
-    float proportional_max; /* drive over sensor: what the neighbours of the mode allow */
-    float noise2;           /* at rest, of the difference of two measurements */
+    float period_s;         /* T, period of the slow step */
+    float ahead_s;          /* from the middle of a measurement window to the start of its answer */
+    float response_s;       /* closed-loop time constant, determines p */
+    float leaving_s;        /* likewise, when leaving the limit */
+    float proportional_max; /* drive over sensor: upper bound on Kp set by the neighbouring modes */
+    float noise2;           /* variance of the difference of two measurements at rest */
     float free_gain;        /* |G| without a finger */
-} an_pi_wish;
+} an_pi_spec;
 
 enum { AN_PI_LIMITED = 2 };
 
 typedef struct {
     an_complex integral;
-    an_complex drive; /* the last, still acting */
-    float before;        /* the one before that, in phase with the reference */
-    an_complex measured; /* the last */
-    float seen;          /* drive that a unit of amplitude took lately */
-    float reference;  /* the last */
-    uint32_t limited; /* AN_PI_LIMITED: the last drive met its limit; less: windows until its end shows in the measurement */
+    an_complex drive;    /* last drive, still acting */
+    float before;        /* drive before that, real part */
+    an_complex measured; /* last measurement */
+    float seen;          /* filtered drive per unit amplitude */
+    float reference;     /* last reference */
+    uint32_t limited; /* AN_PI_LIMITED: last drive at its limit; below: windows until its end shows in a measurement */
 } an_pi;
 
-/* Gains for a drive at a phase step, detuning_hz away from the mode. The mode must have been checked: gain and tau
- * not zero. */
-void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_wish *wish);
+/* Compute the gains for a drive at a phase step, detuning_hz above the mode, whose gain and tau must be nonzero. */
+void an_pi_plan(an_pi_gains *gains, const an_mode *mode, uint32_t step, float detuning_hz, const an_pi_spec *spec);
 
-/* Starts from a plate that moves as measured, as if the loop had held it there. */
+/* Start with the plate moving as measured, as if the loop had held it there. */
 void an_pi_init(an_pi *pi, const an_pi_gains *gains, an_complex measured);
 
-/* One step: measured phasor and reference in, drive in the mode's frame out, |drive| <= drive_limit. */
+/* One step: from the measured phasor and the reference to the drive in the mode's frame, |drive| <= drive_limit. */
 an_complex an_pi_step(an_pi *pi, const an_pi_gains *gains, an_complex measured, float reference);
 
 #endif

@@ -12,7 +12,7 @@ typedef struct {
     an_complex p0, p1, p2, q;
 } an_rational;
 
-static float place(uint32_t index, uint32_t points)
+static float abscissa(uint32_t index, uint32_t points)
 {
     return 2.0f * (float)index / (float)(points - 1u) - 1.0f;
 }
@@ -27,7 +27,7 @@ static an_complex numerator(const an_rational *model, an_complex x)
     return an_add(model->p0, an_mul(x, an_add(model->p1, an_mul(x, model->p2))));
 }
 
-/* Adds weight * row^H (row | right) to the normal equations. */
+/* Position of a point on the normalised frequency axis, from -1 to 1. */
 static void accumulate(an_complex *normal, const an_complex *row, float weight)
 {
     for (uint32_t i = 0u; i < UNKNOWNS; i++) {
@@ -38,12 +38,14 @@ static void accumulate(an_complex *normal, const an_complex *row, float weight)
     }
 }
 
+/* One iteration: minimise the sum of |p0 + p1 x + p2 x^2 - h (1 + q x)|^2 / |1 + q' x|^2, with q' from the last
+ * iteration. */
 static bool refine(an_rational *model, const an_complex *response, uint32_t points, float scale)
 {
     an_complex normal[UNKNOWNS * WIDTH];
     an_clear(normal, sizeof normal);
     for (uint32_t i = 0u; i < points; i++) {
-        const float x = place(i, points);
+        const float x = abscissa(i, points);
         const an_complex h = an_scale(response[i], scale);
         const float size2 = an_abs2(denominator(model, x));
         const an_complex row[WIDTH] = {{1.0f, 0.0f}, {x, 0.0f}, {x * x, 0.0f}, an_scale(h, -x), h};
@@ -75,7 +77,7 @@ static float misfit(const an_rational *model, const an_complex *response, uint32
     float wrong = 0.0f;
     float all = 0.0f;
     for (uint32_t i = 0u; i < points; i++) {
-        const float x = place(i, points);
+        const float x = abscissa(i, points);
         const an_complex h = an_scale(response[i], scale);
         wrong += an_abs2(an_sub(h, an_div(numerator(model, an_cplx(x, 0.0f)), denominator(model, x))));
         all += an_abs2(h);
@@ -83,6 +85,8 @@ static float misfit(const an_rational *model, const an_complex *response, uint32
     return __builtin_sqrtf(wrong / all);
 }
 
+/* A mode H = G / (1 + j tau (w - w0)) has its pole at x = x0 + j / (2 pi span tau), where its residue is -j G
+ * Im(pole). */
 bool an_resonance_fit(an_resonance *fit, const an_complex *response, uint32_t points, float span_hz)
 {
     an_rational model;

@@ -1,8 +1,10 @@
-/* One resonance on a smooth background, fitted to a measured frequency response.
+/* Fit of one resonance on a smooth background to a measured frequency response.
  *
- * H(x) = (p0 + p1 x + p2 x^2) / (1 + q x), x = (f - centre) / span in [-1, 1]: the pole gives frequency and time
- * constant, its residue the gain, and what neighbours and feed-through add stays in the numerator. Linear least
- * squares, weighted anew by the last denominator until it settles (Sanathanan and Koerner).
+ *     H(x) = (p0 + p1 x + p2 x^2) / (1 + q x),    x = (f - centre) / span in [-1, 1].
+ *
+ * The pole gives frequency and time constant, its residue the gain; the rest of the numerator absorbs neighbouring
+ * modes and feedthrough. The coefficients solve a linear least-squares problem, weighted with the denominator of the
+ * previous iteration (sanathanan1963, docs/references.bib).
  */
 #ifndef AN_RESONANCE_H
 #define AN_RESONANCE_H
@@ -12,14 +14,14 @@
 enum { AN_RESONANCE_POINTS = 33 };
 
 typedef struct {
-    float offset_hz;   /* of the resonance from the centre */
+    float offset_hz;   /* from the centre to the resonance */
     float tau_s;
     an_complex gain;
     float misfit;      /* rms of the residual over rms of the response */
 } an_resonance;
 
-/* points responses at evenly spaced frequencies from centre - span to centre + span; 6 to AN_RESONANCE_POINTS of them.
- * False when the system is singular or the pole is not that of a decaying motion. */
+/* Fit points responses (6 to AN_RESONANCE_POINTS) at equally spaced frequencies from centre - span to centre + span.
+ * Returns false if the system is singular or the pole does not belong to a decaying motion. */
 bool an_resonance_fit(an_resonance *fit, const an_complex *response, uint32_t points, float span_hz);
 
 #endif

@@ -9,14 +9,14 @@
 #include "an_faults.h"
 #include "an_sine.h"
 
-#define AN_RESPONSE_S 0.53e-3f   /* the loop's time constant: 95 % in 1.6 ms, plus the age of a measurement */
-#define AN_LEAVING_S 0.2e-3f    /* the same from the drive's limit */
-#define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the target mode may have, whatever its phase */
+#define AN_RESPONSE_S 0.53e-3f   /* closed-loop time constant: 95 % in 1.6 ms, plus the age of a measurement */
+#define AN_LEAVING_S 0.2e-3f     /* likewise, when leaving the drive limit */
+#define AN_NEIGHBOUR_LOOP 0.5f   /* largest loop gain through any other mode, whatever its phase */
 #define AN_NO_BOUND 1e9f
-#define AN_USEFUL 0.2f             /* of G Vmax: the largest level that still rises at full speed */
-#define AN_REFERENCE_MAX 0.9f      /* of the amplitude limit */
-#define AN_RETUNE_HZ 0.5f          /* smaller shifts of the resonance are not worth new gains */
-#define AN_RETUNE_SHARE 0.03f      /* nor are smaller changes of its damping */
+#define AN_USEFUL 0.2f           /* of G Vmax: highest level that is still approached at full speed */
+#define AN_REFERENCE_MAX 0.9f    /* of the amplitude limit */
+#define AN_RETUNE_HZ 0.5f        /* smaller shifts of the resonance do not need new gains */
+#define AN_RETUNE_SHARE 0.03f    /* nor do smaller relative changes of tau */
 #define AN_DETUNING_MAX_HZ 500.0f
 
 enum { BUILD_NUMBER = 1, VALUES_BYTES = 24 };
@@ -87,9 +87,9 @@ bool an_single_is_limited(const an_single *app)
     return app->base.supervisor.state == AN_STATE_RUN && app->track.limited != 0u;
 }
 
-static an_pi_wish wish_of(const an_single *app)
+static an_pi_spec spec_of(const an_single *app)
 {
-    const an_pi_wish wish = {
+    const an_pi_spec spec = {
         .period_s = period_s(app),
         .ahead_s = ((float)AN_WINDOW * 0.5f + (float)AN_GAP) / app->base.sample_rate_hz,
         .response_s = AN_RESPONSE_S,
@@ -98,10 +98,10 @@ static an_pi_wish wish_of(const an_single *app)
         .noise2 = app->slow.quiet,
         .free_gain = an_abs(app->mode.gain),
     };
-    return wish;
+    return spec;
 }
 
-/* The loop's gains for the mode as it is followed now; a loop that is closed goes on with them. */
+/* Post a job with the loop gains for the mode as tracked now; a closed loop continues with them. */
 static bool post_track(an_single *app)
 {
     const float away_hz = an_track_shift_hz(&app->track) + app->detuning_hz;
@@ -110,9 +110,9 @@ static bool post_track(an_single *app)
     if (job == NULL) {
         return false;
     }
-    const an_pi_wish wish = wish_of(app);
+    const an_pi_spec spec = spec_of(app);
     an_track_mode(&app->track, &app->mode, &app->now);
-    an_pi_plan(&job->gains, &app->now, step, app->detuning_hz, &wish);
+    an_pi_plan(&job->gains, &app->now, step, app->detuning_hz, &spec);
     an_watch_prepare(&job->watch, &app->mode, job->gains.lead, step, app->base.sample_rate_hz);
     an_handover_post(&app->slow.hand);
     return true;
@@ -120,8 +120,8 @@ static bool post_track(an_single *app)
 
 static bool begin_track(an_single *app)
 {
-    const an_pi_wish wish = wish_of(app);
-    an_track_begin(&app->track, &app->mode, &wish, app->detuning_hz, app->slow.quiet);
+    const an_pi_spec spec = spec_of(app);
+    an_track_begin(&app->track, &app->mode, &spec, app->detuning_hz, app->slow.quiet);
     app->slow.noted = 0u; /* the slow step rests */
     an_single_set_reference(app, app->target_reference > 0.0f ? app->target_reference : lowest_useful(app));
     return post_track(app);
@@ -208,7 +208,7 @@ bool an_single_may_start(float reference, float detuning_hz)
     return an_application_may_refer(reference) && __builtin_fabsf(detuning_hz) <= AN_DETUNING_MAX_HZ;
 }
 
-/* A gain or a frequency that was only computed is a guess: no plate is quite the one that was computed. */
+/* True if gain and frequency have been measured; computed values are only a guess for a real plate. */
 static bool was_measured(const an_single *app)
 {
     const uint32_t measured = AN_GAIN_IDENTIFIED | AN_FREQUENCY_IDENTIFIED;
@@ -261,6 +261,7 @@ static void identify(an_application *base)
         }
         const float share = 1.0f / (float)app->slow.jobs[app->slow.hand.active & 1u].average;
         const an_complex mean = an_scale(app->slow.total, share);
+        /* variance of the mean of n windows due to noise: (mean of |U|^2 - |mean of U|^2) / (n - 1), share = 1 / n */
         const float spread = share * app->slow.energy - an_abs2(mean);
         an_ident_answer(&app->ident, mean, spread > 0.0f ? spread * share / (1.0f - share) : 0.0f);
     }
@@ -290,14 +291,14 @@ static bool is_worth_new_gains(const an_single *app)
     return __builtin_fabsf(shifted) > AN_RETUNE_HZ || __builtin_fabsf(damped) > AN_RETUNE_SHARE * app->now.tau_s;
 }
 
-/* What the last windows tell of the plate. */
+/* Track the plate from the last windows: update the loop gains, or report a lost plate. */
 static void follow(an_application *base)
 {
     an_single *app = (an_single *)base;
     const volatile uint32_t *noted = &app->slow.noted;
     const uint32_t written = *noted;
     atomic_signal_fence(memory_order_acquire);
-    const float target = app->slow.reference * app->slow.envelope; /* a texture that has come to rest disturbs nothing */
+    const float target = app->slow.reference * app->slow.envelope; /* a constant envelope does not disturb it */
     if (target != app->followed_reference) {
         app->followed_reference = target;
         an_track_disturb(&app->track);
@@ -310,7 +311,8 @@ static void follow(an_application *base)
     }
 }
 
-/* The loop is closed by what the sensor shows, and it shows what no plate can. At the converter's ends it is another fault. */
+/* Check for a sensor failure while the loop is closed: a signal that no plate can produce. Clipping is a separate
+ * fault. */
 static bool sensor_failed(an_single *app)
 {
     const an_job *job = &app->slow.jobs[app->slow.hand.active & 1u];
@@ -322,8 +324,8 @@ static bool sensor_failed(an_single *app)
     return an_watch_look(&app->watch, &job->watch, &app->fast, app->slow.quiet);
 }
 
-/* What acts in a window is what the slow step commanded for the job at work, and goes on in the gap behind it. A tick that
- * has found a fault rests, and heeds no command of a step that ends late. */
+/* Check that drive and phase step in a window are those commanded by the slow step for the active job, and that they
+ * continue through the following gap. After a fault the tick is at rest and ignores late commands. */
 static bool acts_as_commanded(an_single *app)
 {
     const an_fast *fast = &app->fast;

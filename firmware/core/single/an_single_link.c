@@ -1,4 +1,4 @@
-/* What a host may ask of the single-mode application. */
+/* Host requests of the single-mode application. */
 #include "an_bytes.h"
 #include "an_single.h"
 

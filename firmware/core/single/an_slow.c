@@ -8,7 +8,7 @@
 #include "an_faults.h"
 
 #define AN_OFFSET_MAX 0.25f /* of full scale */
-#define AN_QUIET_SHARE 0.0625f /* of a window in the noise at rest */
+#define AN_QUIET_SHARE 0.0625f /* weight of a window in the noise at rest */
 
 bool an_slow_init(an_slow *slow, an_fast *fast, uint32_t step)
 {
@@ -57,7 +57,7 @@ static const an_job *take_job(an_slow *slow, an_fast *fast)
     return job;
 }
 
-/* Written so that a NaN trips too. */
+/* The comparisons are negated so that a NaN also trips. */
 static uint32_t check_measurement(const an_window *window, const an_phasor *phasor, float amplitude_limit2)
 {
     uint32_t trips = 0u;
@@ -96,7 +96,7 @@ static void note(an_slow *slow, an_complex measured)
     slow->noted++;
 }
 
-/* The first window only tells where the plate is. */
+/* The first window only initialises the loop with the motion of the plate. */
 static an_complex track(an_slow *slow, const an_job *job, an_complex measured)
 {
     if (slow->tracking == 0u) {

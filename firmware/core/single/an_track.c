@@ -5,36 +5,36 @@
 #include "an_complex.h"
 
 #define AN_TWO_PI 6.2831853f
-#define AN_SPAN 0.01f         /* of the frequency: ten times what 10 K do, three times what a finger does */
-#define AN_SHARE 0.3f         /* of a block in what is followed: 10 ms */
-#define AN_DAMPED_MAX 24.0f  /* times the identified damping: a finger makes 2 to 12 of it */
+#define AN_SPAN 0.01f          /* of the frequency: ten times the shift for 10 K, three times that for a finger */
+#define AN_SHARE 0.3f          /* weight of a block in the tracked values: a memory of 10 ms */
+#define AN_DAMPED_MAX 24.0f    /* times the identified damping; a finger multiplies it by 2 to 12 */
 #define AN_DAMPED_MIN 0.06f
-#define AN_DRIVE_MIN 0.25f  /* of the limit: a drive that ought to do something */
-#define AN_MOTION_MIN 0.004f /* of full scale: eight codes */
-#define AN_HIDDEN_MIN 0.0015f /* of full scale: three codes, of a whole window */
-#define AN_HIDDEN2 0.25f      /* squared: half of what the most damped plate would show */
-#define AN_PUSHED_MAX (-1.0f) /* times the identified damping: no neighbour that rings gives so much back */
-#define AN_UNPAID_MAX 1.3f   /* times |U|^2: braking makes 1 of it where the sensor shows half, a reversed sensor 1.85 */
-#define AN_LATELY 0.94f       /* of what was a window ago: half within 2.2 ms */
-#define AN_ODD_SHARE 0.08f    /* of the energy that no damping and no detuning explains */
-#define AN_ODD_MIN 3e-4f    /* of the motion's square: what a sensor's noise in proportion to its signal may do */
-#define AN_ODD_TAU 3.0f       /* time constants that neighbours may ring out, beside ODD_MAX */
+#define AN_DRIVE_MIN 0.25f     /* of the limit: a drive with a clear effect */
+#define AN_MOTION_MIN 0.004f   /* of full scale: eight codes */
+#define AN_VISIBLE_MIN 0.0015f /* of full scale: three codes, over a whole window */
+#define AN_VISIBLE_SHARE2 0.25f /* squared: half of the motion of the most heavily damped plate */
+#define AN_PUSHED_MAX (-1.0f)  /* times the identified damping: no ringing neighbour returns energy faster */
+#define AN_UNSUPPLIED_MAX 1.3f /* times |U|^2: braking reaches 1 with a sensor at half scale, a reversed sensor 1.85 */
+#define AN_MEMORY 0.94f        /* factor per window: half within 2.2 ms */
+#define AN_UNEXPLAINED_SHARE 0.08f /* of the energy, not explained by any damping and detuning */
+#define AN_UNEXPLAINED_MIN 3e-4f /* of the squared motion: allows for noise in proportion to the signal */
+#define AN_NEIGHBOUR_DECAY 3.0f /* time constants for neighbours to ring down, in addition to UNEXPLAINED_MAX */
 #define AN_NOISE_MARGIN 12.0f
 
-enum { HIDDEN_MAX = 6, IDLE_MAX = 2, UNDRIVEN_MAX = 3, ODD_MAX = 32, UNSTEADY = 2 };
+enum { HIDDEN_MAX = 6, IDLE_MAX = 2, UNDRIVEN_MAX = 3, UNEXPLAINED_MAX = 32, UNSTEADY = 2 };
 
 void an_track_forget(an_track *track)
 {
     track->shift = 0.0f;
 }
 
-void an_track_begin(an_track *track, const an_mode *mode, const an_pi_wish *wish, float detuning_hz, float noise2)
+void an_track_begin(an_track *track, const an_mode *mode, const an_pi_spec *spec, float detuning_hz, float noise2)
 {
-    track->period_s = wish->period_s;
+    track->period_s = spec->period_s;
     track->rate = 1.0f / mode->tau_s;
     track->rate_now = track->rate;
-    track->push = an_abs(mode->gain) * track->rate * wish->period_s;
-    track->share = 1.0f - wish->ahead_s / wish->period_s;
+    track->push = an_abs(mode->gain) * track->rate * spec->period_s;
+    track->share = 1.0f - spec->ahead_s / spec->period_s;
     track->drive_limit = mode->drive_limit;
     track->detuning = AN_TWO_PI * detuning_hz;
     track->span = AN_TWO_PI * AN_SPAN * mode->frequency_hz;
@@ -42,15 +42,16 @@ void an_track_begin(an_track *track, const an_mode *mode, const an_pi_wish *wish
     track->read = 0u;
     track->idle = 0u;
     track->undriven = 0u;
-    track->odd = 0u;
-    track->odd_most = ODD_MAX + (uint32_t)(AN_ODD_TAU * mode->tau_s / (wish->period_s * (float)AN_TRACK_WINDOWS));
+    track->unexplained = 0u;
+    track->unexplained_most =
+        UNEXPLAINED_MAX + (uint32_t)(AN_NEIGHBOUR_DECAY * mode->tau_s / (spec->period_s * (float)AN_TRACK_WINDOWS));
     track->unsteady = UNSTEADY;
     track->limited = 0u;
     track->least = an_cplx(0.0f, 0.0f);
     track->hidden = 0u;
-    track->unpaid = 0.0f;
+    track->unsupplied = 0.0f;
     track->shown = 0.0f;
-    track->hidden_most = HIDDEN_MAX + (uint32_t)(1.0f / (AN_DAMPED_MAX * track->rate * wish->period_s));
+    track->hidden_most = HIDDEN_MAX + (uint32_t)(1.0f / (AN_DAMPED_MAX * track->rate * spec->period_s));
     an_clear(&track->block, sizeof track->block);
 }
 
@@ -64,7 +65,7 @@ static float within(float value, float low, float high)
     return value < low ? low : value > high ? high : value;
 }
 
-/* Counts up when something is so, down when it is not: what comes and goes is found as well as what stays. */
+/* Count up while a condition holds and down while it does not, so that an intermittent condition is found as well. */
 static bool exceeds(uint32_t *counter, bool is_so, uint32_t most)
 {
     if (is_so) {
@@ -75,24 +76,24 @@ static bool exceeds(uint32_t *counter, bool is_so, uint32_t most)
     return *counter >= most;
 }
 
-/* The strongest damping and detuning that are taken for a plate's, times a window. */
-static float most_of(const an_track *track)
+/* Strongest plausible damping and detuning, times the period. */
+static float strongest_damping(const an_track *track)
 {
     const float detuning = track->detuning < 0.0f ? -track->detuning : track->detuning;
     return track->period_s * (AN_DAMPED_MAX * track->rate + 2.0f * detuning);
 }
 
-/* What a drive that ought to do something adds in a window. */
-static float ought_of(const an_track *track)
+/* Amplitude that a drive with a clear effect adds in a period. */
+static float effective_push(const an_track *track)
 {
     return AN_DRIVE_MIN * track->push * track->drive_limit;
 }
 
 static bool drive_does_nothing(const an_track *track, const an_balance *block)
 {
-    const float ought = ought_of(track);
-    const float most = 0.5f * most_of(track);
-    return block->given > ought * ought * (float)block->count && block->supply > most * most * block->motion;
+    const float effective = effective_push(track);
+    const float most = 0.5f * strongest_damping(track);
+    return block->given > effective * effective * (float)block->count && block->supply > most * most * block->motion;
 }
 
 static bool moves(const an_track *track, const an_balance *block)
@@ -105,7 +106,7 @@ static bool model_explains_too_little(const an_track *track, const an_balance *b
 {
     const float explained = an_abs2(block->product) / block->motion;
     const float left = block->supply - explained;
-    return left > AN_ODD_SHARE * block->supply && left > 0.25f * AN_ODD_MIN * block->motion &&
+    return left > AN_UNEXPLAINED_SHARE * block->supply && left > 0.25f * AN_UNEXPLAINED_MIN * block->motion &&
            left > AN_NOISE_MARGIN * track->noise2 * (float)block->count;
 }
 
@@ -137,52 +138,56 @@ static bool judge(an_track *track)
     const bool idle = exceeds(&track->idle, drive_does_nothing(track, block), IDLE_MAX);
     const float least = (steady ? AN_DAMPED_MIN : AN_PUSHED_MAX) * track->rate;
     const bool undriven = exceeds(&track->undriven, moving && a.re < least, UNDRIVEN_MAX);
-    const bool odd = steady && exceeds(&track->odd, moving && model_explains_too_little(track, block), track->odd_most);
+    const bool unexplained = steady && exceeds(&track->unexplained, moving && model_explains_too_little(track, block),
+                                               track->unexplained_most);
     track->unsteady -= steady ? 0u : 1u;
-    return idle || undriven || odd;
+    return idle || undriven || unexplained;
 }
 
-/* Counting starts anew whenever the sensor shows enough: a plate that is braked is driven hard, and ends at rest. */
-static void look_for_motion(an_track *track, an_complex given, an_complex measured)
+/* Compare the sensor with the motion that the drives must at least have caused in the most heavily damped plate, from
+ * an implicit Euler step of dU/dt + a U = b V. The model restarts from rest whenever the sensor shows enough, because
+ * the drive is also strong while it brakes a moving plate. */
+static void check_motion(an_track *track, an_complex given, an_complex measured)
 {
-    const float least2 = larger(AN_HIDDEN_MIN * AN_HIDDEN_MIN, AN_NOISE_MARGIN * track->noise2);
-    track->least = an_scale(an_add(track->least, given), 1.0f / (1.0f + most_of(track)));
-    const float shown2 = AN_HIDDEN2 * an_abs2(track->least);
+    const float least2 = larger(AN_VISIBLE_MIN * AN_VISIBLE_MIN, AN_NOISE_MARGIN * track->noise2);
+    track->least = an_scale(an_add(track->least, given), 1.0f / (1.0f + strongest_damping(track)));
+    const float shown2 = AN_VISIBLE_SHARE2 * an_abs2(track->least);
     if (an_abs2(measured) >= larger(shown2, least2)) {
         track->least = an_cplx(0.0f, 0.0f);
     }
     track->hidden = an_abs2(measured) < shown2 && shown2 > least2 ? track->hidden + 1u : 0u;
 }
 
-/* Work that no drive did, as that of neighbours that give back. Work and motion are forgotten alike, so that noise which the
- * loop feeds back does not add up. */
-static void look_for_work(an_track *track, an_complex twice, float spent, an_complex measured)
+/* Accumulate the energy that appears without work by the drive, beyond what ringing neighbours can return. Energy and
+ * motion decay at the same rate, so that noise fed back by the loop does not accumulate. */
+static void check_work(an_track *track, an_complex twice, float spent, an_complex measured)
 {
     const float given_back = -0.5f * AN_PUSHED_MAX * track->period_s * track->rate * an_abs2(twice);
-    track->unpaid = larger(AN_LATELY * track->unpaid - spent - given_back, 0.0f);
-    track->shown = larger(AN_LATELY * track->shown, an_abs2(measured));
+    track->unsupplied = larger(AN_MEMORY * track->unsupplied - spent - given_back, 0.0f);
+    track->shown = larger(AN_MEMORY * track->shown, an_abs2(measured));
 }
 
-static bool moves_unpaid(const an_track *track)
+static bool gains_unsupplied_energy(const an_track *track)
 {
     const float least2 = 4.0f * larger(AN_MOTION_MIN * AN_MOTION_MIN, AN_NOISE_MARGIN * track->noise2);
-    return track->unpaid > AN_UNPAID_MAX * larger(track->shown, least2);
+    return track->unsupplied > AN_UNSUPPLIED_MAX * larger(track->shown, least2);
 }
 
-/* From the middle of a window to that of the next: the old drive until the gap has passed, the new one after that. */
+/* Add a step from the middle of one window to the middle of the next; the old drive acts until the gap has passed, the
+ * new one after that. The normal equation of y = a T (U + U') / 2 is a = 2 product / (T motion). */
 static void add(an_track *track, const an_track_note *before, const an_track_note *now)
 {
     an_balance *block = &track->block;
     const an_complex drive = an_add(an_scale(now->drive, track->share), an_scale(before->drive, 1.0f - track->share));
     const an_complex given = an_scale(drive, track->push);
-    look_for_motion(track, given, now->measured);
+    check_motion(track, given, now->measured);
     const an_complex y = an_sub(given, an_sub(now->measured, before->measured));
     const an_complex twice = an_add(now->measured, before->measured);
     block->given += an_abs2(given);
     block->supply += an_abs2(y);
     block->motion += an_abs2(twice);
     const an_complex product = an_mul(y, an_conj(twice));
-    look_for_work(track, twice, product.re, now->measured);
+    check_work(track, twice, product.re, now->measured);
     block->product = an_add(block->product, product);
     block->limited += now->limited == AN_PI_LIMITED ? 1u : 0u;
     block->count++;
@@ -200,7 +205,7 @@ an_track_result an_track_read(an_track *track, const an_track_note *notes, uint3
         add(track, &notes[(at + AN_TRACK_ROOM - 1u) % AN_TRACK_ROOM], &notes[at]);
         track->read++;
     }
-    if (track->hidden >= track->hidden_most || moves_unpaid(track)) {
+    if (track->hidden >= track->hidden_most || gains_unsupplied_energy(track)) {
         return AN_TRACK_LOST;
     }
     if (track->block.count < AN_TRACK_WINDOWS) {

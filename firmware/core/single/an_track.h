@@ -1,17 +1,19 @@
-/* Follows the mode while it is driven, and tells a touched plate from one that is not there.
+/* Tracking of the mode while it is driven, and detection of a lost plate or sensor, as opposed to a touched plate.
  *
- * With b = G / tau, which neither a finger's damping nor its stiffness changes, and a = 1/tau + j (w - w0), the envelope
- * obeys dU/dt + a U = b V. Over one period T from the middle of a window to that of the next
+ * With b = G / tau, which a finger's damping and stiffness leave unchanged, and a = 1/tau + j (w - w0), the envelope
+ * obeys dU/dt + a U = b V. Over one period T, from the middle of one window to the middle of the next (trapezoidal
+ * rule),
  *
  *     y = b T V - (U' - U) = a T (U + U') / 2.
  *
- * The slow step only notes U and V. The main loop sums energies over AN_TRACK_WINDOWS windows, makes the least-squares a
- * of them, lets frequency and time constant follow it slowly, and judges. Window by window, what the drives must have
- * moved even the most damped plate is compared with what the sensor shows, and the work done with the energy shown:
- * d|U|^2/dt = 2 Re((b V - a U) U*), and Re a is negative for none but a sensor that shows the opposite. At the end of each
- * block a drive that moves next to nothing, a motion that needs no drive, and a y that no a explains are faults; damping and
- * detuning are not.
- * While the reference moves, the plate's other modes move too: then only what no neighbour can do is a fault.
+ * The slow step only records U and V. The main loop sums the normal equations over a block of AN_TRACK_WINDOWS windows,
+ * solves for a by least squares, and lets frequency and time constant follow with a first-order filter.
+ *
+ * Two checks run in every window. The sensor must show the motion that the drives cause even in the most heavily damped
+ * plate, and the energy shown must not exceed the work done: d|U|^2/dt = 2 Re((b V - a U) U*), where only a reversed
+ * sensor makes Re a negative. At the end of each block, three findings are faults: a drive with almost no effect, a
+ * motion that needs no drive, and a y that no a explains. Changes of damping and detuning are not. While the reference
+ * changes, other modes move as well; only findings that no neighbouring mode can cause are faults then.
  */
 #ifndef AN_TRACK_H
 #define AN_TRACK_H
@@ -21,75 +23,74 @@
 
 enum { AN_TRACK_WINDOWS = 16, AN_TRACK_ROOM = 32 };
 
-/* A window: what was measured, and the drive that acted in it. */
+/* Record of a window: the measured phasor, and the drive that acted in it. */
 typedef struct {
     an_complex measured;
     an_complex drive;
     uint32_t limited; /* as an_pi's */
 } an_track_note;
 
-/* Of a block of windows. */
+/* Sums over a block of windows. */
 typedef struct {
     float given;        /* sum of |b T V|^2 */
     float supply;       /* sum of |y|^2 */
     an_complex product; /* sum of y conj(U + U') */
     float motion;       /* sum of |U + U'|^2 */
-    uint32_t limited;   /* windows in which the drive met its limit */
+    uint32_t limited;   /* windows with the drive at its limit */
     uint32_t count;     /* windows */
 } an_balance;
 
-/* What the loop works with, and how sure it is. */
+/* Tracked values and the counters of the checks. */
 typedef struct {
     float period_s;
     float rate;       /* 1/tau as identified, 1/s */
     float push;       /* b T */
-    float share;      /* of T in which the newer of two drives acts */
-    uint32_t read;    /* notes so far */
-    an_balance block; /* in the making */
+    float share;      /* of T during which the newer of two drives acts */
+    uint32_t read;    /* notes read so far */
+    an_balance block; /* current block */
     float drive_limit;
-    float detuning;   /* asked for, rad/s */
-    float span;       /* the resonance may move so far, rad/s */
-    float noise2;     /* of U' - U, squared */
-    float shift;      /* of the resonance from where it was identified, rad/s */
-    float rate_now;   /* 1/tau */
-    uint32_t idle;    /* blocks in which the drive moved next to nothing; each counts up by one and down by one */
-    uint32_t undriven; /* in which the plate moved without need of a drive */
-    uint32_t odd;      /* in which the model explained too little, of a plate that ought to be steady */
-    uint32_t odd_most;
-    uint32_t unsteady; /* blocks until a change of the reference has passed */
+    float detuning;   /* as requested, rad/s */
+    float span;       /* largest shift of the resonance, rad/s */
+    float noise2;     /* |U' - U|^2 due to noise */
+    float shift;      /* of the resonance since its identification, rad/s */
+    float rate_now;   /* 1/tau as tracked, 1/s */
+    uint32_t idle;    /* blocks in which the drive had almost no effect; these three counters go up and down */
+    uint32_t undriven; /* blocks in which the plate moved without needing a drive */
+    uint32_t unexplained; /* blocks in steady state that the model explains too little */
+    uint32_t unexplained_most;
+    uint32_t unsteady; /* blocks until a change of the reference has settled */
     uint32_t limited;  /* nonzero: the drive was at its limit for most of the last block */
-    an_complex least;  /* U of the most damped plate there may be, from the drives since it showed anything */
-    uint32_t hidden;   /* windows in a row that show less than half of it */
+    an_complex least;  /* U of the most heavily damped plate, driven since the sensor last showed enough */
+    uint32_t hidden;   /* consecutive windows that show less than half of it */
     uint32_t hidden_most;
-    float unpaid; /* of |U|^2: what grew lately without work of the drive */
-    float shown;  /* the largest |U|^2 lately */
+    float unsupplied; /* recent growth of |U|^2 without work by the drive */
+    float shown;  /* recent maximum of |U|^2 */
 } an_track;
 
-/* Begins with a mode; detuning_hz as asked for; noise2 as seen at rest. What was followed before is kept when it is the
- * same mode still. */
-void an_track_begin(an_track *track, const an_mode *mode, const an_pi_wish *wish, float detuning_hz, float noise2);
+/* Start tracking a mode; detuning_hz as requested, noise2 as measured at rest. A shift tracked before is kept. */
+void an_track_begin(an_track *track, const an_mode *mode, const an_pi_spec *spec, float detuning_hz, float noise2);
 
-/* Forgets where the resonance went: another mode, or one measured anew. */
+/* Reset the tracked shift, for another mode or after a new measurement. */
 void an_track_forget(an_track *track);
 
-/* What became of the notes. */
+/* Result of reading the notes. */
 typedef enum {
-    AN_TRACK_WAITS, /* no block is complete */
+    AN_TRACK_WAITS, /* block not complete */
     AN_TRACK_FOLLOWS,
-    AN_TRACK_LOST /* the model is no longer that of the plate: a fault */
+    AN_TRACK_LOST /* the model no longer describes the plate: a fault */
 } an_track_result;
 
-/* Takes in the notes that are new, of the last AN_TRACK_ROOM, until a block is complete: written notes so far. A block
- * whose notes were overwritten before they were read is begun anew. */
+/* Read new notes out of the last AN_TRACK_ROOM until a block is complete; written is the number of notes so far. If
+ * notes were overwritten before they were read, the block starts again. */
 an_track_result an_track_read(an_track *track, const an_track_note *notes, uint32_t written);
 
-/* The reference has changed, or goes on changing. */
+/* Report a change of the reference. */
 void an_track_disturb(an_track *track);
 
-/* Of the resonance from where it was identified. */
+/* Shift of the resonance since its identification, in Hz. */
 float an_track_shift_hz(const an_track *track);
 
-/* The mode as it is now. */
+/* Return the mode as tracked. */
 void an_track_mode(const an_track *track, const an_mode *identified, an_mode *now);
 
 #endif

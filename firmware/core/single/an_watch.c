@@ -4,18 +4,19 @@
 #include "an_complex.h"
 #include "an_sincos.h"
 
-#define AN_SPREAD_MIN 0.35f   /* half of a weight's norm: noise at most 1.2 times that of a single sample */
-#define AN_GONE2 0.0625f        /* squared: what is left within a quarter of what was */
-#define AN_STILL2 (0.5f * (float)AN_WATCH_TICKS / 81.0f) /* the sum of squares of a tone of a ninth of what was */
-#define AN_PEAK_SHARE2 0.25f    /* squared: half of the largest lately; other modes' beats pass through less */
-#define AN_FORGET 0.06f         /* of the peak's square a look: half of it within half a millisecond */
-#define AN_OWN2 0.605f          /* of what was: damping and detuning of a touched plate, and what counts as gone */
-#define AN_MIN2 67.0f         /* 0.004 of full scale in counts, squared */
-#define AN_QUIET 575.0f         /* times the noise between windows at rest: 10 times that of a sample */
-#define AN_STILL_QUIET 150.0f   /* times the same: what noise alone makes of the sum of squares, and four deviations more */
+#define AN_REGRESSOR_MIN 0.35f  /* smallest squared norm of a regressor: noise of a fit at most 1.2 times a sample's */
+#define AN_GONE2 0.0625f        /* squared: a quarter of the previous amplitude */
+#define AN_STILL2 (0.5f * (float)AN_WATCH_TICKS / 81.0f) /* sum of squares of a sinusoid of a ninth of the amplitude */
+#define AN_PEAK_SHARE2 0.25f    /* squared: half of the recent peak; beating modes pass through smaller amplitudes */
+#define AN_FORGET 0.06f         /* decay of the squared peak per check: half of it within half a millisecond */
+#define AN_CHANGE2 0.605f       /* of |U|^2: damping and detuning of a touched plate, plus the margin AN_GONE2 */
+#define AN_MIN2 67.0f           /* 0.004 of full scale in counts, squared */
+#define AN_QUIET 575.0f         /* times the noise power between windows at rest: 10 times the noise of a sample */
+#define AN_STILL_QUIET 150.0f   /* likewise: mean of the sum of squares of noise alone, plus four standard deviations */
 #define AN_FULL_SCALE2 4194304.0f /* counts, squared */
 
-static void remove_mean(float *values, const float *of)
+/* Remove the component along another regressor. */
+static void orthogonalise(float *values, const float *of)
 {
     float product = 0.0f;
     float square = 0.0f;
@@ -28,7 +29,7 @@ static void remove_mean(float *values, const float *of)
     }
 }
 
-/* Least squares of one unknown; false when noise would drown it. */
+/* Turn a regressor into the weights of a least-squares fit. Returns false if noise would dominate the fit. */
 static bool normalise(float *values)
 {
     float square = 0.0f;
@@ -38,9 +39,12 @@ static bool normalise(float *values)
     for (uint32_t i = 0u; i < AN_WATCH_PAIRS; i++) {
         values[i] *= 0.5f / square;
     }
-    return square > AN_SPREAD_MIN;
+    return square > AN_REGRESSOR_MIN;
 }
 
+/* About the middle of the samples, cosine and offset are even, sine and slope are odd: the fit splits into two problems
+ * with two unknowns each. Orthogonalising cosine against the offset, and sine against the slope, leaves one unknown
+ * each. */
 void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead, uint32_t step, float sample_rate_hz)
 {
     static const float even[AN_WATCH_PAIRS] = {1.0f, 1.0f, 1.0f, 1.0f, 1.0f};
@@ -50,8 +54,8 @@ void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead,
         plan->cosine[i] = turn.re;
         plan->sine[i] = turn.im;
     }
-    remove_mean(plan->cosine, even);
-    remove_mean(plan->sine, odd);
+    orthogonalise(plan->cosine, even);
+    orthogonalise(plan->sine, odd);
     const bool cosine_fits = normalise(plan->cosine);
     const bool fits = normalise(plan->sine) && cosine_fits;
     const float full_scale = (float)AN_ADC_MIDDLE / (float)AN_DAC_SWING;
@@ -60,14 +64,14 @@ void an_watch_prepare(an_watch_plan *plan, const an_mode *mode, an_complex lead,
     plan->decides = fits;
 }
 
-/* The sample that many ticks ago. */
+/* Sample of a number of ticks ago. */
 static float recent(const an_fast *fast, uint32_t ticks)
 {
     const float *end = fast->recent + fast->tick;
     return fast->tick >= ticks ? *(end - ticks) : *(end + AN_PERIOD - ticks);
 }
 
-/* The envelope in the middle of the last samples. */
+/* Envelope in the middle of the last samples. */
 static an_complex envelope(const an_watch_plan *plan, const an_fast *fast)
 {
     an_complex tone = {0.0f, 0.0f};
@@ -81,7 +85,7 @@ static an_complex envelope(const an_watch_plan *plan, const an_fast *fast)
     return an_mul(tone, an_conj(an_sincos(middle)));
 }
 
-/* Nothing is left of the tone at any sample: where two modes' beat passes through zero, it is on its way there or back. */
+/* True if all samples are nearly equal. Where the beat of two modes passes through zero, some are not. */
 static bool is_still(const an_fast *fast, float size2, float noise2)
 {
     const float first = recent(fast, 1u);
@@ -95,13 +99,14 @@ static bool is_still(const an_fast *fast, float size2, float noise2)
     return squares - sum * sum * (1.0f / (float)AN_WATCH_TICKS) <= AN_STILL2 * size2 + AN_STILL_QUIET * noise2;
 }
 
-/* True when the plate would have had to come from where it was expected to the middle, further than any does: by
- * |F| + 0.55 |U|, F what the drive does, from (|F| + 0.55 |U|)^2 <= 2 |F|^2 + 0.605 |U|^2. */
+/* True if the sensor shows nothing, or the opposite of before, and the plate cannot have moved there from its expected
+ * state. With F the effect of the drive over two checks, it moves by at most |F| + 0.55 |U|, and (|F| + 0.55 |U|)^2 <=
+ * 2 |F|^2 + 0.605 |U|^2. */
 static bool failed(const an_watch *watch, const an_fast *fast, an_complex now, an_complex given, float noise2)
 {
     const an_complex was = watch->seen[1];
     const float size2 = an_abs2(was);
-    const float most2 = an_abs2(given) + an_abs2(watch->given[1]) + AN_OWN2 * size2;
+    const float most2 = an_abs2(given) + an_abs2(watch->given[1]) + AN_CHANGE2 * size2;
     const an_complex expected = an_add(was, an_scale(an_add(given, watch->given[1]), 0.5f));
     if (an_abs2(now) <= AN_GONE2 * size2) {
         return an_abs2(expected) > most2 && is_still(fast, size2, noise2);

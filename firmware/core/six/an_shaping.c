@@ -5,7 +5,7 @@
 #include "an_complex.h"
 #include "an_linear.h"
 
-#define AN_CONDITION_MAX 100.0f /* half a percent of error in T is half of V then, which the integrals still take out */
+#define AN_CONDITION_MAX 100.0f /* 0.5 % of error in T then gives 50 % in V, which the integrals still correct */
 
 void an_shaping_init(an_shaping *shaping, uint32_t channels)
 {

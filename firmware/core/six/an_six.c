@@ -9,14 +9,14 @@
 #include "an_sine.h"
 
 #define AN_HEADROOM 0.9f     /* of the drive limit, for the integrals */
-#define AN_PROBE_LEVEL 0.01f /* of the drive limit, at first, for each actuator */
+#define AN_PROBE_LEVEL 0.01f /* of the drive limit, first level for each actuator */
 #define AN_PROBE_MAX 0.5f   /* of the drive limit */
 #define AN_PROBE_STEP 4.0f
-#define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: less is measured again with more drive */
+#define AN_PROBE_LOW 0.05f   /* of the sensor's full scale: a smaller response is measured again at a higher level */
 #define AN_SETTLE 7.0f       /* time constants */
-#define AN_PATIENCE 8.0f     /* time constants */
-#define AN_SOFT 0.25f      /* time constants that a pattern takes to fade in */
-#define AN_PERIODS 2.0f /* of the carrier, at least, in a window */
+#define AN_MISMATCH_TIME 8.0f     /* time constants */
+#define AN_SOFT 0.25f      /* time constants, for a pattern to fade in */
+#define AN_PERIODS 2.0f /* least number of carrier periods in a window */
 
 enum { BUILD_NUMBER = 6, WINDOW_MIN = 46, PROBE_AVERAGE = 8, VALUES_BYTES = 8 * AN_SIX * AN_SIX };
 
@@ -51,10 +51,10 @@ static an_six_job *new_job(an_six *app, uint32_t kind)
 
 static uint32_t patience_of(const an_six *app)
 {
-    return (uint32_t)(AN_PATIENCE * app->shape.tau_s / period_s(app)) + 10u;
+    return (uint32_t)(AN_MISMATCH_TIME * app->shape.tau_s / period_s(app)) + 10u;
 }
 
-/* Drives that held each other's slow modes down end at once: the plate may ring on, further than it was held. */
+/* The drives stop at once, so that slow modes whose excitations cancelled may ring beyond the amplitude held before. */
 static bool post_rest(an_application *base, bool clear)
 {
     an_six *app = (an_six *)base;
@@ -109,7 +109,7 @@ static void read_targets(const an_six *app, an_complex *targets)
     }
 }
 
-/* The largest reference whose drives stay within the limit, with some headroom. */
+/* Largest reference for which the drives stay within the limit, with some headroom. */
 static float reach_of(const an_six *app)
 {
     an_complex targets[AN_SIX];
@@ -124,7 +124,7 @@ static bool post_track(an_six *app)
     if (job == NULL) {
         return false;
     }
-    const float x = period_s(app) / app->shape.tau_s;
+    const float x = period_s(app) / app->shape.tau_s; /* an implicit Euler step has the weight x / (1 + x) */
     const an_complex ahead = an_turn(app->step);
     for (uint32_t i = 0u; i < AN_SIX * AN_SIX; i++) {
         job->inverse[i] = an_mul(app->shaping.inverse[i], ahead);
@@ -137,7 +137,8 @@ static bool post_track(an_six *app)
     return true;
 }
 
-/* A pattern at the reference that was asked for last, as far as it reaches; half of that at a start that asked for none. */
+/* Hold the pattern at the reference requested last, clipped to the reachable one, or at half the reachable one if the
+ * start gave no reference. */
 static void begin_run(an_six *app)
 {
     app->reachable = reach_of(app);
@@ -293,12 +294,12 @@ static void end_identify(an_six *app)
     }
 }
 
-/* A column of T from one actuator's dwell, or the same again with more drive. */
+/* Take a column of T from the dwell of one actuator, or raise the level for another dwell. */
 static void take_column(an_six *app)
 {
-    const float louder = app->probe_level * AN_PROBE_STEP;
-    if (largest_response(app) < AN_PROBE_LOW && louder <= AN_PROBE_MAX * app->shape.drive_limit) {
-        app->probe_level = louder;
+    const float raised = app->probe_level * AN_PROBE_STEP;
+    if (largest_response(app) < AN_PROBE_LOW && raised <= AN_PROBE_MAX * app->shape.drive_limit) {
+        app->probe_level = raised;
         return;
     }
     const float scale = 1.0f / (app->probe_level * (float)PROBE_AVERAGE);
@@ -348,7 +349,7 @@ static uint32_t check_ticks(an_six *app)
     return AN_FAULT_MEMORY;
 }
 
-/* An index beyond its array becomes the one that does no harm. */
+/* Replace an index beyond its array by the last valid one. */
 static uint32_t check_index(uint32_t *index, uint32_t most)
 {
     if (*index <= most) {
@@ -367,8 +368,8 @@ static uint32_t check_indices(an_six *app)
            check_index(&app->slow.jobs[1].channels, AN_SIX);
 }
 
-/* What acts in a window is what the slow step commanded for the job at work, and no count has run away. A tick that has found
- * a fault rests, and heeds no command of a step that ends late. */
+/* Check that drive, phase step and window are those commanded by the slow step for the active job, and that the
+ * mismatch counter is plausible. After a fault the tick is at rest and ignores late commands. */
 static uint32_t check_job(const an_six *app)
 {
     const an_six_fast *fast = &app->fast;
@@ -391,7 +392,7 @@ uint32_t an_six_check(an_six *app)
     return check_ticks(app) | check_indices(app) | check_job(app) | check_sensors(app);
 }
 
-/* Open gates drive nothing, also before the slow step knows of it. */
+/* True while the closed loop drives the plate: once a fault has opened the gates it does not. */
 static bool is_tracking(const an_six *app)
 {
     const an_handover *hand = &app->slow.hand;
@@ -399,6 +400,7 @@ static bool is_tracking(const an_six *app)
            hand->trips == 0u;
 }
 
+/* Check that the phase accumulator advanced by one step since the last sample. */
 static uint32_t check_phase(an_six *app)
 {
     const bool follows = app->fast.phase - app->fast.step == app->phase;
@@ -406,7 +408,7 @@ static uint32_t check_phase(an_six *app)
     return follows ? 0u : (uint32_t)AN_FAULT_MEMORY;
 }
 
-/* At the converter's ends it is another fault. */
+/* Clipping is a separate fault, so clipped samples are not judged here. */
 uint32_t an_six_look(an_six *app, const uint16_t *adc)
 {
     const uint32_t clipped = app->fast.clipped + app->fast.window.clipped;
@@ -419,7 +421,7 @@ uint32_t an_six_look(an_six *app, const uint16_t *adc)
     return failed ? found | AN_FAULT_MISMATCH : found;
 }
 
-/* The loop's integrals look after themselves. */
+/* Nothing to do: the integrals follow the plate by themselves. */
 static void follow(an_application *base)
 {
     (void)base;

@@ -1,4 +1,4 @@
-/* The six-channel application: measure T, invert it, hold patterns. */
+/* Six-channel application: measure the transfer matrix T, invert it, and hold patterns. */
 #ifndef AN_SIX_H
 #define AN_SIX_H
 
@@ -10,65 +10,66 @@
 #include "an_types.h"
 
 typedef struct {
-    an_application base; /* its slot is the shape */
+    an_application base; /* base.slot is the index of the shape */
     an_six_fast fast;
     an_six_slow slow;
-    an_six_watch watch; /* the looks' own */
-    uint32_t phase;     /* of the carrier at the last look */
+    an_six_watch watch; /* used by an_six_look */
+    uint32_t phase;     /* of the carrier at the last sample */
     an_shape_head shape;
     uint32_t pattern;
     uint32_t channels;
     uint32_t step;
     uint32_t window;
     uint32_t identified; /* nonzero: shaping holds T and its inverse */
-    an_shaping shaping;  /* the drive one sample ahead */
-    float reachable; /* largest reference that the drive limit allows for the pattern */
+    an_shaping shaping;  /* for drives one sample ahead */
+    float reachable; /* largest reference for the pattern within the drive limit */
     float target_reference;
     bool half_reach; /* started without a reference */
     float probe_level;
-    uint32_t probe; /* the actuator being measured */
-    uint32_t probing;
-    float probed_s; /* what the dwells of this identification take */
-    an_table table; /* last: it holds the one pointer */
+    uint32_t probe; /* actuator being measured */
+    uint32_t probing; /* nonzero: a dwell has been posted */
+    float probed_s; /* total duration of the dwells of this identification */
+    an_table table; /* last member: it holds the only pointer */
 } an_six;
 
-/* A window holds two periods of its carrier, and the watchdog, at its fastest, allows 8.26 ms for one and all that is done
+/* A window holds two periods of the carrier. The watchdog at its fastest allows 8.26 ms for a window and the processing
  * after it. */
 enum { AN_SIX_FREQUENCY_MIN_HZ = 350 };
 
-/* Reads the table and rests on its first shape. faults are those the board found before. */
+/* Read the table and start at rest with its first shape. faults were found by the board before. */
 void an_six_boot(an_six *app, const uint8_t *table, uint32_t length, float sample_rate_hz, uint32_t faults);
 
-/* Once for each window, before the gap ends. */
+/* Run the slow step and advance the envelope; called once per window, before the end of the gap. */
 void an_six_window_end(an_six *app);
 
-/* Holds a pattern of the present shape at reference (sensor full scales at its largest target; 0: half of what is
- * reachable); measures T first when it is not known. False unless idle and the values are in range. */
+/* Hold a pattern of the current shape at reference (fraction of full scale at the sensor with the largest target; 0:
+ * half of the reachable one). If T is unknown, it is measured first. Returns false unless idle and the values are in
+ * range. */
 bool an_six_start(an_six *app, uint32_t pattern, float reference);
 
-/* Another shape, which is another frequency; only when idle. */
+/* Select another shape, and with it another frequency; only when idle. */
 bool an_six_choose(an_six *app, uint32_t shape);
 
-/* Another pattern of the same shape while running. */
+/* Change to another pattern of the same shape while running. */
 bool an_six_change(an_six *app, uint32_t pattern);
 
-/* A new reference while running, clipped to what is reachable. */
+/* Change the reference while running; it is clipped to the reachable one. */
 void an_six_set_reference(an_six *app, float reference);
 
-/* Faults that a look finds before a window's end, from an interrupt of the fast tick's priority: a sensor at the converter's
- * end, and damage to what the tick relies on, mended so that windows go on to end. */
+/* Check for faults that cannot wait for the end of a window: clipped sensors, and corrupted state of the fast tick,
+ * which is repaired so that windows still end. Called from an interrupt of the fast tick's priority. */
 uint32_t an_six_check(an_six *app);
 
-/* After each tick, with its samples: the fault of a sensor that shows what no plate can. */
+/* Check the samples after each tick for signals that no plate can produce. Returns faults. */
 uint32_t an_six_look(an_six *app, const uint16_t *adc);
 
-/* The log's record of the last window: sensor and drive of the pattern's largest target, reference. */
+/* Write the log record of the last window: sensor and drive of the channel with the largest target, reference. */
 void an_six_record(const an_six *app, float *record);
 
-/* What this build gives to what both share. */
+/* Interface of this build to the code common to both. */
 extern const an_build an_six_build;
 
-/* Members of it that stand in another file than the rest. */
+/* Members of an_six_build defined in an_six_link.c. */
 uint8_t *an_six_put_status(const an_application *app, uint8_t *at);
 an_result an_six_handle_request(an_application *app, const an_message *request);
 

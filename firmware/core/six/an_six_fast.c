@@ -7,14 +7,14 @@
 #include "an_faults.h"
 #include "an_sincos.h"
 
-/* Six of everything, written out: the loops' own instructions would be a fifth of the tick. */
+/* Unroll the loops over six channels: the loop instructions would take a fifth of the tick. */
 #if defined(__GNUC__) && !defined(__clang__)
 #define UNROLLED _Pragma("GCC unroll 6")
 #else
 #define UNROLLED
 #endif
 
-#define AN_LEVEL_MAX 1.0002f /* a full drive and its rounding; still within the range */
+#define AN_LEVEL_MAX 1.0002f /* full drive with rounding errors, still within the timer's range */
 
 void an_six_fast_init(an_six_fast *fast, uint32_t step, uint32_t window)
 {
@@ -63,7 +63,7 @@ static void measure(an_six_fast *fast, an_complex carrier, const uint16_t *adc)
     }
 }
 
-/* A NaN fails the comparison, so that no undefined conversion is ever reached. */
+/* Duty cycle of a drive level. A NaN fails the comparison, so that no undefined conversion can occur. */
 static uint32_t duty_of(an_six_fast *fast, float level)
 {
     if (!(__builtin_fabsf(level) <= AN_LEVEL_MAX)) {

@@ -1,4 +1,4 @@
-/* What a host may ask of the six-channel application. */
+/* Host requests of the six-channel application. */
 #include "an_bytes.h"
 #include "an_dds.h"
 #include "an_six.h"
@@ -21,7 +21,7 @@ uint8_t *an_six_put_status(const an_application *base, uint8_t *at)
     return at;
 }
 
-/* Pattern and reference. */
+/* Payload: pattern and reference. */
 static an_result start(an_six *app, const an_message *request)
 {
     const uint32_t pattern = an_get32(request->payload);
@@ -32,7 +32,7 @@ static an_result start(an_six *app, const an_message *request)
     return an_application_started(&app->base, &an_six_build, an_six_start(app, pattern, reference));
 }
 
-/* Shape and pattern: another pattern while running, another shape at rest. */
+/* Payload: shape and pattern. Change the pattern while running, or select another shape at rest. */
 static an_result choose(an_six *app, const an_message *request)
 {
     const uint32_t shape = an_get32(request->payload);

@@ -7,13 +7,13 @@
 #include "an_complex.h"
 #include "an_faults.h"
 
-#define AN_AMPLITUDE_MAX2 0.81f   /* squared: sensors beyond 0.9 of full scale */
+#define AN_AMPLITUDE_MAX2 0.81f   /* squared: 0.9 of a sensor's full scale */
 #define AN_OFFSET_MAX 0.25f       /* of full scale */
-#define AN_OFFSET_SHARE 0.0625f   /* of a window in the smoothed offset */
-#define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for the noise */
-#define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or a matrix may be wrong by that */
-#define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest target anywhere: an integral for a wrong matrix */
-#define AN_LIMITED_LARGEST2 0.02f /* the same of an error that no integral takes out */
+#define AN_OFFSET_SHARE 0.0625f   /* weight of a window in the smoothed offset */
+#define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for noise */
+#define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or an error of the matrix */
+#define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest target: for an integral that corrects a wrong matrix */
+#define AN_LIMITED_LARGEST2 0.02f /* likewise, for an error that no integral corrects */
 
 bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
 {
@@ -39,7 +39,7 @@ bool an_six_slow_finished(const an_six_slow *slow)
     return complete;
 }
 
-/* From pattern to pattern the loop goes on; from anywhere else it begins with the plate as it is. */
+/* From one pattern to another the loop continues; after any other job it starts from zero targets and integrals. */
 static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 {
     for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_JOB_TRACK; i++) {
@@ -64,7 +64,7 @@ static void take_job(an_six_slow *slow, an_six_fast *fast)
     }
 }
 
-/* Written so that a NaN trips too. */
+/* The comparisons are negated so that a NaN also trips. */
 static uint32_t check_sensor(an_complex tone, float offset)
 {
     uint32_t trips = 0u;
@@ -118,8 +118,8 @@ static float largest2(const an_complex *values, uint32_t count)
     return largest;
 }
 
-/* True when some sensor is not where it ought to be: at its target and the integral added to it, which a sensor that
- * shows nothing lets grow; at its target alone while the drive is limited, for no integral grows then. */
+/* True if a sensor differs from the model. The model is the target plus the integral, because the integral of a dead
+ * sensor keeps growing. While the drive is limited, no integral grows, and the model is the target alone. */
 static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
 {
     const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : AN_INTEGRAL_LARGEST2;
@@ -135,7 +135,7 @@ static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
     return false;
 }
 
-/* Counts up and down, so that what comes and goes is found as well as what stays. */
+/* Count up and down, so that an intermittent mismatch is found as well. */
 static void check_model(an_six_slow *slow, const an_six_job *job)
 {
     if (sensors_differ(slow, job)) {
@@ -148,7 +148,7 @@ static void check_model(an_six_slow *slow, const an_six_job *job)
     }
 }
 
-/* All drives scaled alike, so that the pattern keeps its shape. */
+/* Scale all drives by the same factor, so that the pattern keeps its shape. */
 static void limit(an_six_slow *slow, const an_six_job *job)
 {
     const float size2 = largest2(slow->drive, job->channels);
@@ -161,11 +161,12 @@ static void limit(an_six_slow *slow, const an_six_job *job)
     }
 }
 
-static an_complex nearer(an_complex from, an_complex to, float share)
+static an_complex interpolate(an_complex from, an_complex to, float share)
 {
     return an_add(from, an_scale(an_sub(to, from), share));
 }
 
+/* V = T^-1 (W + I). */
 static void invert(an_six_slow *slow, const an_six_job *job)
 {
     for (uint32_t i = 0u; i < AN_SIX; i++) {
@@ -190,7 +191,7 @@ static void track(an_six_slow *slow, const an_six_job *job)
         if (slow->limited == 0u) {
             slow->integral[i] = an_add(slow->integral[i], an_scale(error, job->integral));
         }
-        slow->target[i] = nearer(slow->target[i], goal, job->soft);
+        slow->target[i] = interpolate(slow->target[i], goal, job->soft);
     }
     invert(slow, job);
     limit(slow, job);

@@ -4,20 +4,20 @@
 #include "an_complex.h"
 #include "an_sincos.h"
 
-#define AN_SIX_ALLOWED 0.2f /* of the tone's size: the distance of a sample that was foretold */
-#define AN_SIX_STILL 0.13f  /* of the size times the angle of a sample: what a sensor may move that stands still */
-#define AN_SIX_ENOUGH 0.5f  /* of the size: the sum of distances that decides */
-#define AN_SIX_MOVED 0.25f  /* of the size: the sum of movements that ought to have been */
-#define AN_SIX_MIN 0.02f  /* of full scale: smaller tones tell nothing */
-#define AN_SIX_CLEAR 17.0f  /* times what was not foretold: fifty times the noise */
-#define AN_SIX_FORGET 0.9f /* of the roughness in a few samples */
-#define AN_SIX_LEVEL 0.5f   /* of a distance in the level of what rings */
-#define AN_SIX_SLOPE 0.15f  /* in its slope */
+#define AN_SIX_ALLOWED 0.2f /* of the amplitude: largest deviation of a sample that agrees with its prediction */
+#define AN_SIX_STILL 0.13f  /* of the amplitude times the phase step: largest movement of a stuck sensor per sample */
+#define AN_SIX_DISTANCE_SUM 0.5f /* of the amplitude: sum of deviations that decides */
+#define AN_SIX_MOVEMENT_SUM 0.25f /* of the amplitude: sum of predicted movements that decides */
+#define AN_SIX_MIN 0.02f    /* of full scale: smallest usable amplitude */
+#define AN_SIX_ROUGHNESS_RATIO 17.0f /* smallest amplitude over recent prediction error: fifty times the noise */
+#define AN_SIX_FORGET 0.9f  /* decay of the roughness per block */
+#define AN_SIX_LEVEL 0.5f   /* weight of a deviation in the level of the slow modes */
+#define AN_SIX_SLOPE 0.15f  /* likewise, in their slope */
 
 enum {
     RUN_MIN = 3,
-    FEW = 8, /* samples */
-    TAKE_OVER = 2 * AN_SIX_GAP /* the tick for a new measurement: a sensor that failed in the window's last samples is found before */
+    BLOCK = 8, /* samples */
+    TAKE_OVER = 2 * AN_SIX_GAP /* tick for a new measurement: leaves time to detect a failure at the window's end */
 };
 
 void an_six_watch_forget(an_six_watch *watch)
@@ -28,8 +28,8 @@ void an_six_watch_forget(an_six_watch *watch)
     }
 }
 
-/* A hypothesis gathers what speaks for it as long as every sample fits it. */
-static bool gather(float *sum, bool fits, float more)
+/* A hypothesis accumulates evidence as long as every sample fits it. */
+static bool accumulate(float *sum, bool fits, float more)
 {
     *sum = fits ? *sum + more : 0.0f;
     return fits;
@@ -40,7 +40,8 @@ static float larger(float a, float b)
     return a > b ? a : b;
 }
 
-/* What slower modes add, by level and slope; a sensor that may have failed is not followed. */
+/* Track the contribution of slower modes with an alpha-beta filter for level and slope. A sensor that may have failed
+ * does not correct it. */
 static void follow(an_six_trace *trace, float distance, bool followed)
 {
     trace->ringing += trace->slope;
@@ -50,6 +51,7 @@ static void follow(an_six_trace *trace, float distance, bool followed)
     }
 }
 
+/* Predict x = carrier + slow modes and test the three hypotheses: signal gone, reversed or stuck. */
 static bool look(an_six_trace *trace, float shown, float tone, float angle)
 {
     const float expected = tone + trace->ringing + trace->slope;
@@ -60,9 +62,9 @@ static bool look(an_six_trace *trace, float shown, float tone, float angle)
     const bool sound = off <= allowed;
     const float more = sound ? 0.0f : off;
     const float moved = __builtin_fabsf(expected - trace->expected);
-    const bool gone = gather(&trace->gone, __builtin_fabsf(shown) <= allowed, more);
-    const bool reversed = gather(&trace->reversed, __builtin_fabsf(shown + expected) <= allowed, more);
-    const bool stuck = gather(&trace->stuck, __builtin_fabsf(shown - trace->shown) <= still, moved);
+    const bool gone = accumulate(&trace->gone, __builtin_fabsf(shown) <= allowed, more);
+    const bool reversed = accumulate(&trace->reversed, __builtin_fabsf(shown + expected) <= allowed, more);
+    const bool stuck = accumulate(&trace->stuck, __builtin_fabsf(shown - trace->shown) <= still, moved);
     const bool fits = gone || reversed || stuck;
     trace->run = fits ? trace->run + 1u : 0u;
     if (sound) {
@@ -73,9 +75,9 @@ static bool look(an_six_trace *trace, float shown, float tone, float angle)
     follow(trace, distance, sound || !fits);
     trace->shown = shown;
     trace->expected = expected;
-    const float enough = AN_SIX_ENOUGH * trace->size;
-    return trace->size > AN_SIX_MIN && trace->size > AN_SIX_CLEAR * trace->rough && trace->run >= RUN_MIN &&
-           (trace->gone > enough || trace->reversed > enough || trace->stuck > AN_SIX_MOVED * trace->size);
+    const float enough = AN_SIX_DISTANCE_SUM * trace->size;
+    return trace->size > AN_SIX_MIN && trace->size > AN_SIX_ROUGHNESS_RATIO * trace->rough && trace->run >= RUN_MIN &&
+           (trace->gone > enough || trace->reversed > enough || trace->stuck > AN_SIX_MOVEMENT_SUM * trace->size);
 }
 
 static float sample_of(an_complex tone, an_complex carrier)
@@ -83,7 +85,7 @@ static float sample_of(an_complex tone, an_complex carrier)
     return tone.re * carrier.re - tone.im * carrier.im;
 }
 
-/* What was expected is from now on what the new measurement would have made it: a sensor did not move by that. */
+/* Adopt the new measurement. The last prediction changes with it, so that the change does not count as a movement. */
 static void take_over(an_six_watch *watch, const an_six_slow *slow, an_complex carrier)
 {
     for (uint32_t i = 0u; i < AN_SIX; i++) {
@@ -116,7 +118,7 @@ bool an_six_watch_look(an_six_watch *watch, const an_six_slow *slow, const an_si
         const float level = (float)((int32_t)adc[i] - AN_SIX_ADC_MIDDLE) * (1.0f / (float)AN_SIX_ADC_MIDDLE);
         failed = look(trace, level - trace->offset, sample_of(trace->tone, carrier), angle) || failed;
     }
-    if (fast->tick % FEW == 0u) {
+    if (fast->tick % BLOCK == 0u) {
         forget_slowly(watch);
     }
     if (fast->tick == TAKE_OVER) {

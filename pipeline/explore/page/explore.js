@@ -124,6 +124,7 @@ function headline(found) {
   if (plate.why_not) numbers.push(["Target mode", "none", plate.why_not]);
   else {
     numbers.push(["Target frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}${plate.status === "split" ? ", split among several modes" : ""}`]);
+    for (const one of plate.others) numbers.push(["or", frequency(one.frequency_hz, one.frequency_error), `${one.confinement_db === null ? "" : `confinement ${level(one.confinement_db, one.confinement_error_db)}; `}another mode that may be the strongest`]);
     numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}${plate.near_hz === null ? "" : `, a mode at ${frequency(plate.near_hz, null)} is near`}`]);
     if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, plate.extension_error_db), ofBar(plate.extension_error_db, "dB")]);
     const decay = decayAt(found.rows, plate.frequency_hz);
@@ -354,6 +355,9 @@ function compared(live, real) {
   const text = `Full plate: ${frequency(real.frequency_hz, real.frequency_error)}${bar}${confined}${split}.`;
   if (live.why_not) return text;
   const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
+  const named = live.others.find((one) => Math.abs(one.frequency_hz / real.frequency_hz - 1) <= one.frequency_error + (real.frequency_error || 0));
+  if ((split || live.status === "split") && Math.abs(off) > 100 * (live.frequency_error + (real.frequency_error || 0)) && named)
+    return `${text} It is the mode that the live answer names at ${frequency(named.frequency_hz, named.frequency_error)}.`;
   if ((split || live.status === "split") && Math.abs(off) > 100 * (live.frequency_error + (real.frequency_error || 0)))
     return `${text} The live answer names another of the modes that share the target shape, at ${frequency(live.frequency_hz, live.frequency_error)}.`;
   const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${level(live.confinement_db - real.confinement_db, own)}`;

@@ -544,7 +544,7 @@ function motionsOf(data, places, steps, motion, free) { // of every cell, the ou
   return out;
 }
 const linesOf = (data, design, end, middle) => [data.zone_width / 2, end - design.extension].flatMap((line) => [line - middle, -line - middle]);
-function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/quadrature.py
+function parted(data, cell, lines) { // its touch face's rule, parted at lines y = const: solvers/fem/surface.py
   const { gauss, weights } = data.bare, n = gauss.length, points = [], areas = [], rows = [], width = cell.touch.m, own = (i) => cell.touch.a.subarray(i * width, (i + 1) * width);
   for (let first = 0; first < cell.points.length; first += n * n) {
     const low = cell.points[first][1], high = cell.points[first + n - 1][1], middle = (low + high) / 2, half = (high - low) / (gauss[n - 1] - gauss[0]);
@@ -742,20 +742,34 @@ function changed(data, plate, window, zone = 0, rows = 0) {
   const { modes, vectors } = detuned(data, plate, zone, rows), found = searched(data.rule, modes, window), least = 1 / data.rule.lead;
   return { found, modes, vectors, tied: found ? found.tied(least).map((i) => modes[i]) : [] };
 }
+function apart(modes, error) { // groups of modes of which each lies within a relative error of the next in frequency
+  const groups = [];
+  for (const one of [...modes].sort((a, b) => a.hz - b.hz)) {
+    const last = groups.at(-1);
+    if (last && one.hz - last.at(-1).hz <= error * last.at(-1).hz) last.push(one); else groups.push([one]);
+  }
+  return groups;
+}
+function candidate(group, error, end, tied_db) { // another mode that may be the target mode, over what it becomes under changes
+  const ends = (name) => { const every = group.map((one) => one[name]); return every.includes(null) ? null : [Math.min(...every), Math.max(...every)]; }, [low, high] = ends("hz"), levels = ends("confinement_db");
+  return { frequency_hz: (1 - end) * (low + high) / 2, frequency_error: (high - low) / (high + low) + error, confinement_db: levels && (levels[0] + levels[1]) / 2, confinement_error_db: levels && (levels[1] - levels[0]) / 2 + tied_db };
+}
 function plateOf(data, pillarCell, design, meshError) {
   const search = windowsOf(data, design.thickness, true), plate = finitePlate(data, pillarCell, design, search), { found, modes, vectors, tied } = changed(data, plate, search);
   if (!found) return { why_not: said(data, "no_mode") };
   const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
   const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
   const others = each.filter((one) => one.found), target = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
-  const frequency_error = Math.max(error, ...target.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...target].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
+  const groups = apart([best, ...target], error), own = groups.find((group) => group.includes(best)), candidates = groups.filter((group) => group !== own).map((group) => candidate(group, error, end, tied_db));
+  const frequency_error = Math.max(error, ...own.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = own.map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
   const half_db = (range, own) => range && tied_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(said(data, "near", { hz: frequency(rival, error), error: percent(error), least: level(range_db[0], null), most: level(range_db[1], null) }));
   if (!single) warnings.push(said(data, "split"));
+  if (candidates.length) warnings.push(said(data, "others", { named: candidates.map((one) => frequency(one.frequency_hz, one.frequency_error)).join(", ") }));
   const { mac, zone_share, confinement_db, extension_db } = best;
   return { confinement_db, extension_db, mac, zone_share, frequency_hz, frequency_error, confinement_error_db: half_db(range_db, confinement_db), extension_error_db: half_db(between("extension_db"), extension_db),
-    status: single ? "single" : "split", near_hz: rival, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
+    status: single ? "single" : "split", near_hz: rival, others: candidates, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
 }
 function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1
   const slots = data.profile, area = zeros(slots), square = zeros(slots), { pieces, xs, kx, along, end } = plate, phases = xs.map((x) => kx.map((k, i) => { const [even, odd] = along(k, x); return [even * mode[i], odd * mode[i]]; }));

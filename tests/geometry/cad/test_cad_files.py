@@ -115,6 +115,7 @@ def test_upright_pillars_need_no_support(tmp_path):
     assert report.overhang_area_m2 == 0.0
 
 
+@pytest.mark.slow
 def test_a_triangulation_held_by_the_kernel_does_not_leak_into_the_file(tmp_path):
     """The kernel hands back a finer triangulation it already holds, whatever tolerance is asked."""
     body = plate_solid(SCENES[1])

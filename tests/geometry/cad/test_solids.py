@@ -11,7 +11,7 @@ from geometry.cad.solids import cell_solid, pillar_solid, plate_solid, zone_soli
 from geometry.errors import GeometryError
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from geometry.pillar_shapes.step import Step
+from geometry.pillar_shapes import Step
 
 ALUMINIUM, BRASS = MATERIALS["aluminium"], MATERIALS["brass"]
 MM3 = 1e-9
@@ -62,7 +62,8 @@ def test_square_foot_fillet_lies_between_four_straight_fillets_and_the_same_with
     assert 4 * 2 * area < flare < 4 * (2 + 2 * 0.4) * area
 
 
-@pytest.mark.parametrize("standing", [pillar(), pillar("round", fillet=0.3e-3)])
+@pytest.mark.slow
+@pytest.mark.parametrize("standing", [pillar(), pytest.param(pillar("round", fillet=0.3e-3), marks=pytest.mark.slow)])
 def test_whole_design_of_174_pillars_is_one_solid(standing):
     scene = design(standing)
     body = plate_solid(scene)

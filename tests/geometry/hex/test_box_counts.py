@@ -9,9 +9,8 @@ import pytest
 from geometry.hex.boxes import boxes_of, hex_mesh
 from geometry.hex.scenes import HexSettings, Scene, box_counts, cell_scene, pillar_scene, plate_scene, zone_scene
 from geometry.layout import Design, Pillar, Tip, region_materials
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import cell_volumes, check_mesh
-from geometry.stack import Stack
 from solvers.fem.assembly import assemble
 
 ALUMINIUM = MATERIALS["aluminium"]

@@ -33,7 +33,14 @@ def skin(mesh: Mesh) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize(
-    ("length_m", "columns"), [(3.6e-3, 1), (8e-3, 2), (7.6e-3, 2), (11.4e-3, 3)], ids=["one", "even", "cut", "odd"]
+    ("length_m", "columns"),
+    [
+        (3.6e-3, 1),
+        pytest.param(8e-3, 2, marks=pytest.mark.slow),
+        pytest.param(7.6e-3, 2, marks=pytest.mark.slow),
+        pytest.param(11.4e-3, 3, marks=pytest.mark.slow),
+    ],
+    ids=["one", "even", "cut", "odd"],
 )
 def test_columns_make_the_quarter_that_the_cad_says(length_m: float, columns: int) -> None:
     own = design(length_m)
@@ -55,12 +62,14 @@ def test_columns_make_the_quarter_that_the_cad_says(length_m: float, columns: in
     assert area == pytest.approx(length_m / 2.0 * own.half_span_m, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_straight_edges_stay_straight_in_the_stretched_end() -> None:
     mesh = tet_plate(design(11.2e-3), 2e-3, True)
     ends = mesh.nodes[mesh.cells[:, [[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]]]].mean(axis=2)
     assert np.abs(mesh.nodes[mesh.cells[:, 4:]] - ends).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_bonded_round_pillars_keep_their_region_and_their_curves() -> None:
     own = design(11.6e-3, "round", BRASS)
     mesh = tet_plate(own, 1.5e-3, True)

@@ -11,7 +11,7 @@ import pyvista
 import trimesh
 
 from geometry.cad import solids
-from geometry.cad.surface import cad_surface
+from geometry.cad.solids import cad_surface
 from geometry.errors import MeshError
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
@@ -131,6 +131,7 @@ def test_graded_cell_is_finer_at_the_foot(cell):
     assert size[near].mean() < 0.5 * size[far].mean()
 
 
+@pytest.mark.slow
 def test_round_pillar_follows_the_cylinder_only_when_quadratic():
     pillar = design("round").pillar
     body, exact = solids.pillar_solid(pillar), pi * 6.3 * MM3
@@ -160,7 +161,7 @@ def skin_nodes(mesh: Mesh) -> np.ndarray:
     "scene",
     [
         design("round", fillet=0.4e-3),
-        design("tapered", tip=1e-3),
+        pytest.param(design("tapered", tip=1e-3), marks=pytest.mark.slow),
         pytest.param(design("tapered", tip=1e-3, fillet=0.3e-3), marks=pytest.mark.slow),
         pytest.param(design("square", fillet=0.4e-3), marks=pytest.mark.slow),
         pytest.param(design("round", material=BRASS, fillet=0.3e-3), marks=pytest.mark.slow),
@@ -171,6 +172,7 @@ def test_fillets_and_tapers_keep_the_cad_volume(scene):
     assert check_mesh(whole(tet_cell(scene, 1.3e-3, "xy"))).volume_m3 == pytest.approx(exact, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_no_element_straddles_two_materials(bonded):
     for name, low, high in (("plate", 0.0, 2e-3), ("pillar", 2e-3, 8.3e-3)):
         z = bonded.nodes[bonded.cells[bonded.regions[name]]][:, :, 2]
@@ -190,6 +192,7 @@ def test_the_back_ends_where_bonded_pillars_stand(bonded):
     assert area(bonded, "back") / MM2 == pytest.approx(quarter - feet)
 
 
+@pytest.mark.slow
 def test_whole_plate_is_its_quarter_mirrored():
     scene = design()
     mesh = tet_plate(scene, 1.5e-3)
@@ -198,6 +201,7 @@ def test_whole_plate_is_its_quarter_mirrored():
     assert skin(mesh).is_watertight
 
 
+@pytest.mark.slow
 def test_zone_side_faces_are_named_and_finer():
     """An even mesh has about as many nodes along the clamped edge as along the mirror across."""
     scene = replace(design(), length_m=6e-3, width_m=10e-3)
@@ -210,6 +214,7 @@ def test_zone_side_faces_are_named_and_finer():
     assert clamped > 1.5 * free
 
 
+@pytest.mark.slow
 def test_lone_pillar_stands_on_its_foot():
     mesh = tet_pillar(design().pillar, 2e-3)
     assert area(mesh, "foot") / MM2 == pytest.approx(4.0)
@@ -217,6 +222,7 @@ def test_lone_pillar_stands_on_its_foot():
     assert list(mesh.regions) == ["pillar"]
 
 
+@pytest.mark.slow
 def test_a_mesh_that_stays_poor_is_refused_with_its_worst_element(monkeypatch, caplog):
     calls = []
 
@@ -269,7 +275,9 @@ def in_two_parts() -> Mesh:
     return tet_mesh(solids.cell_solid(design(material=BRASS)), 1.5e-3)
 
 
-@pytest.mark.parametrize(("loser", "gainer"), [("pillar", "plate"), ("plate", "pillar")])
+@pytest.mark.parametrize(
+    ("loser", "gainer"), [pytest.param("pillar", "plate", marks=pytest.mark.slow), ("plate", "pillar")]
+)
 def test_a_part_that_has_not_its_volume_is_refused(loser, gainer):
     """A tenth of a part's elements counted to the other side of the bond is far beyond what is allowed of either."""
     body = solids.cell_solid(design(material=BRASS))
@@ -291,6 +299,7 @@ def test_bad_requests_are_one_clear_line():
         tetrahedralize({"vertices": np.zeros((3, 3)), "triangles": np.zeros((0, 3), int)})
 
 
+@pytest.mark.slow
 def test_the_mesher_leaves_no_file_and_says_nothing(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TMPDIR", str(tmp_path))

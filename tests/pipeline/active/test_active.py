@@ -15,12 +15,12 @@ import pytest
 from firmware import mode_table as table_file
 from pipeline.active import thesis
 from pipeline.active.loop import plant_of
-from pipeline.case.quantities import parse_seconds
+from pipeline.case.limits import parse_seconds
 from pipeline.cli import main
 from pipeline.errors import InputError
 from solvers.control.identification import noisy, sweep_of
 from solvers.control.loop import ModePlant
-from solvers.thesis.active_study import ActiveBeamData
+from solvers.thesis.active_beam import ActiveBeamData
 from solvers.thesis.circuit import MasonData
 from tests.helpers import site_fields
 from tests.helpers.figures import assert_labelled_with_data, collected
@@ -43,7 +43,16 @@ def run(*arguments: str) -> int:
         return int(end.code or 0)
 
 
-@pytest.mark.parametrize("model", ["mason", "pillar", "beam", "dq", pytest.param("shaping", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "model",
+    [
+        pytest.param("mason", marks=pytest.mark.slow),
+        "pillar",
+        pytest.param("beam", marks=pytest.mark.slow),
+        "dq",
+        pytest.param("shaping", marks=pytest.mark.slow),
+    ],
+)
 def test_each_model_gives_text_a_document_and_its_figures(model: str, tmp_path: Path, capsys, monkeypatch) -> None:
     figures = collected(monkeypatch)
     assert run(model, "--out", str(tmp_path), "--quiet") == 0
@@ -107,6 +116,7 @@ def test_options_reach_the_model(capsys) -> None:
     assert dq["comparison"][0]["agreement"].startswith("differs, 3 ms were asked for")
 
 
+@pytest.mark.slow
 def test_the_case_gives_material_pillar_mode_and_losses(capsys) -> None:
     one = ("--frequency", "3kHz", "--gain", "3e6", "--delay", "10us")
     assert run("beam", CASE, *one, "--set", "material=steel", "--set", "damping.quality=150", "--json", "-") == 0
@@ -131,6 +141,7 @@ def test_staggered_rows_meet_a_straight_wave_as_those_in_line_do(capsys) -> None
     assert passed[0] == passed[1]
 
 
+@pytest.mark.slow
 def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     bare = tmp_path / "pillar.toml"
     text = Path(CASE).read_text().replace("[damping]\nquality = 300.0\n", "")
@@ -144,6 +155,7 @@ def test_pillar_losses_are_the_cases_or_none(tmp_path: Path, capsys) -> None:
     assert absorbed[0] < 1e-10 and absorbed[2] < 1e-10 and absorbed[3] > 2.0 * absorbed[1] > 1e-3
 
 
+@pytest.mark.slow
 def test_computed_cell_stands_beside_the_strip(monkeypatch, tmp_path: Path, capsys) -> None:
     """What `attenuation` returns is compared and drawn; None (too steep to keep) counts as stopped."""
     query = {}
@@ -327,7 +339,7 @@ def test_sign_of_a_tables_gain(gain: complex, sensor: str, real: float) -> None:
     assert plant_of(mode, True, sensor).gain == pytest.approx(real)
 
 
-@pytest.mark.parametrize("displacement", [True, False])
+@pytest.mark.parametrize("displacement", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: Path, capsys) -> None:
     """Frequency, time constant, complex gain and delay of a plate that the table guessed wrongly."""
     truth = ModePlant.from_quality_factor(31_437.3, 260.0, 0.6)

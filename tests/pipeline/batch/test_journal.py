@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.batch import runner
-from pipeline.batch.progress import Progress
+from pipeline.batch.runner import Progress
 from pipeline.records import store
 from tests.helpers import fake_study
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline import paths
-from pipeline.batch import known
+from pipeline.batch import study_file
 from pipeline.batch.study_file import find_study
 from pipeline.cli.main import main
 
@@ -28,32 +28,34 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_checkouts_studies_keep_to_the_checkout_and_others_to_their_own_folder(
     state: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert known.folder_of("rows", ROOT / "studies" / "rows.toml") == paths.RESULTS / "rows"
-    assert known.folder_of("mine", state / "mine.toml") == state / "results" / "mine"
-    assert known.folder_of("rows", ROOT / "studies" / "rows.toml", str(state / "there")) == state / "there" / "rows"
+    assert study_file.folder_of("rows", ROOT / "studies" / "rows.toml") == paths.RESULTS / "rows"
+    assert study_file.folder_of("mine", state / "mine.toml") == state / "results" / "mine"
+    assert (
+        study_file.folder_of("rows", ROOT / "studies" / "rows.toml", str(state / "there")) == state / "there" / "rows"
+    )
     monkeypatch.setenv("ANTINODE_RESULTS", str(state / "said"))
     monkeypatch.setattr(paths, "RESULTS", state / "said")
-    assert known.folder_of("mine", state / "mine.toml") == state / "said" / "mine"
+    assert study_file.folder_of("mine", state / "mine.toml") == state / "said" / "mine"
 
 
 def test_a_study_is_remembered_while_file_and_results_are_there(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source, folder = state / "mine.toml", state / "far" / "mine"
     folder.mkdir(parents=True)
     source.write_text(STUDY)
-    known.remember("mine", source, folder)
-    assert known.known() == {"mine": (source, folder)} and find_study("mine") == source
-    assert known.folder_of("mine", source) == folder  # --results has to be said once
+    study_file.remember_place("mine", source, folder)
+    assert study_file.known_places() == {"mine": (source, folder)} and find_study("mine") == source
+    assert study_file.folder_of("mine", source) == folder  # --results has to be said once
     assert (
-        known.folder_of("mine", state / "other" / "mine.toml") == state / "other" / "results" / "mine"
+        study_file.folder_of("mine", state / "other" / "mine.toml") == state / "other" / "results" / "mine"
     )  # another of that name
     with monkeypatch.context() as elsewhere:  # where new results would go is not where these lie
         elsewhere.setenv("ANTINODE_RESULTS", str(state / "said"))
         elsewhere.setattr(paths, "RESULTS", state / "said")
-        assert known.stored_folder("mine", source) == folder
+        assert study_file.stored_folder("mine", source) == folder
         (state / "said" / "mine").mkdir(parents=True)
-        assert known.stored_folder("mine", source) == state / "said" / "mine"
+        assert study_file.stored_folder("mine", source) == state / "said" / "mine"
     shutil.rmtree(folder)
-    assert known.known() == {}
+    assert study_file.known_places() == {}
 
 
 def test_a_study_of_ones_own_is_remembered_wherever_results_go_by_default(
@@ -63,30 +65,30 @@ def test_a_study_of_ones_own_is_remembered_wherever_results_go_by_default(
     monkeypatch.setattr(paths, "RESULTS", state / "said")
     (state / "said" / "mine").mkdir(parents=True)
     (state / "mine.toml").write_text(STUDY)
-    known.remember("mine", state / "mine.toml", state / "said" / "mine")
-    known.remember("rows", ROOT / "studies" / "rows.toml", state / "said" / "rows")
-    assert find_study("mine") == state / "mine.toml" and set(known.known()) == {"mine"}
+    study_file.remember_place("mine", state / "mine.toml", state / "said" / "mine")
+    study_file.remember_place("rows", ROOT / "studies" / "rows.toml", state / "said" / "rows")
+    assert find_study("mine") == state / "mine.toml" and set(study_file.known_places()) == {"mine"}
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"mine": 3}', '{"mine": ["a"]}'])
 def test_a_broken_note_is_no_note(text: str, state: Path) -> None:
     (state / "state" / "antinode").mkdir(parents=True)
     (state / "state" / "antinode" / "studies.json").write_text(text)
-    assert known.known() == {}
+    assert study_file.known_places() == {}
 
 
 def test_a_state_folder_that_cannot_be_written_is_a_warning(state: Path) -> None:
     (state / "state" / "antinode" / "studies.json").mkdir(parents=True)
     (state / "mine.toml").write_text(STUDY)
-    warning = known.remember("mine", state / "mine.toml", state / "results" / "mine")
+    warning = study_file.remember_place("mine", state / "mine.toml", state / "results" / "mine")
     assert warning and "studies.json" in warning and "'mine'" in warning
-    assert known.known() == {}
+    assert study_file.known_places() == {}
 
 
 def test_a_note_nested_without_end_is_no_note(state: Path) -> None:
     (state / "state" / "antinode").mkdir(parents=True)
     (state / "state" / "antinode" / "studies.json").write_text("[" * 100_000)
-    assert known.known() == {}
+    assert study_file.known_places() == {}
 
 
 @pytest.mark.slow

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.batch import job, peak_memory
+from pipeline.batch import job
+from solvers import machine
 from tests.helpers import fake_study
 
 
@@ -36,13 +37,13 @@ def left_behind() -> Iterator[weakref.ref[Plate]]:
 
 def test_what_only_refers_to_itself_is_freed(left_behind: weakref.ref[Plate]) -> None:
     assert left_behind() is not None
-    peak_memory.give_back()
+    machine.give_back()
     assert left_behind() is None
 
 
 def test_a_case_leaves_nothing_to_the_next_one(left_behind: weakref.ref[Plate], tmp_path: Path) -> None:
     seen = []
     (case,) = fake_study.jobs(1)
-    mark = job.fingerprint.current()
+    mark = job.store.current_fingerprint()
     job.run_case(lambda payload, folder, log: seen.append(left_behind() is None) or {}, case, tmp_path, mark)
     assert seen == [False] and left_behind() is None

@@ -21,10 +21,10 @@ import pytest
 from pipeline import workers
 from pipeline.batch import job, runner
 from pipeline.batch.job import Forecast
-from pipeline.batch.progress import Progress
+from pipeline.batch.runner import Progress
 from pipeline.cli import study_commands
 from pipeline.questions import study as asked
-from pipeline.records import fingerprint, store
+from pipeline.records import store
 from pipeline.records import study as records_study
 from pipeline.workers import LocalWorkers
 from tests.helpers import fake_study
@@ -114,6 +114,7 @@ def test_fail_fast_stops_and_says_what_is_undone(tmp_path: Path):
     assert outcome.undone == tuple(f"value={i}" for i in range(1, 6)) and outcome.exit_code == 3
 
 
+@pytest.mark.slow
 def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, here: ThreadPoolExecutor):
     run(tmp_path / "a", fake_study.jobs(4))
     run(tmp_path / "b", fake_study.jobs(4), executor=here)
@@ -121,6 +122,7 @@ def test_any_executor_fits_and_gives_the_same_table(tmp_path: Path, here: Thread
     assert one == two and one.count(b"\n") == 5
 
 
+@pytest.mark.slow
 def test_threads_share_the_cores(tmp_path: Path):
     cores = workers.default_jobs(10**6)
     run(tmp_path, fake_study.jobs(1), jobs=1)
@@ -149,6 +151,7 @@ def test_only_cases_next_in_line_are_forecast(tmp_path: Path):
     assert asked and {*asked} <= {f"value={i}" for i in range(1 + runner.LOOK_AHEAD)}
 
 
+@pytest.mark.slow
 def test_cases_of_the_same_parts_are_not_begun_side_by_side(tmp_path: Path):
     cases = fake_study.jobs(6, seconds=0.3)
     run(tmp_path, [replace(case, parts="ab"[i // 3]) for i, case in enumerate(cases)])
@@ -174,7 +177,7 @@ def test_time_left_is_what_earlier_runs_took(tmp_path: Path):
 
 def test_time_that_a_case_waits_for_a_worker_is_none_of_its_duration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     clock = SimpleNamespace(now=100.0)
-    monkeypatch.setattr("pipeline.batch.progress.time", SimpleNamespace(monotonic=lambda: clock.now))
+    monkeypatch.setattr("pipeline.batch.runner.time", SimpleNamespace(monotonic=lambda: clock.now))
     progress = Progress(stream=io.StringIO())
     log = tmp_path / "value=0" / store.RUN_LOG
     log.parent.mkdir()
@@ -266,6 +269,7 @@ def prove_resumption(tmp_path: Path, kills: int, seed: int) -> None:
     assert set(starts(calm).values()) == {1}
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment_it_goes_on_and_ends_the_same(tmp_path: Path):
     prove_resumption(tmp_path, kills=1, seed=1)
 
@@ -282,7 +286,14 @@ def wait_for(condition: Callable[[], object], seconds: float = 20.0) -> None:
         time.sleep(0.02)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "number",
+    [
+        signal.SIGINT,
+        pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
+        pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
+    ],
+)
 def test_an_interruption_ends_within_seconds_and_keeps_what_was_finished(tmp_path: Path, number: signal.Signals):
     process = start(tmp_path, "--cases", "4", "--seconds", "60", "--first", "0.1")
     wait_for(lambda: list(tmp_path.glob("*/record.json")) and len(starts(tmp_path)) == 3)
@@ -368,7 +379,7 @@ def test_a_lost_scheduler_is_told_in_one_line_with_what_to_do():
 
 
 def test_a_worker_with_other_sources_is_refused(tmp_path: Path):
-    mark = fingerprint.Fingerprint("0" * 64, {})
+    mark = store.Fingerprint("0" * 64, {})
     end = job.run_case(fake_study.compute, fake_study.jobs(1)[0], tmp_path, mark)
     assert end.status == "FAILED" and "other sources" in end.diagnosis and starts(tmp_path) == {}
 

@@ -15,10 +15,10 @@ from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
+from pipeline.logs import RunLog
 from pipeline.questions import board
 from pipeline.questions.board import Board, BoardResult
 from pipeline.questions.question import Run, Unanswered, ask
-from pipeline.records.run_log import RunLog
 from tests.helpers import synthetic
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches

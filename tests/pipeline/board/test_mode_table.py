@@ -100,8 +100,8 @@ def resealed(at: int, value: bytes) -> bytes:
     ("at", "value", "words"),
     [
         (0, b"ELF!", "another kind of file"),
-        (4, struct.pack("<H", 2), "version 2 is refused"),
-        (4, struct.pack("<H", 0), "version 0 is refused"),
+        (4, struct.pack("<H", 2), "version 2 is not supported"),
+        (4, struct.pack("<H", 0), "version 0 is not supported"),
         (6, struct.pack("<H", 52), "record lengths"),
         (12, struct.pack("<H", 3), "do not hold 3 modes"),
         (20, b"\x07", "actuator_count is 7"),

@@ -63,6 +63,7 @@ def fitted(forced: ForcedPlate, gains: ModalGains, index: int) -> complex:
     return complex(np.linalg.lstsq(basis, forced.curve(tone).sensor_v_per_v[:, 0], rcond=None)[0][0])
 
 
+@pytest.mark.slow
 def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains: ModalGains) -> None:
     """Within the rest's own error: it is taken at the target mode, where both agree best; above the band nobody asks."""
     largest = np.abs(gains.gain).max()

@@ -11,7 +11,7 @@ from pipeline.board import export
 from pipeline.errors import InputError
 
 
-@pytest.mark.parametrize(("frequency_hz", "words"), [(120e3, "120000"), (1999.0, "a mode of 1999 Hz")])
+@pytest.mark.parametrize(("frequency_hz", "words"), [(120e3, "120000"), (1999.0, "a mode at 1999 Hz")])
 def test_a_mode_beyond_the_firmware_is_one_line_and_writes_nothing(
     tmp_path: Path, frequency_hz: float, words: str
 ) -> None:

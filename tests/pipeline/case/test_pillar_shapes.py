@@ -10,13 +10,13 @@ from pathlib import Path
 
 import pytest
 
-from geometry.pillar_shapes.base import Square
+from geometry.pillar_shapes import Square
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.planning import simplifications
 from pipeline.planning.model_choice import cell_model_choice, model_choice_of
 from pipeline.search import space
-from pipeline.search.limits import mass_kg
+from pipeline.search.terms import mass_kg
 
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / "studies" / "three-rows.toml"
@@ -125,8 +125,8 @@ TOY = """
 import json, sys
 from pathlib import Path
 import numpy as np
-from geometry.pillar_shapes.base import PillarShape
-from geometry.pillar_shapes.shapes import register
+from geometry.pillar_shapes import PillarShape
+from geometry.pillar_shapes import register
 
 class Plank(PillarShape):
     name = "plank"
@@ -177,6 +177,7 @@ print(json.dumps(found))
 """
 
 
+@pytest.mark.slow
 def test_a_shape_of_ones_own_is_one_class_and_one_line(tmp_path: Path) -> None:
     """A plank 2 mm along x and 1 mm along y, registered here, goes from the case file to solids, meshes, plans and drawings."""
     done = subprocess.run(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.case.quantities import parse_band, parse_frequency
+from pipeline.case.limits import parse_band, parse_frequency
 from pipeline.errors import InputError
 
 

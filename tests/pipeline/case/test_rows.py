@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.paths import STUDIES
 from pipeline.records.record import DesignRecord
 from pipeline.report.text import _same_design
-from pipeline.search.limits import mass_kg
+from pipeline.search.terms import mass_kg
 
 RAW: dict[str, Any] = {
     "name": "rows",

@@ -13,8 +13,8 @@ from geometry.materials import MATERIALS
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.records.record import DesignRecord
-from pipeline.search.limits import mass_kg, overhang_deg
 from pipeline.search.space import searchable_keys
+from pipeline.search.terms import mass_kg, overhang_deg
 from tests.helpers.scenes import STEEL_PILLARS
 
 

@@ -21,9 +21,9 @@ from geometry.formats.med import write_med
 from geometry.formats.neutral import RawMesh
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from geometry.pillar_shapes.shapes import SHAPES
+from geometry.pillar_shapes import SHAPES
+from pipeline.case.limits import parse_band, parse_frequency
 from pipeline.case.model import load_case
-from pipeline.case.quantities import parse_band, parse_frequency
 from pipeline.case.schema import SIZE_KEYS, known_keys
 from pipeline.errors import CommandError, InputError
 from pipeline.measured.files import read_field, read_sweep
@@ -222,9 +222,9 @@ def run(folder: Path, count: int, first: int, sizes: bool = False) -> dict[str, 
     return result
 
 
-def test_two_thousand_damaged_inputs_are_read_or_refused_in_one_line_each(tmp_path: Path, capfd: Any) -> None:
-    result = run(tmp_path, 2000, 1)
-    assert sum(sum(text.values()) for text in result.values()) >= 2000
+def test_five_hundred_damaged_inputs_are_read_or_refused_in_one_line_each(tmp_path: Path, capfd: Any) -> None:
+    result = run(tmp_path, 500, 1)
+    assert sum(sum(text.values()) for text in result.values()) >= 500
     assert all(text["refused"] > 0 for text in result.values())
     assert all(text["read"] > 0 for name, text in result.items() if name not in MOSTLY_REFUSED), result
     assert "Traceback" not in "".join(capfd.readouterr())

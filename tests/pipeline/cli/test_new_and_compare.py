@@ -232,6 +232,7 @@ def test_a_table_on_standard_output_is_alone(
     assert "--csv" in (said := capsys.readouterr()).err and "one document" in said.err and not said.out
 
 
+@pytest.mark.slow
 def test_gaps_of_some_waves_alone_are_told_when_asked_for(
     coarsest_cells: None, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,9 +17,9 @@ from pipeline.planning import mesh_rules
 from pipeline.questions.question import Run
 from pipeline.questions.study import answer as kept
 from pipeline.questions.tetrahedra import TetBands, TetModes
+from solvers import machine
 from solvers.errors import TooLarge
-from solvers.fem import eigen
-from solvers.fem.factor import choice, factoriser
+from solvers.fem import eigen, factor
 from tests.helpers import coarse_cells, synthetic
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import three_patches
@@ -28,6 +28,7 @@ pytestmark = pytest.mark.usefixtures("coarsest_cells")
 SMALL = str(Path(__file__).resolve().parents[3] / "examples" / "small.toml")
 COARSE = ("--set", "solve.accuracy=0.1", "--set", "zone.length_mm=28", "--set", "zone.nodal_lines=2")
 BANDS = (*COARSE, "--set", "bands.points=1", "--set", "bands.count=8")
+SLOW = {"zone", "solid", "pillar", "nearest to a frequency far below the first"}
 MODES = {
     "lowest of the free plate": (SMALL, *COARSE, "--count", "3"),
     "nearest to a frequency far below the first": (
@@ -57,8 +58,8 @@ def scipy_alone(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("a factorisation that is not installed was asked for")
 
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
-    monkeypatch.setattr(choice, "available", lambda: ("superlu",))
-    monkeypatch.setattr(factoriser, "Rslab", absent)
+    monkeypatch.setattr(machine, "factorisations", lambda: ("superlu",))
+    monkeypatch.setattr(factor, "Rslab", absent)
     monkeypatch.setattr(CellCache, "get", lambda self, key: REDUCED.get(key))
     monkeypatch.setattr(CellCache, "put", lambda self, key, cell: REDUCED.setdefault(key, cell))
     monkeypatch.setattr(mesh_rules, "cell_settings", lambda design, accuracy: coarse_cells.COARSE)
@@ -73,7 +74,9 @@ def answer(capsys: pytest.CaptureFixture[str], *arguments: str) -> dict[str, Any
     return result
 
 
-@pytest.mark.parametrize("what", MODES)
+@pytest.mark.parametrize(
+    "what", [pytest.param(what, marks=[pytest.mark.slow] if what in SLOW else []) for what in MODES]
+)
 def test_modes_are_found_counted_and_clean(what: str, capsys: pytest.CaptureFixture[str]) -> None:
     result = answer(capsys, "modes", *MODES[what])
     count = result["count_check"]
@@ -87,6 +90,7 @@ def test_bands_and_attenuation_are_found(capsys: pytest.CaptureFixture[str]) -> 
     assert all(point["db_per_row"] is not None for point in points)
 
 
+@pytest.mark.slow
 def test_a_response_is_found(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     case = tmp_path / "patched.toml"
     case.write_text(three_patches((20.0, 30.0), 0.1))

@@ -71,6 +71,7 @@ def test_what_is_not_there_is_wrong_input_with_or_without_a_display(
     assert code == 2 and len(lines) == 1 and target in lines[0]
 
 
+@pytest.mark.slow
 def test_a_study_shows_its_best_plate_or_the_one_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1, 2))
     monkeypatch.setattr(paths, "RESULTS", tmp_path)

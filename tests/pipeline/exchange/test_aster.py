@@ -18,8 +18,8 @@ from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.mesh import Mesh, cell_volumes, check_mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
-from pipeline.exchange import aster
-from pipeline.exchange.part_mesh import MAX_DOFS, Exchange, exchange, modes_below
+from pipeline.exchange import finite_elements
+from pipeline.exchange.finite_elements import MAX_DOFS, Exchange, exchange, modes_below
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
@@ -40,14 +40,14 @@ def scene(**solve: Any) -> Case:
     return case_from_dict(SCENE | {"solve": SCENE["solve"] | solve})
 
 
-@pytest.fixture(scope="module", params=["hex", "tet"])
+@pytest.fixture(scope="module", params=["hex", pytest.param("tet", marks=pytest.mark.slow)])
 def plate(request: pytest.FixtureRequest) -> Exchange:
     return exchange(scene(), "plate", TerminalLog(True), tetrahedra=request.param == "tet")
 
 
 @pytest.fixture
 def med(plate: Exchange, tmp_path: Path) -> Path:
-    write_med(aster.raw_mesh(plate), tmp_path / "plate.med", "PLATE")
+    write_med(finite_elements.raw_mesh(plate), tmp_path / "plate.med", "PLATE")
     return tmp_path / "plate.med"
 
 
@@ -124,7 +124,7 @@ def test_medcoupling_reads_the_same_groups_volumes_and_middle_nodes(plate: Excha
 
 
 def test_what_is_written_comes_back_to_the_last_bit(plate: Exchange, med: Path) -> None:
-    raw, back = aster.raw_mesh(plate), read_med(med)
+    raw, back = finite_elements.raw_mesh(plate), read_med(med)
     written = dict(raw.blocks)
     assert all(np.array_equal(written[name], block) for name, block in back.blocks)
     assert back.node_groups.keys() == raw.node_groups.keys()
@@ -191,7 +191,7 @@ STUDIES = [("plate", {}), ("zone", {}), ("pillar", {}), ("pillar", {"band_kHz": 
 def test_commands_are_python_and_every_keyword_is_in_the_catalogue(part: str, solve: dict[str, Any]) -> None:
     query = {key: value for key, value in (SCENE["solve"] | solve).items() if value is not None}
     result = exchange(case_from_dict(SCENE | {"solve": query}), part, TerminalLog(True))
-    text = aster.commands(result, (5e3, 30e3, 60e3) if result.search.band_hz else ())
+    text = finite_elements.commands(result, (5e3, 30e3, 60e3) if result.search.band_hz else ())
     calls = _calls(text)
     names = [name for name, _ in calls]
     for name, call in calls:
@@ -215,14 +215,14 @@ def test_the_catalogue_check_refuses_a_wrong_keyword_and_a_wrong_word() -> None:
 
 def test_each_volume_has_its_own_material() -> None:
     result = exchange(scene(), "plate", TerminalLog(True))
-    text = aster.commands(result, (5e3, 60e3))
+    text = finite_elements.commands(result, (5e3, 60e3))
     assert text.count("DEFI_MATERIAU") == 2
     assert "RHO=7850.0" in text.split("MAT_PILLAR = ")[1].split("\n")[0]
     assert "RHO=2700.0" in text.split("MAT_PLATE = ")[1].split("\n")[0]
 
 
 def test_every_line_of_the_export_file_is_one_that_run_aster_reads(tmp_path: Path) -> None:
-    text = aster.export_file("small")
+    text = finite_elements.export_file("small")
     units = {}
     for line in text.splitlines():
         kind, *fields = line.split()

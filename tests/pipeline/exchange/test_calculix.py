@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,12 @@ from geometry.elements import FloatArray
 from pipeline import quantity
 from pipeline.case.model import case_from_dict
 from pipeline.cli import main
-from pipeline.exchange import calculix
-from pipeline.exchange.part_mesh import Exchange, clamped_faces, exchange
+from pipeline.exchange import finite_elements
+from pipeline.exchange.finite_elements import Exchange, clamped_faces, exchange
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import Modes, modes_in_band
 from solvers.fem.solid import SolidModel
-from studies.ritz_blocks import free_block_hz
+from studies.independent import free_block_hz
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.scenes import STEEL_PILLARS
 
@@ -40,6 +41,11 @@ def part(name: str, band_khz: list[float], accuracy: float, **pillar: Any) -> Ex
     return exchange(case_from_dict(raw), name, TerminalLog(True), tetrahedra=True)
 
 
+@cache
+def plate() -> Exchange:
+    return part("plate", [5.0, 40.0], 0.1)
+
+
 def ours(result: Exchange) -> Modes:
     materials = {region: result.materials[region.upper()] for region in result.mesh.region_of_cells()}
     model = SolidModel(result.mesh, materials, clamped_faces(result.part, result.mesh), False)
@@ -50,7 +56,7 @@ def ours(result: Exchange) -> Modes:
 def theirs(result: Exchange, count: int, folder: Path) -> FloatArray:
     """Frequencies that ccx prints, Hz."""
     assert CCX
-    (folder / "part.inp").write_text(calculix.input_deck(result, count))
+    (folder / "part.inp").write_text(finite_elements.input_deck(result, count))
     subprocess.run([CCX, "part"], cwd=folder, check=True, capture_output=True, timeout=600)
     table = (folder / "part.dat").read_text().split("P A R T I C I P A T I O N")[0]
     rows = [line.split() for line in table.splitlines()]
@@ -58,8 +64,8 @@ def theirs(result: Exchange, count: int, folder: Path) -> FloatArray:
 
 
 def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> None:
-    result = part("plate", [5.0, 40.0], 0.03)
-    (tmp_path / "part.inp").write_text(calculix.input_deck(result, 10))
+    result = plate()
+    (tmp_path / "part.inp").write_text(finite_elements.input_deck(result, 10))
     read = meshio.read(tmp_path / "part.inp")
     assert np.allclose(read.points, result.mesh.nodes, rtol=1e-12, atol=1e-15)
     assert {block.type for block in read.cells} == {"tetra10"}
@@ -71,8 +77,8 @@ def test_an_independent_reader_finds_nodes_elements_and_sets(tmp_path: Path) -> 
 
 
 def test_surfaces_name_the_faces_that_calculix_means() -> None:
-    result = part("plate", [5.0, 40.0], 0.03)
-    text = calculix.input_deck(result, 10)
+    result = plate()
+    text = finite_elements.input_deck(result, 10)
     lines = text.split("*SURFACE, NAME=S_BACK, TYPE=ELEMENT\n")[1].split("*")[0].splitlines()
     assert len(lines) == len(result.faces["BACK"])
     for line in lines:
@@ -81,11 +87,12 @@ def test_surfaces_name_the_faces_that_calculix_means() -> None:
         assert np.allclose(result.mesh.nodes[corners, 2], 2e-3)
 
 
+@pytest.mark.slow
 def test_each_volume_has_its_density_and_only_clamped_parts_a_boundary() -> None:
-    plate = calculix.input_deck(part("plate", [5.0, 40.0], 0.03), 10)
-    assert plate.count("*SOLID SECTION") == plate.count("*DENSITY") == plate.count("*ELASTIC") == 2
-    assert "*DENSITY\n7850\n*SOLID SECTION, ELSET=PILLAR" in plate and "*BOUNDARY" not in plate
-    pillar = calculix.input_deck(part("pillar", [5.0, 40.0], 0.03), 10)
+    whole = finite_elements.input_deck(plate(), 10)
+    assert whole.count("*SOLID SECTION") == whole.count("*DENSITY") == whole.count("*ELASTIC") == 2
+    assert "*DENSITY\n7850\n*SOLID SECTION, ELSET=PILLAR" in whole and "*BOUNDARY" not in whole
+    pillar = finite_elements.input_deck(part("pillar", [5.0, 40.0], 0.03), 10)
     assert "*BOUNDARY\nCLAMP, 1, 3\n" in pillar
     assert "*FREQUENCY\n10, 5000, 40000\n" in pillar
     longest = max(len(word.strip()) for line in pillar.splitlines() for word in line.split(",") if line[0].isdigit())
@@ -124,7 +131,7 @@ def test_the_stated_error_holds_the_frequencies_of_the_mesh_written() -> None:
     assert written.error and high.min() > 0.0 and high.max() < written.error < 10.0 * high.max()
     low, high_hz = written.estimated_hz
     assert 0.0 < low < high_hz and quantity.interval(low, high_hz) in written.error_text
-    assert f"up to {written.error:.2g} too high" in calculix.input_deck(written, 1)
+    assert f"up to {written.error:.2g} too high" in finite_elements.input_deck(written, 1)
     assert ("MESH" in log.warnings) == (written.error > case.solve.accuracy)
 
 

@@ -19,7 +19,7 @@ from geometry.lattice import Lattice
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
 from pipeline.exchange import results
-from pipeline.measured import universal
+from pipeline.measured import files
 from pipeline.measured.synthetic import grid
 from pipeline.models.forced import forced_plate
 from solvers.piezo.forced import ForcedPlate
@@ -120,6 +120,7 @@ def test_paraviews_file_has_a_step_a_mode_on_the_whole_plate(shapes: Path, tmp_p
     assert high == pytest.approx([design.length_m / 2, design.half_span_m, 8.3e-3], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_path: Path) -> None:
     reader = vtkHDFReader()
     reader.SetFileName(str(shapes))
@@ -140,6 +141,7 @@ def test_an_xdmf_file_holds_the_same_shapes_at_the_same_steps(shapes: Path, tmp_
     assert sorted(path.name for path in made) == ["modes.vtkhdf", "modes.xdmf"]  # one file each, nothing beside
 
 
+@pytest.mark.slow
 def test_a_universal_file_holds_the_response_and_is_read_back(
     responses: Path, driven: tuple[Case, ForcedPlate]
 ) -> None:
@@ -157,7 +159,7 @@ def test_a_universal_file_holds_the_response_and_is_read_back(
     direct = point_response(forced, (place_m[0], place_m[1]), np.array(chosen["x"]))
     # the first frequency and the step have six digits, 5e-6 of a frequency at most: times 2 Q on a resonance's flank
     assert np.abs(chosen["data"] - direct).max() < 2 * 300 * 5e-6 * np.abs(direct).max()
-    sweep, field = universal.read_sweep(responses), universal.read_field(responses, case.design)
+    sweep, field = files.read_sweep(responses), files.read_field(responses, case.design)
     assert sweep.quantity == field.quantity == "displacement" and len(field.points_m) == len(curves)
     largest = max(np.abs(each["data"]).max() for each in curves)
     assert np.abs(sweep.sweep.response).max() == pytest.approx(largest)
@@ -166,6 +168,7 @@ def test_a_universal_file_holds_the_response_and_is_read_back(
     )  # all nodes peak together, within the line's width
 
 
+@pytest.mark.slow
 def test_a_sweep_is_compared_with_the_peak_that_it_covers(responses: Path, tmp_path: Path) -> None:
     """The highest peak of this plate's response, at 26 kHz, is another mode's."""
     options = [*(word for text in (COARSE[0], PATCH) for word in ("--set", text)), "--points", "51", "--quiet"]
@@ -201,16 +204,16 @@ def test_a_universal_file_that_does_not_serve_is_refused_in_words(change: dict, 
     }
     data |= {"ordinate_spec_data_type": 8, "x": np.linspace(1e3, 2e3, 9), "data": np.ones(9, dtype=complex)} | change
     pyuff.UFF(str(tmp_path / "m.uff")).write_sets([data], "overwrite")
-    with pytest.raises(universal.InputError, match=said.replace("(", r"\(").replace(")", r"\)")):
-        universal.read_sweep(tmp_path / "m.uff")
+    with pytest.raises(files.InputError, match=said.replace("(", r"\(").replace(")", r"\)")):
+        files.read_sweep(tmp_path / "m.uff")
 
 
 def test_what_is_no_universal_file_and_nodes_without_a_place_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(universal.InputError, match="no such file"):
-        universal.read_sweep(tmp_path / "none.unv")
+    with pytest.raises(files.InputError, match="no such file"):
+        files.read_sweep(tmp_path / "none.unv")
     (tmp_path / "text.uff").write_text("frequency_Hz,real,imag\n1,2,3\n")
-    with pytest.raises(universal.InputError, match=r"no frequency response|can be read"):
-        universal.read_sweep(tmp_path / "text.uff")
+    with pytest.raises(files.InputError, match=r"no frequency response|can be read"):
+        files.read_sweep(tmp_path / "text.uff")
     data = {
         "type": 58,
         "func_type": 4,
@@ -223,8 +226,8 @@ def test_what_is_no_universal_file_and_nodes_without_a_place_are_refused(tmp_pat
     }
     data |= {"ordinate_spec_data_type": 8, "x": np.linspace(1e3, 2e3, 9), "data": np.ones(9, dtype=complex)}
     pyuff.UFF(str(tmp_path / "m.uff")).write_sets([data], "overwrite")
-    with pytest.raises(universal.InputError, match="node 7 has a response and no place"):
-        universal.read_field(tmp_path / "m.uff", load_case(SMALL).design)
+    with pytest.raises(files.InputError, match="node 7 has a response and no place"):
+        files.read_field(tmp_path / "m.uff", load_case(SMALL).design)
 
 
 def test_the_impedance_resonates_short_and_resonates_against_open(driven: tuple[Case, ForcedPlate]) -> None:

@@ -20,8 +20,8 @@ from geometry.hex.scenes import HexSettings
 from geometry.mesh import Mesh, split_hexahedra
 from pipeline.case.model import Case, case_from_dict
 from pipeline.cli import main
-from pipeline.exchange import aster, calculix
-from pipeline.exchange.part_mesh import exchange
+from pipeline.exchange import finite_elements
+from pipeline.exchange.finite_elements import exchange
 from pipeline.logs import TerminalLog
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel, constrain
@@ -168,13 +168,13 @@ def test_a_file_of_gmsh_4_is_read_with_its_physical_groups(case_file: str, tmp_p
     assert computed == pytest.approx(frequencies(mesh, ("touch",), 4)[:4], rel=SAME)
 
 
-@pytest.mark.parametrize("tetrahedra", [False, True])
+@pytest.mark.parametrize("tetrahedra", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_an_exported_med_file_comes_back_with_the_same_modes_and_measures(
     tetrahedra: bool, case_file: str, tmp_path: Path
 ) -> None:
     case = scene()
     part = exchange(case, "plate", TerminalLog(True), tetrahedra)
-    write_med(aster.raw_mesh(part), tmp_path / "plate.med", "PLATE")
+    write_med(finite_elements.raw_mesh(part), tmp_path / "plate.med", "PLATE")
     document = modes_document([case_file, "--mesh-file", str(tmp_path / "plate.med"), "--count", "6"], tmp_path)
     model = SolidModel(part.mesh, dict.fromkeys(part.mesh.regions, case.design.material), (), False)
     direct = modes_near(model.pencil(None), 0.0, 6)
@@ -186,7 +186,7 @@ def test_an_exported_med_file_comes_back_with_the_same_modes_and_measures(
 
 def test_a_calculix_file_is_read_with_its_node_sets(case_file: str, tmp_path: Path) -> None:
     part = exchange(scene(), "pillar", TerminalLog(True), tetrahedra=True)
-    (tmp_path / "part.inp").write_text(calculix.input_deck(part, 5))
+    (tmp_path / "part.inp").write_text(finite_elements.input_deck(part, 5))
     query = [case_file, "--mesh-file", str(tmp_path / "part.inp"), "--clamp", "CLAMP", "--count", "4"]
     computed = [mode["frequency_hz"] for mode in modes_document(query, tmp_path)["modes"]][:4]
     assert computed == pytest.approx(frequencies(part.mesh, ("touch",), 4)[:4], rel=1e-7)  # the file keeps 13 digits
@@ -208,7 +208,7 @@ def test_wedges_and_pyramids_of_a_file_are_solved_together(case_file: str, tmp_p
 def test_pillars_and_plate_of_a_file_have_their_own_materials(tmp_path: Path) -> None:
     (tmp_path / "own.toml").write_text(TOML.replace("side_mm = 2.0", 'side_mm = 2.0\nmaterial = "steel"'))
     part = exchange(scene(), "plate", TerminalLog(True))
-    write_med(aster.raw_mesh(part), tmp_path / "plate.med", "PLATE")
+    write_med(finite_elements.raw_mesh(part), tmp_path / "plate.med", "PLATE")
     query = [str(tmp_path / "own.toml"), "--mesh-file", str(tmp_path / "plate.med"), "--count", "2"]
     document = modes_document(query, tmp_path)
     steel = case_from_dict(SCENE | {"pillar": SCENE["pillar"] | {"material": "steel"}}).design.pillar
@@ -397,7 +397,7 @@ def test_a_med_file_without_the_expected_group_names_those_it_has(
     case_file: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     part = exchange(scene(), "pillar", TerminalLog(True))
-    write_med(aster.raw_mesh(part), tmp_path / "part.med", "PILLAR")
+    write_med(finite_elements.raw_mesh(part), tmp_path / "part.med", "PILLAR")
     query = ["modes", case_file, "--quiet", "--mesh-file", str(tmp_path / "part.med")]
     assert main.main([*query, "--clamp", "CLAMPS"]) == 2
     text = capsys.readouterr().err

@@ -103,6 +103,7 @@ def test_what_cannot_be_drawn_is_one_line(explorer: Explorer, settings: tuple[st
     assert any(said in line for line in fault.value.lines)
 
 
+@pytest.mark.slow
 def test_the_command_writes_document_rows_and_picture(
     explorer: Explorer,
     scattered: ToleranceResult,

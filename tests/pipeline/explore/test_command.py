@@ -41,6 +41,7 @@ def test_a_port_that_is_none_is_refused(port: str, capsys: pytest.CaptureFixture
     assert "--port" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_page_is_exported_as_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model = small_explorer(tmp_path).model
     monkeypatch.setattr(cell_model, "cell_model", lambda case, log: model)

@@ -9,7 +9,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,7 +21,7 @@ from geometry.tiling import Panel
 from pipeline.case.model import Case, load_case
 from pipeline.errors import InputError
 from pipeline.explore import server as served_module
-from pipeline.explore.answer import BATCH, PLATES, Bar, Explorer, compute, read_design
+from pipeline.explore.answer import BATCH, PLATES, Bar, Candidate, Explorer, apart, compute, read_design
 from pipeline.explore.server import Beside, Server
 from pipeline.logs import WarningLog
 from pipeline.models import parametric
@@ -155,15 +155,25 @@ def detuned(frequency_hz: list[float], strength: list[float], level_db: list[flo
     return live.verdict()
 
 
-def test_modes_whose_weights_may_change_places_are_inside_the_bar() -> None:
+def test_modes_whose_weights_may_change_places_are_named_each_with_its_bars() -> None:
     """Of weights 0.30, 0.29 and 0.15 the best leads the second by less than half as much: they may change places."""
     own = detuned([30e3, 44e3, 48e3], [0.29, 0.30, 0.15], [3.0, 8.0, 20.0])
     assert own.verdict.index == 1 and own.tied == (1, 0)
     bar = Bar.over([own], own, 0.02)
-    assert bar.frequency == pytest.approx(14.0 / 44.0 + 0.02) and bar.status == "split"
-    assert bar.confinement.half_db == pytest.approx(5.0 + TIED) and bar.extension.half_db is None
+    assert bar.frequency == pytest.approx(0.02) and bar.status == "split"
+    assert bar.confinement.half_db == pytest.approx(TIED) and bar.extension.half_db is None
+    (other,) = bar.others
+    assert astuple(other) == pytest.approx((30e3, 0.02, 3.0, TIED))
+    assert "may also be that at 30.0 kHz" in bar.warnings([other])[-1]
+
+
+def test_what_one_mode_becomes_under_changes_is_one_candidate() -> None:
+    assert [list(group) for group in apart(np.array([44e3, 30e3, 43.5e3, 30.2e3, 44.4e3]), 0.02)] == [[1, 3], [0, 2, 4]]
+    other = Candidate.over(np.array([29e3, 31e3]), np.array([3.0, 5.0]), 0.02)
+    assert astuple(other) == pytest.approx((30e3, 1.0 / 30.0 + 0.02, 4.0, 1.0 + TIED))
     alone = detuned([30e3, 44e3, 48e3], [0.10, 0.60, 0.10], [3.0, 8.0, 20.0])
-    assert alone.tied == (1,) and Bar.over([alone], alone, 0.02).frequency == 0.02
+    single = Bar.over([alone], alone, 0.02)
+    assert alone.tied == (1,) and single.frequency == 0.02 and single.others == ()
 
 
 def test_the_live_mode_is_searched_where_every_commands_is() -> None:
@@ -187,7 +197,7 @@ def test_a_mode_of_the_passive_plate_near_the_target_one_is_said(explorer: Explo
     assert said == {True, False}
 
 
-@pytest.mark.parametrize("name", ["rows", "extension"])
+@pytest.mark.parametrize("name", ["rows", pytest.param("extension", marks=pytest.mark.slow)])
 def test_the_ends_of_the_sliders_answer(explorer: Explorer, name: str) -> None:
     """A last row cut by the plate's edge, no rows, no extension: `antinode modes` solves these plates, too."""
     limit = explorer.scene.limits[name]
@@ -225,6 +235,7 @@ def test_between_the_corners_the_error_is_a_product_of_powers_of_the_sizes() -> 
         assert table.overestimate(sizes)[0] == pytest.approx(0.5 * error(*sizes), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     explorer: Explorer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -249,6 +260,7 @@ def test_the_table_holds_what_plain_reductions_are_apart_and_more_between(
     assert parametric.mesh_table(explorer.scene.case, cell, bases, [middle], map) is None
 
 
+@pytest.mark.slow
 def test_the_mesh_of_the_small_model_is_off_by_what_its_table_says(explorer: Explorer) -> None:
     """One corner against a plain reduction, whose own bar is part of what is told."""
     cell, bases = explorer.model.cell, explorer.model.bases
@@ -280,6 +292,7 @@ class OwnMesh(LiveReductions):
         return reduce_cell(assemble(mesh, materials, scale), FACE, 3e6, (0, 1))
 
 
+@pytest.mark.slow
 def test_an_estimate_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
     case = load_case(SMALL)
     answer = explorer.estimate(case)
@@ -528,6 +541,7 @@ def reported(server: Server, until: Callable[[dict[str, Any]], bool]) -> dict[st
     raise AssertionError(state)
 
 
+@pytest.mark.slow
 def test_one_full_plate_at_a_time_and_it_can_be_stopped(server: Server) -> None:
     """In a process of its own: the second solve never ends, and is ended."""
     path, body = f"/{server.token}/full", json.dumps(OWN).encode()
@@ -577,6 +591,7 @@ def test_a_port_in_use_is_said(server: Server) -> None:
         served_module.listening(server.port)
 
 
+@pytest.mark.slow
 def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: Explorer) -> None:
     """Four plates have one cell: whatever is kept from one to the next, each is what it is by itself."""
     points = explorer.cloud(0, BATCH)
@@ -589,6 +604,7 @@ def test_plates_of_the_cloud_that_share_a_cell_are_those_asked_alone(explorer: E
         assert {name: point[name] for name in own} == own
 
 
+@pytest.mark.slow
 def test_a_second_process_computes_parts_of_the_cloud_and_its_loss_is_made_up_for(explorer: Explorer) -> None:
     beside = Beside(explorer)
     try:

@@ -117,6 +117,7 @@ def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> 
     assert abs(result["mac"] - result["computed"]["mac"]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_case_may_name_its_measurements(
     compared_coarsely: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

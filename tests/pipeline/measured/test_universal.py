@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.case.model import load_case
 from pipeline.errors import InputError
-from pipeline.measured.universal import read_field, read_sweep
+from pipeline.measured.files import read_field, read_sweep
 from tests.geometry.formats.test_mutants import limited, mutant
 
 SMALL = Path(__file__).resolve().parents[3] / "examples" / "small.toml"

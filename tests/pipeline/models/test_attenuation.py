@@ -15,7 +15,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.logs import TerminalLog
 from pipeline.models import attenuation
-from pipeline.models.wave_parts import AttenuationPoint, Transmission
+from pipeline.models.answer_parts import AttenuationPoint, Transmission
 from pipeline.paths import STUDIES
 from pipeline.questions.attenuation import prediction
 from solvers.analytic.plates import levy_hz

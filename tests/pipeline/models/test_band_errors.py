@@ -41,15 +41,6 @@ def test_a_gap_of_one_segment_has_the_bars_of_that_segment() -> None:
     assert fields["start"] == "X" and fields["lower_error"] == bands.edge_error(own[:, 0], BARS[4:, 0], gap.lower_hz, 1)
 
 
-def test_an_extreme_between_samples_is_bounded_by_half_the_larger_step() -> None:
-    """A kink half-way between two samples rises above both by half a step."""
-    k = np.arange(9.0)[:, None]
-    kink = 10.0 - np.abs(k - 2.5)
-    beyond = bands.of_samples(PATH, kink)
-    assert kink.max() * (1.0 + beyond[2, 0]) == pytest.approx(10.0)
-    assert (beyond[[0, 4, 8]] == 0.0).all()
-
-
 def test_the_widest_bar_is_named_with_its_largest_part() -> None:
     mesh, truncation = np.full((9, 2), 1e-3), np.full((9, 2), 2e-3)
     truncation[8, 1] = 1e-2

@@ -23,7 +23,7 @@ from pipeline.questions.attenuation import Attenuation
 from pipeline.questions.bands import Bands, BandsResult
 from pipeline.questions.question import Run
 from pipeline.questions.study import answer
-from pipeline.report import dispersion_picture
+from pipeline.report import gallery
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.waves.gaps import BrillouinZoneGap, Gap
 from tests.helpers import coarse_cells, synthetic
@@ -87,6 +87,7 @@ def test_points_tell_polarisation_parity_branch_and_group_velocity(monkeypatch: 
     assert len(json.dumps(document)) < 19 * 8 * 200
 
 
+@pytest.mark.slow
 def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
     result, _ = solved("bands.points=40", "bands.count=4", "bands.path=GX")
     assert result.detail
@@ -96,6 +97,7 @@ def test_the_group_velocity_of_a_point_is_the_slope_of_its_band() -> None:
     assert np.abs(result.detail.velocity[1:-1, :, 1]).max() < 1e-3 * np.abs(slope).max()  # along the line by symmetry
 
 
+@pytest.mark.slow
 def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
     coarse_path, _ = solved("bands.points=3", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
     fine, _ = solved("bands.points=12", "bands.count=8", "bands.path=GXMYG", "array.pitch_x_mm=3")
@@ -106,6 +108,7 @@ def test_a_coarse_path_finds_the_edges_of_a_fine_one() -> None:
     assert coarse_path.frequencies_hz[::3] == pytest.approx(fine.frequencies_hz[::12], rel=1e-9, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     result, log = solved("solve.model=solid", "bands.points=1", "bands.count=7", "bands.grid=1")
     document = BandsResult.of_solved(result).to_dict()
@@ -116,6 +119,7 @@ def test_the_full_cell_gives_frequencies_only_and_says_so() -> None:
     assert document["zone_gaps"][0]["lower_hz"] == pytest.approx(reduced.gaps[0].lower_hz, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of the lowest bands: those that change places with bands not asked for may be others."""
     settings = HexSettings(2, 4e-3, 1, 0.15)
@@ -128,6 +132,7 @@ def test_the_full_cell_keeps_what_its_mesh_said_itself(monkeypatch: pytest.Monke
     assert (result.frequencies_hz[1, :3] < (1.0 - 1e-4) * whole[:3]).all()
 
 
+@pytest.mark.slow
 def test_a_grid_checks_the_gaps_over_the_zone() -> None:
     result, log = solved("bands.points=4", "bands.count=8", "bands.grid=6")
     assert result.zone_gaps and "ZONE" not in log.warnings
@@ -157,6 +162,7 @@ def poor(accuracy: float) -> ReductionSettings:
     return ReductionSettings(Interface(2, 3), 3e5, coarse_cells.COARSEST)
 
 
+@pytest.mark.slow
 def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
     """Stiff pillars that fill a soft plate ask for degree 6 through its thickness, and the next one tells what is left."""
     design = case("plate.thickness_mm=3", "array.pitch_mm=3.5").design
@@ -166,6 +172,7 @@ def test_a_coarse_cell_holds_every_degree_that_is_tried() -> None:
         assert pilot.is_thick and pilot.lattice(thicker).cell.interface == Interface(4, through)
 
 
+@pytest.mark.slow
 def test_a_reduction_too_poor_for_the_accuracy_is_raised_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "lattice_reduction", lambda design, accuracy, *most_hz: poor(accuracy))
     result, log = solved("bands.points=1", "bands.count=8")
@@ -189,6 +196,7 @@ def test_a_reduction_that_cannot_be_raised_enough_is_an_alarm(monkeypatch: pytes
 SOFT = "pillar.material={young_GPa=0.7,density_kg_m3=1000.0,poisson=0.4}"
 
 
+@pytest.mark.slow
 def test_slow_pillars_keep_the_modes_that_the_bands_asked_for_need() -> None:
     """The plate's shear waves would keep those up to 1.2 MHz, hundreds of them; a decay at higher frequencies keeps more."""
     result, log = solved(SOFT, "bands.points=1", "bands.count=8")
@@ -210,10 +218,11 @@ def made() -> BandsResult:
     return bands_of(replace(case("bands.points=4", "bands.count=8")), log)
 
 
+@pytest.mark.slow
 def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> None:
     stored = synthetic.case("cell", bands=made(), design=synthetic.design(1, 4e-3, 5e-3))
     with style.style():
-        report_figure = dispersion_picture.dispersion(stored, {})
+        report_figure = gallery.dispersion(stored, {})
     assert report_figure
     axes = report_figure.figure.axes[0]
     marks = [line for line in axes.lines if line.get_marker() in ("o", "s", "^")]
@@ -224,6 +233,7 @@ def test_the_picture_marks_every_wave_by_its_polarisation(tmp_path: Path) -> Non
     assert "waves are marked as flexural, shear, longitudinal" in report_figure.alt
 
 
+@pytest.mark.slow
 def test_what_only_documents_tell_is_not_computed_for_a_study(monkeypatch: pytest.MonkeyPatch) -> None:
     """Neither gaps of one direction or polarisation, nor the attenuation's own cell beside that of the bands."""
 

@@ -28,6 +28,7 @@ def modes_of(query: Request, log: RecordingLog | None = None) -> list[tuple[str 
     return [(row.symmetry, row.computed_hz or 0.0) for row in result.rows]
 
 
+@pytest.mark.slow
 def test_the_mesh_is_made_for_the_highest_mode_at_once_and_each_class_is_solved_once() -> None:
     log, coarse = RecordingLog(), coarse_modes(CASE, ZONE, choice(ZONE))
     highest = modes_of(ZONE, log)[-1][1]
@@ -45,6 +46,7 @@ def test_modes_asked_class_by_class_are_those_of_asking_every_class_for_all(monk
     assert [tone for _, tone in few] == pytest.approx([tone for _, tone in every], rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_class_asked_for_too_few_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
     truth, log, coarse = modes_of(PILLAR), RecordingLog(), coarse_modes(CASE, PILLAR, choice(PILLAR))
     assert coarse

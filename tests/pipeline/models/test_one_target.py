@@ -16,7 +16,7 @@ from pipeline.models.modes import PartModes, solve_modes
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate
-from solvers.accuracy.plate import MARGIN
+from solvers.accuracy.reduction import MARGIN
 from solvers.measures.target_mode import LEAD, weights
 from solvers.piezo.forced import GroupModes
 from solvers.plates.assembled import PlateModel
@@ -60,6 +60,7 @@ def plate_modes(number: int, low: float | None = None, high: float | None = None
     return solve_modes(own, band, RecordingLog())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ALL)
 def test_the_target_is_the_same_from_every_band(number: int) -> None:
     ours = plate_modes(number).target
@@ -70,6 +71,7 @@ def test_the_target_is_the_same_from_every_band(number: int) -> None:
         assert theirs.row.frequency_hz == pytest.approx(ours.row.frequency_hz, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ALL)
 def test_no_mode_of_the_plate_overturns_what_is_said(number: int) -> None:
     """Against every mode up to twice the zone's frequency, the target is the strongest of the shape, and single by LEAD."""
@@ -107,6 +109,7 @@ def _lowered(basis: GroupModes) -> FloatArray:
     return np.abs(as_meshed / basis.eigenvalue - 1.0)
 
 
+@pytest.mark.slow
 def test_modes_and_responses_mean_one_target_within_their_bars() -> None:
     own, ours = case(0, SPECK), plate_modes(0)
     low, high = mesh_rules.target_window_hz(own.design)

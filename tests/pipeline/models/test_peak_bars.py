@@ -11,8 +11,7 @@ import pytest
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from pipeline.models import forced as driven_plate
 from pipeline.models.forced import AROUND_PEAK, DECAYED, curve_errors, quality_error
 from solvers.driven.curve_bars import Doubts

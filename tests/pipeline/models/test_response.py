@@ -16,8 +16,8 @@ from pipeline.cli.main import main
 from pipeline.models.forced import _widest_bar
 from pipeline.planning.refinement import WidestBar
 from solvers.control.identification import half_power_quality_factor
-from solvers.piezo import peak_errors
-from solvers.piezo.peak_errors import FrequencyErrors
+from solvers.piezo import responses
+from solvers.piezo.responses import FrequencyErrors
 from tests.helpers.recording_log import RecordingLog
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -83,7 +83,7 @@ def test_the_widest_bar_of_the_band_and_its_largest_part_are_named(monkeypatch: 
     bars = np.array([[1e-3, 2e-3, 0.5], [3e-3, 1e-3, 0.5], [1e-3, 4e-3, 0.5]])
     tones = SimpleNamespace(frequency_hz=np.array([61e3, 70e3, 90e3])), SimpleNamespace(frequency_hz=np.array([65e3]))
     known = [FrequencyErrors(*bars), FrequencyErrors(*bars[:, :1])]
-    monkeypatch.setattr(peak_errors, "frequency_errors", lambda basis: known[basis is tones[1]])
+    monkeypatch.setattr(responses, "frequency_errors", lambda basis: known[basis is tones[1]])
     forced: Any = SimpleNamespace(modes=tones)
     widest = _widest_bar(forced, 60e3, 80e3)
     assert widest.error == pytest.approx(7e-3) and widest.of == "the resonance at 70.0 kHz"
@@ -122,6 +122,7 @@ def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_
     assert short["frequency_hz"] < opened["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
 
 
+@pytest.mark.slow
 def test_without_sensors_there_is_no_voltage(case: Path, tmp_path: Path) -> None:
     file = tmp_path / "r.json"
     assert (

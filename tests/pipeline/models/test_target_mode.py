@@ -60,6 +60,7 @@ def test_the_target_mode_is_the_same_from_every_window(window: tuple[float, floa
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("near_hz", "count"), [(32.0, 20), pytest.param(1e3, 20, marks=pytest.mark.slow)])
 def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(near_hz: float, count: int) -> None:
     """A window of 64 Hz or 2 kHz once made a model without a single fixed-interface mode: 15 % wrong, and "0.97 %" said."""
@@ -83,6 +84,7 @@ def test_a_plate_without_the_target_shape_has_no_target_mode(capsys: pytest.Capt
     assert text["target"]["confinement_db"] is None and text["error_bar"] is None
 
 
+@pytest.mark.slow
 def test_the_document_names_the_target_mode_and_its_rivals(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -129,13 +131,16 @@ def test_an_empty_answer_says_where_modes_are(capsys: pytest.CaptureFixture[str]
     assert 1e3 * text == pytest.approx(lowest, rel=0.05)
 
 
-@pytest.mark.parametrize("command", [("predesign",), ("modes", "--part", "pillar", "--count", "1")])
+@pytest.mark.parametrize(
+    "command", [("predesign",), pytest.param(("modes", "--part", "pillar", "--count", "1"), marks=pytest.mark.slow)]
+)
 def test_every_document_says_what_it_answers(command: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     text = document(command[0], str(SMALL), *command[1:], "--set", "array.rows=2", capsys=capsys)
     assert text["schema"] == 2 and text["case"] == "small" and text["version"]
     assert text["with_defaults"] == case("array.rows=2").to_dict()
 
 
+@pytest.mark.slow
 def test_the_interval_of_the_lowest_modes_holds_them(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -78,6 +78,7 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
     return json.loads(file.read_text())
 
 
+@pytest.mark.slow
 def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) -> None:
     """The small plate's response is highest at 26 kHz, which leaks; its target mode at 34.5 kHz is confined."""
     target, highest = document["target_peak"], document["highest_peak"]
@@ -89,6 +90,7 @@ def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) 
     assert target["quality_factor"] == pytest.approx(document["quality_factor_given"], rel=0.05)
 
 
+@pytest.mark.slow
 def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
     """A patch that listens is open and stiffens its mode by more than the half-power width: the short one's is no peak."""
     file = tmp_path / "r.json"

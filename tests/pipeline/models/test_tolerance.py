@@ -13,7 +13,7 @@ from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.models import tolerance
-from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.models.answer_parts import SampleRecord
 from solvers.variation.samples import PlateSpace
 
 pytestmark = pytest.mark.usefixtures("coarsest_cells")
@@ -84,9 +84,14 @@ def test_the_document_holds_samples_and_their_statistics(document: dict) -> None
     assert off["confinement_db"] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape",
-    ["shape='round'\ndiameter_mm=2.0", "shape='hexagonal'\nside_mm=2.0", "shape='tapered'\nbase_mm=2.0\ntip_mm=1.6"],
+    [
+        pytest.param("shape='round'\ndiameter_mm=2.0", marks=pytest.mark.slow),
+        pytest.param("shape='hexagonal'\nside_mm=2.0", marks=pytest.mark.slow),
+        "shape='tapered'\nbase_mm=2.0\ntip_mm=1.6",
+    ],
 )
 def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None:
     """Heights alone: a lone pillar's frequency goes as the inverse square of its height, and the plate's follows it."""
@@ -97,6 +102,7 @@ def test_pillars_of_other_shapes_scatter_too(shape: str, tmp_path: Path) -> None
     assert 0.0 < result["interpolation_check"]["peak_hz"] < 1e-4 * result["nominal"]["peak_hz"]
 
 
+@pytest.mark.slow
 def test_the_same_seed_draws_the_same_plates_and_more_samples_go_on(case: Path, document: dict) -> None:
     more, one = run(case, "--samples", "4"), run(case, "--samples", "1")
     assert more["with_defaults"]["tolerance"]["samples"] == 4

@@ -114,6 +114,7 @@ def two_levels(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_rules, "expected_error", lambda part, row, growth=1.0: 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("two_levels")
 def test_a_whole_cell_that_misses_is_meshed_anew() -> None:
     kept, missed = (solve_bands(case(accuracy, model="solid"), RecordingLog()) for accuracy in (0.1, 0.002))
@@ -154,7 +155,7 @@ def test_a_mesh_that_cannot_be_had_leaves_what_the_one_before_it_gave(failing: i
 
 
 @pytest.mark.usefixtures("two_levels")
-@pytest.mark.parametrize("part", ["pillar", "zone"])
+@pytest.mark.parametrize("part", ["pillar", pytest.param("zone", marks=pytest.mark.slow)])
 def test_a_lone_part_that_misses_is_meshed_anew(part: str) -> None:
     request = Request(part, near_hz=30e3, count=2, search=False)
     kept, missed = (modes.solve_modes(case(accuracy), request, RecordingLog()) for accuracy in (0.1, 0.001))
@@ -179,6 +180,7 @@ def test_tetrahedra_that_miss_are_meshed_anew() -> None:
     assert (off <= allowed[moving]).all()
 
 
+@pytest.mark.slow
 def test_what_a_mesh_tells_of_itself_outweighs_what_another_design_did(monkeypatch: pytest.MonkeyPatch) -> None:
     """Modes above those measured on another design ask for no finer elements where their own bars do not."""
     asked: list[float] = []

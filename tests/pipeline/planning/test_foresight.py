@@ -19,7 +19,7 @@ from pipeline.case.model import Case, case_from_dict, load_case
 from pipeline.case.schema import known_keys
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.logs import TerminalLog
+from pipeline.logs import RunLog, TerminalLog
 from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
@@ -27,7 +27,6 @@ from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
 from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
 from pipeline.questions.bands import Bands
-from pipeline.records.run_log import RunLog
 from solvers import machine
 from solvers.errors import OutOfMemory
 from solvers.machine import GROUP_FILES, available_bytes
@@ -89,6 +88,7 @@ SQUAT = {
 }
 
 
+@pytest.mark.slow
 def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
     monkeypatch.setenv(machine.STATED, "4")
@@ -108,6 +108,7 @@ STOUT = {
 }
 
 
+@pytest.mark.slow
 def test_the_functions_foreseen_are_those_that_coarse_cells_advise() -> None:
     """They raise cut-off and degree of a plan's first reduction, to three times the functions here."""
     case = case_from_dict(STOUT)
@@ -270,6 +271,7 @@ def peak_is_foreseen(name: str) -> bool:
     return low < took.peak_bytes / took.foreseen_bytes < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["zone small", pytest.param("plate small", marks=pytest.mark.slow)])
 def test_peaks_lie_where_they_are_foreseen(name: str) -> None:
     assert peak_is_foreseen(name)
@@ -307,6 +309,7 @@ def test_a_cell_takes_what_is_foreseen_within_a_factor_of_two(name: str) -> None
     assert 0.5 < took.processor_s / took.foreseen_s < 2.0
 
 
+@pytest.mark.slow
 def test_a_heavy_tip_on_a_soft_neck_is_not_taken_for_many_functions() -> None:
     """The cell's own modes are counted on a coarse mesh; a smeared mass had 6000 where 20 lie below the cut-off."""
     (demand,) = Bands().plan(load_case(SMALL, CELLS["neck and tip"].split()[3::2])).demands.values()

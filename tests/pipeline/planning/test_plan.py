@@ -251,9 +251,13 @@ def test_a_response_with_pillars_from_a_step_file_is_planned_whole() -> None:
     ("overrides", "request_"),
     [
         ((), Request("plate", symmetry="AS")),
-        (("solve.model='solid'", "solve.accuracy=0.1"), Request("plate", near_hz=30e3, count=3, symmetry="SS")),
-        ((), Request("zone", count=2)),
-        ((), Request("pillar")),
+        pytest.param(
+            ("solve.model='solid'", "solve.accuracy=0.1"),
+            Request("plate", near_hz=30e3, count=3, symmetry="SS"),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param((), Request("zone", count=2), marks=pytest.mark.slow),
+        pytest.param((), Request("pillar"), marks=pytest.mark.slow),
         (("array.rows=0",), Request("plate", band_hz=(20e3, 30e3))),
     ],
 )
@@ -276,6 +280,7 @@ def test_modes_are_solved_as_planned(overrides: tuple[str, ...], request_: Reque
         assert all(mesh.order == step.numbers["order"] for mesh in result.meshes)
 
 
+@pytest.mark.slow
 def test_bands_and_attenuation_are_solved_as_planned() -> None:
     scene, heard = small("bands.points=2", "bands.count=6"), RecordingLog()
     planned = Bands().plan(scene)
@@ -291,6 +296,7 @@ def test_bands_and_attenuation_are_solved_as_planned() -> None:
     assert [crossed.points[0].frequency_hz, crossed.points[-1].frequency_hz] == step.numbers["band_hz"]
 
 
+@pytest.mark.slow
 def test_a_response_couples_the_classes_that_were_planned() -> None:
     for centres in ("[[-6.0,0.0],[6.0,0.0]]", "[[-6.0,1.0],[6.0,0.0]]"):
         scene, heard = small(f"patches.centres_mm={centres}", "solve.band_kHz=[28.0,32.0]"), RecordingLog()
@@ -349,6 +355,7 @@ def test_a_dry_run_tells_the_plan_of_each_case(capsys: pytest.CaptureFixture[str
     assert text.count("interface polynomials of degree") >= cases <= text.count("fixed-interface modes to")
 
 
+@pytest.mark.slow
 def test_a_dry_run_names_what_is_up_to_date(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -363,7 +370,7 @@ TRACE = """
 import json, os, sys
 from collections import Counter
 from pathlib import Path
-from pipeline.records.run_log import RunLog
+from pipeline.logs import RunLog
 from pipeline.batch import case_study
 from pipeline.case.model import load_case
 calls = Counter()
@@ -385,9 +392,9 @@ WORK = {
         *(
             "geometry/hex/scenes.py:pillar_grading",
             "pipeline/planning/mesh_rules.py:_along",
-            "geometry/pillar_shapes/step.py",
+            "geometry/pillar_shapes.py",
         ),
-        *("solvers/thesis/pillar_row.py", "solvers/plates/strip.py"),
+        *("solvers/thesis/scattering.py", "solvers/plates/strip.py"),
     ),
     "lattice": (
         "solvers/superelement/lattice.py",

@@ -80,6 +80,7 @@ def test_a_mesh_level_that_cannot_be_solved_leaves_the_modes_of_the_one_below(mo
     assert "REDUCTION" in log.warnings
 
 
+@pytest.mark.slow
 def test_modes_that_nobody_is_told_ask_for_no_finer_mesh() -> None:
     """Every class solves as many as are target of all together: the highest of them are left out, and their errors, too."""
     log = RecordingLog()

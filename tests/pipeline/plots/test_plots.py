@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from geometry.decimation import with_sides
-from pipeline.plots import fields, rendering, style, sweep
+from pipeline.plots import fields, rendering, style
 from pipeline.plots import fields as plots_fields
 from pipeline.questions.bands import BandPoint, BandsResult
 from pipeline.questions.modes import ShapesResult
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy, read_study
-from pipeline.report import dispersion_picture, gallery
+from pipeline.report import gallery
 from tests.helpers import synthetic
 
 
@@ -51,7 +51,7 @@ def test_units_on_every_axis(case: StoredCase):
         report_figures = [
             fields.touch_face(case, arrays),
             plots_fields.mode_on_both_meshes(case, arrays),
-            dispersion_picture.dispersion(case, arrays),
+            gallery.dispersion(case, arrays),
         ]
     for report_figure in report_figures:
         for axes in report_figure.figure.axes:
@@ -64,13 +64,13 @@ def test_the_same_record_gives_the_same_bytes(case: StoredCase, tmp_path: Path):
     for folder in ("a", "b"):
         with style.style():
             style.save(fields.touch_face(case, case.arrays()), tmp_path / folder)
-            style.save(dispersion_picture.dispersion(case, {}), tmp_path / folder)
+            style.save(gallery.dispersion(case, {}), tmp_path / folder)
     for one in (tmp_path / "a").iterdir():
         assert one.read_bytes() == (tmp_path / "b" / one.name).read_bytes(), one.name
 
 
 def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredCase):
-    report_figure = dispersion_picture.dispersion(case, {})
+    report_figure = gallery.dispersion(case, {})
     text = labels(report_figure.figure)
     assert "complete gap 163 to 176 kHz" in text and "bending at M\n32.54 kHz" in text
     assert [tick.get_text() for tick in report_figure.figure.axes[0].get_xticklabels()] == ["Γ", "X", "M", "Γ"]
@@ -82,23 +82,20 @@ def test_the_gap_and_the_bending_bands_are_told_with_their_numbers(case: StoredC
     gapless = replace(case.record.of(BandsResult), gaps=[], points=cut)
     known = min(point.frequencies_hz[3] for point in case.record.of(BandsResult).points) / 1e3
     none = replace(case, record=case.record.model_copy(update={"answers": {"bands": gapless}}))
-    gapless_figure = dispersion_picture.dispersion(none, {})  # a gap above the last band would not have been seen
+    gapless_figure = gallery.dispersion(none, {})  # a gap above the last band would not have been seen
     said = f"o complete gap along the path up to {known:.2f} kHz, where the lowest 4 bands end"
     assert said in labels(gapless_figure.figure) and f"opens {said[15:]}" in gapless_figure.alt
 
 
 def test_normalised_frequency_is_f_a_over_the_shear_speed(case: StoredCase):
     speed = np.sqrt(70e9 / (2 * 1.34) / 2700)
-    assert dispersion_picture.shear_speed(case) == pytest.approx(speed)
-    axes = dispersion_picture.dispersion(case, {}).figure.axes[0]
+    assert gallery.shear_speed(case) == pytest.approx(speed)
+    axes = gallery.dispersion(case, {}).figure.axes[0]
     right = axes.child_axes[0]
     forward, _ = right._functions
     assert forward(100.0) == pytest.approx(100e3 * 0.004 / speed) and "f a / c" in right.get_ylabel()
     (case.folder / "input.json").rename(case.folder / "kept")
-    assert (
-        dispersion_picture.shear_speed(case) is None
-        and not dispersion_picture.dispersion(case, {}).figure.axes[0].child_axes
-    )
+    assert gallery.shear_speed(case) is None and not gallery.dispersion(case, {}).figure.axes[0].child_axes
     (case.folder / "kept").rename(case.folder / "input.json")
 
 
@@ -109,6 +106,7 @@ def test_the_path_is_drawn_to_scale():
     assert np.diff(marks) == pytest.approx(np.pi / 0.004 * np.array([1, 1, np.sqrt(2)]))
 
 
+@pytest.mark.slow
 def test_the_moving_plate_states_its_factor_truly(case: StoredCase, by_hand):
     arrays, design = case.arrays(), case.record.design
     drawn = {each.name: each for each in rendering.report_figures(case, arrays)}
@@ -144,21 +142,21 @@ def test_a_tetrahedral_field_of_the_other_sign_is_turned(case: StoredCase):
 
 
 def test_prediction_and_finite_plates_share_a_picture(study: StoredStudy):
-    report_figure = sweep.how_many_rows(study)
+    report_figure = gallery.how_many_rows(study)
     assert report_figure is not None and "predicted 9.0 dB" in report_figure.alt
     words = labels(report_figure.figure)
     assert "zone to extension (dB)" in words and "rows on each side" in words
 
 
 def test_confinement_against_what_was_swept(study: StoredStudy):
-    report_figure = sweep.against_sweep(study)
+    report_figure = gallery.against_sweep(study)
     level, tone = report_figure.figure.axes
     assert level.get_ylabel() == "confinement (dB)" and tone.get_xlabel() == "array pitch (mm)"
     named = {line.get_label() for line in tone.lines if not line.get_label().startswith("_")}
     assert named == {"array rows = 1", "array rows = 2", "unit cell: bending at M"}
     assert "3 of 4 reach 10 dB" in report_figure.alt
     lone = StoredStudy(study.folder, study.about, study.cases[:1])
-    assert sweep.against_sweep(lone) is None
+    assert gallery.against_sweep(lone) is None
 
 
 def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
@@ -169,7 +167,7 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
         (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
         kept = ShapesResult(target=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
         synthetic.change(path.parent, shapes=kept)
-    level, tone = sweep.against_sweep(read_study(folder)).figure.axes
+    level, tone = gallery.against_sweep(read_study(folder)).figure.axes
     for axes in (level, tone):
         joined = [line.get_xdata().tolist() for line in axes.lines if line.get_linestyle() == "-"]
         assert [4.0, 5.0] in joined and not any(
@@ -178,6 +176,7 @@ def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
         assert [4.0, 5.0, 6.0] not in joined
 
 
+@pytest.mark.slow
 def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.006), rows=(1, 2, 3))
     for path in folder.glob("pitch_mm=6*/record.json"):
@@ -185,7 +184,7 @@ def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
         corner = BandPoint(label="M", kx_per_m=1.0, ky_per_m=1.0, frequencies_hz=[31000.0, 31100.0])
         synthetic.change(path.parent, bands=replace(bands, points=[corner]))
     study = read_study(folder)
-    _, tone = sweep.against_sweep(study).figure.axes
+    _, tone = gallery.against_sweep(study).figure.axes
     cells = [line for line in tone.lines if line.get_label() == "_cell"]
     pitches = [line for line in tone.lines if line.get_label().startswith("array pitch")]
     assert [line.get_color() for line in cells] == [line.get_color() for line in pitches] and len(cells) == 2
@@ -194,7 +193,7 @@ def test_each_line_has_its_own_cell_where_the_cells_differ(tmp_path: Path):
 
 @pytest.mark.parametrize(("key", "label"), [("array.pitch_mm", "array pitch (mm)"), ("array.rows", "array rows")])
 def test_swept_keys_in_words(key: str, label: str):
-    assert sweep.axis_label(key) == label
+    assert gallery.axis_label(key) == label
 
 
 def test_records_with_little_in_them_give_few_pictures(study: StoredStudy, tmp_path: Path, by_hand):

@@ -34,6 +34,7 @@ def doze(surfaces: list[Surface]) -> None:
     time.sleep(60.0)
 
 
+@pytest.mark.slow
 def test_a_child_that_dies_of_a_segmentation_fault_is_survived(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(rendering, "_draw_all", crash)
     images, fault = rendering.render([PLAIN])
@@ -59,6 +60,7 @@ def test_an_empty_image_is_not_believed(monkeypatch: pytest.MonkeyPatch):
     assert "empty" in fault and rendering.image_fault(images[0]) == ""
 
 
+@pytest.mark.slow
 def test_a_rendering_that_hangs_is_ended(monkeypatch: pytest.MonkeyPatch):
     rendering.render([PLAIN])  # the child is there
     (child,) = rendering._child()._processes.values()

@@ -16,10 +16,10 @@ from pipeline.case.model import Case, case_from_dict
 from pipeline.cli.main import main
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models import driven_zones, parts
+from pipeline.models import forced as driven_zones
+from pipeline.models import parts
+from pipeline.models.answer_parts import DrivenZone, TouchStateRecord
 from pipeline.models.forced import forced_plate
-from pipeline.models.touch_parts import TouchStateRecord
-from pipeline.models.zone_parts import DrivenZone
 from pipeline.plots import style
 from pipeline.plots.fields import draw_outlines
 from pipeline.plots.rendering import _dimensions
@@ -98,6 +98,7 @@ def test_pictures_show_every_zone_and_row() -> None:
     assert "2 zones 10 mm wide" in words and "3 rows of 4 square" in words
 
 
+@pytest.mark.slow
 def test_one_zone_is_what_it_was(forced: ForcedPlate) -> None:
     """Not a byte of the understood case differs, and its zone moves as the response says."""
     assert case_of([ZONE]).to_dict() == case_of(ZONE).to_dict() == case_of({**ZONE, "count": 1}).to_dict()

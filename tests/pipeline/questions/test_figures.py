@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.models.tolerance_parts import SampleRecord
+from pipeline.models.answer_parts import SampleRecord
+from pipeline.quantity import KHZ, NM
 from pipeline.questions.tolerance import ToleranceResult
-from pipeline.units import KHZ, NM
 from tests.helpers import synthetic
 
 RESPONSE, BANDS, ROWS = synthetic.response(12.0), synthetic.bands(0.004), synthetic.attenuation(3)

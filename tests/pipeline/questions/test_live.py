@@ -14,11 +14,11 @@ from pipeline.case.model import load_case
 from pipeline.explore.answer import Explorer
 from pipeline.models import parametric
 from pipeline.models.parametric import CellModelCache
-from pipeline.plots import sweep
 from pipeline.questions.live import Live, LiveResult
 from pipeline.questions.question import ask
 from pipeline.records.record import Record
 from pipeline.records.study import StoredCase, StoredStudy
+from pipeline.report import gallery
 from tests.helpers.exploring import SMALL, small_explorer
 from tests.helpers.recording_log import RecordingLog
 
@@ -89,7 +89,7 @@ def test_live_answers_are_drawn_without_plates_and_beside_them(tmp_path: Path) -
 
     cases = [case(5.0, 40e3), case(6.0, 36e3), case(7.0, 31e3)]
     study = StoredStudy(tmp_path, {"name": "heights"}, tuple(cases))
-    figure = sweep.against_sweep(study)
+    figure = gallery.against_sweep(study)
     assert figure is not None
     _, tone = figure.figure.axes
     (crosses,) = [line for line in tone.lines if line.get_marker() == "x"]
@@ -102,6 +102,7 @@ def _waits(folder: Path, order: Any) -> None:
         order.put("second")
 
 
+@pytest.mark.slow
 def test_one_process_at_a_time_makes_a_model(tmp_path: Path) -> None:
     context = multiprocessing.get_context("spawn")
     order = context.Queue()

@@ -19,6 +19,7 @@ from pipeline.records.record import Record
 
 ROOT = Path(__file__).resolve().parents[3]
 SMALL = "examples/small.toml"
+SHORT = {"zone__length_mm": 28.0, "zone__nodal_lines": 2, "array__rows": 1}
 ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its overrides, the question's options
     "predesign": (SMALL, {}, {}),
     "modes": (SMALL, {"accuracy": 0.1}, {"part": "pillar", "count": 3}),
@@ -37,7 +38,11 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
         {"band_kHz": (30.0, 40.0), "samples": 2},
     ),
     "crosstalk": ("examples/small-zones.toml", {"accuracy": 0.1}, {"band_kHz": (33.0, 36.0), "points": 3}),
-    "hybrid": (SMALL, {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3]}, {"band_kHz": (33.0, 36.0), "points": 3}),
+    "hybrid": (
+        SMALL,
+        {"accuracy": 0.1, **SHORT, "patches__size_mm": [4.0, 3.0, 0.3]},
+        {"band_kHz": (33.0, 36.0), "points": 3},
+    ),
     "touch": (
         SMALL,
         {"accuracy": 0.1, "patches__size_mm": [8.0, 3.0, 0.3], "touch__radius_mm": 5.0},
@@ -49,6 +54,16 @@ ASKED: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {  # case, its ov
         {"band_kHz": (28.0, 36.0)},
     ),
 }
+SLOW = {
+    "search",
+    "tolerance",
+    "crosstalk",
+    "hybrid",
+    "touch",
+    "travel",
+    "active_beam",
+    "active_shaping",
+}  # theirs are quick
 ASKED |= {f"active_{model}": (SMALL, {}, {}) for model in ("mason", "pillar", "beam", "dq", "shaping")}
 
 
@@ -65,7 +80,7 @@ def test_every_question_is_asked_here() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "active_shaping" else name for name in ASKED]
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in ASKED]
 )
 @pytest.mark.filterwarnings("ignore::antinode.Caution")
 def test_command_frame_and_record_hold_one_table(

@@ -116,7 +116,7 @@ def figures(record: Any, command: str) -> dict[str, tuple[float, float | None, i
 
 
 def touch_names() -> list[tuple[str, str]]:
-    from pipeline.models.touch_states import STATE
+    from pipeline.models.touch import STATE
 
     return list(STATE.items())
 

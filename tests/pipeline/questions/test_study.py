@@ -49,6 +49,7 @@ def test_what_a_case_lacks_is_named(measure: str, said: str) -> None:
         study.check(load_case(SMALL), [measure])
 
 
+@pytest.mark.slow
 def test_a_part_that_is_asked_as_another_question_draws_nothing_of_its_own() -> None:
     """Modes of the bare zone and of the lone pillar are a result of `modes`, whose pictures are of the plate."""
     case = load_case(str(SMALL), ["solve.accuracy=0.1"])

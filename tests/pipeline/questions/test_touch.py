@@ -79,6 +79,7 @@ def test_without_impedance_nothing_changes(forced: ForcedPlate) -> None:
     assert (nothing.mode.shift_hz, nothing.mode.added_loss, nothing.loop.needed_V) == (0.0, 0.0, 1.0)
 
 
+@pytest.mark.slow
 def test_what_is_not_known_is_not_told(forced: ForcedPlate) -> None:
     plain = touch_of(case_of(), QUIET, mapped=False, forced=forced)
     assert plain.map is None and plain.loop and plain.loop.saturates is None
@@ -88,6 +89,7 @@ def test_what_is_not_known_is_not_told(forced: ForcedPlate) -> None:
     assert any("not below a gap of 2 um" in reason for reason in loud.unknown)
 
 
+@pytest.mark.slow
 def test_a_map_that_no_memory_holds_is_left_out(forced: ForcedPlate, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(touch, "room_bytes", lambda: 1e3)
     assert touch_of(case_of(), QUIET, forced=forced).map is None

@@ -18,10 +18,10 @@ import antinode
 from pipeline.batch import case_study
 from pipeline.batch.study_file import load_study
 from pipeline.cli.main import main
+from pipeline.logs import RunLog
 from pipeline.questions import study as asked
 from pipeline.questions.question import QUESTIONS
 from pipeline.records import record, store
-from pipeline.records.run_log import RunLog
 from pipeline.report import page
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -11,22 +11,21 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from firmware.emulate.beam import BeamSimulation, Structure
+from firmware.emulate.plant import BeamSimulation, Structure
 from firmware.mode_table import from_bytes, to_bytes
-from pipeline.board import played
+from pipeline.board import six_channels
 from pipeline.case.model import Case, case_from_dict
 from pipeline.errors import InputError
 from pipeline.logs import TerminalLog
-from pipeline.models import shear, travelling
-from pipeline.models.travel_parts import PlayedPattern, ShearRecord
+from pipeline.models import travelling
+from pipeline.models.answer_parts import PlayedPattern, ShearRecord
 from pipeline.models.travelling import Travelling
 from pipeline.questions.question import Run, ask
 from pipeline.questions.travel import PlayedTravel, Travel, TravelResult
 from solvers.driven.error_bars import Louder
 from solvers.errors import SolverError
-from solvers.touch import touch_map, touched_plate
-from solvers.touch.friction import crest_motion
-from solvers.touch.touch_map import lattice_receptance
+from solvers.touch import effects, touched_plate
+from solvers.touch.effects import crest_motion, lattice_receptance
 
 QUIET = TerminalLog(quiet=True)
 X_MM = (-46.0, -28.0, -10.0, 10.0, 28.0, 46.0, -55.0, -37.0, -19.0, 19.0, 37.0, 55.0)
@@ -63,7 +62,7 @@ def core() -> None:
 
 @pytest.fixture(scope="module")
 def solved(coarsest_cells: None) -> tuple[TravelResult, Travelling]:
-    values, wave = travelling.solve(case_of(), QUIET, None, 0.0, [])
+    values, wave = travelling.solve_travelling(case_of(), QUIET, None, 0.0, [])
     return TravelResult(**values, others=0.0), wave
 
 
@@ -106,13 +105,13 @@ def test_backwards_is_the_mirror_image(solved: tuple[TravelResult, Travelling]) 
 
 def test_the_table_holds_t_and_what_each_pattern_shows(solved: tuple[TravelResult, Travelling], tmp_path: Path) -> None:
     record, wave = solved
-    outcome = played.board_outcome(wave, QUIET, tmp_path, played=False)
+    outcome = six_channels.board_outcome(wave, QUIET, tmp_path, played=False)
     assert outcome["tables"] == ["travelling_wave.bin", "travelling_wave.h"]
     table = from_bytes((tmp_path / "travelling_wave.bin").read_bytes())
     (shape,) = table.shapes
     assert shape.frequency_hz == pytest.approx(record.frequency_hz, rel=1e-6)
     matrix = np.array(shape.matrix)
-    assert matrix == pytest.approx(_sampled(played.structure(wave), record.frequency_hz), rel=1e-3)
+    assert matrix == pytest.approx(_sampled(six_channels.structure(wave), record.frequency_hz), rel=1e-3)
     for pattern, volts in zip(shape.patterns, wave.drives.values(), strict=True):
         readings, target = matrix @ volts, np.array(pattern.targets)
         assert target * readings[np.argmax(np.abs(readings))] == pytest.approx(readings, rel=1e-5)
@@ -140,7 +139,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelResult, Travelli
     from tests.helpers.hosted_boards import HostedSix
 
     _, wave = solved
-    board = HostedSix(to_bytes(played.table_of(wave)), played.structure(wave))
+    board = HostedSix(to_bytes(six_channels.table_of(wave)), six_channels.structure(wave))
     board.run(5e-3)
     drives = []
     for pattern in range(2):
@@ -149,7 +148,7 @@ def test_the_firmware_s_core_plays_the_wave(solved: tuple[TravelResult, Travelli
         board.run(0.3)
         assert board.state == 2, hex(board.faults)
         drives.append(board.drives)
-    forward, back = played.patterns_of(
+    forward, back = six_channels.patterns_of(
         dataclasses.replace(wave, drives=dict(list(wave.drives.items())[:2])), np.array(drives)
     )
     for each in (forward, back):
@@ -170,8 +169,8 @@ def fingered(
     given = {"impedance": {}, "radius_mm": 2.5, "force_N": 1.0, "gap_um": [2.5, 4.0], **touch}
     case = case_from_dict({**STRIP, "touch": {key: value for key, value in given.items() if value is not None}})
     volts = wave.forced.signs.astype(complex) if drive == "standing" else wave.all_volts(wave.drives[drive])
-    driven = shear.Driven(record.drive_V_at_1um * volts, record.frequency_hz)
-    shear_record = shear.solve(case, wave.forced, driven, record.wavenumber_per_m, QUIET, varied)
+    driven = travelling.Driven(record.drive_V_at_1um * volts, record.frequency_hz)
+    shear_record = travelling.solve_shear(case, wave.forced, driven, record.wavenumber_per_m, QUIET, varied)
     assert shear_record is not None
     return shear_record
 
@@ -188,10 +187,11 @@ def free(solved: tuple[TravelResult, Travelling]) -> Iterator[ShearRecord]:
         return known[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(touch_map, "lattice_receptance", once)
+        patch.setattr(effects, "lattice_receptance", once)
         yield fingered(*solved)
 
 
+@pytest.mark.slow
 def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
@@ -217,6 +217,7 @@ def test_crests_run_as_the_outer_skin_of_the_plate_moves(
     assert ours == pytest.approx(exact, abs=0.03 * np.abs(exact).max())  # means over the contact: (k R)^2/8
 
 
+@pytest.mark.slow
 def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     solved: tuple[TravelResult, Travelling], free: ShearRecord
 ) -> None:
@@ -230,6 +231,7 @@ def test_the_drag_is_against_the_wave_and_none_of_a_standing_one(
     assert np.abs(np.median(standing)) < 0.1 * np.abs(np.median(forth))
 
 
+@pytest.mark.slow
 def test_soft_and_hard_fingers_bound_the_net_shear(
     solved: tuple[TravelResult, Travelling], free: ShearRecord, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -250,17 +252,18 @@ def test_soft_and_hard_fingers_bound_the_net_shear(
     assert felt.name == "shear" and "mm/s along x" in felt.alt
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("free")
 def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
     solved: tuple[TravelResult, Travelling], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Drives louder by a tenth raise the crest by as much; the same drive again by what the contact misses, and no more."""
     record, wave = solved
-    monkeypatch.setattr(shear, "missing_at_ends", lambda places: 1e-9)
+    monkeypatch.setattr(travelling, "missing_at_ends", lambda places: 1e-9)
     volts = record.drive_V_at_1um * wave.all_volts(wave.drives["pair+"])
     at = {"impedance": {"stiffness_N_m": 1e3, "damping_N_s_m": 0.01}}
     same, loud = (
-        fingered(record, wave, varied=[(shear.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
+        fingered(record, wave, varied=[(travelling.Driven(factor * volts, record.frequency_hz, Louder(1.0)),)], **at)
         for factor in (1.0, 1.1)
     )
     low, high = (getattr(same, f"shear_{end}_error") for end in ("low", "high"))
@@ -271,6 +274,7 @@ def test_the_largest_shear_has_a_bar_of_other_plates_and_drives(
     assert (loud.shear_high_error or 0.0) > high
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("free")
 def test_shear_that_cannot_be_told_says_why(solved: tuple[TravelResult, Travelling]) -> None:
     record, wave = solved
@@ -297,8 +301,8 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> 
     sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))
     with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
-        played.board_outcome(seven, QUIET, None, played=True)
-    assert played.board_outcome(seven, QUIET, None, played=False) == {}
+        six_channels.board_outcome(seven, QUIET, None, played=True)
+    assert six_channels.board_outcome(seven, QUIET, None, played=False) == {}
 
 
 def test_a_flow_that_no_inner_section_shows_is_said(solved: tuple[TravelResult, Travelling]) -> None:
@@ -320,9 +324,9 @@ def test_the_board_is_a_question_of_its_own(
     steps = [[step.name for step in kind().plan(case_of()).steps] for kind in (Travel, PlayedTravel)]
     assert steps[1][:1] == steps[0] and "emulated board" in steps[1][1]
     values = {name: getattr(record, name) for name in record.declared if name not in ("others", "board", "tables")}
-    monkeypatch.setattr(travelling, "solve", lambda *given: (values, wave))
+    monkeypatch.setattr(travelling, "solve_travelling", lambda *given: (values, wave))
     pattern = PlayedPattern(name="pair+", twr=0.9, twr_target=0.91, error=0.01)
-    monkeypatch.setattr(played, "_played", lambda *given: [pattern])
+    monkeypatch.setattr(six_channels, "_played", lambda *given: [pattern])
     plain, on_board = (ask(case_of(), kind(), Run(QUIET, folder=tmp_path)) for kind in (Travel, PlayedTravel))
     assert plain.board is None and on_board.board == [pattern] and "emulated board, pair+" in [*on_board.lines()][-1]
     assert {path.name for path in tmp_path.iterdir()} == {*plain.tables} == {"travelling_wave.bin", "travelling_wave.h"}

@@ -10,14 +10,13 @@ import pytest
 from pipeline.batch import case_study
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
-from pipeline.logs import TerminalLog
+from pipeline.logs import RunLog, TerminalLog
 from pipeline.models import mode_fields, modes
 from pipeline.models.cell_cache import MatrixCache
 from pipeline.paths import STUDIES
 from pipeline.planning.model_choice import Request
 from pipeline.records import record, store
 from pipeline.records.record import Record
-from pipeline.records.run_log import RunLog
 from pipeline.records.study import StoredCase
 from pipeline.records.surface_codec import folded, from_steps, in_steps, scaled, surface_arrays, touch_arrays, unfolded
 from solvers.fem.surface import Skin
@@ -121,6 +120,7 @@ def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:
     assert not (tmp_path / store.FIELDS).exists() and (tmp_path / store.ARRAYS).exists()
 
 
+@pytest.mark.slow
 def test_modes_write_fields_where_they_are_asked_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     part = (
         "modes",

@@ -4,43 +4,43 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.records import fingerprint
+from pipeline.records import store
 
 
 def test_hash_ignores_order_and_number_types_but_no_value():
-    one = fingerprint.input_hash({"a": 1.5, "b": [1, 2], "c": {"d": None}})
-    assert one == fingerprint.input_hash({"c": {"d": None}, "b": (1, 2), "a": np.float64(1.5)})
-    assert one != fingerprint.input_hash({"a": np.nextafter(1.5, 2), "b": [1, 2], "c": {"d": None}})
-    assert fingerprint.plain({"x": np.array([1.0, np.nan])}) == {"x": [1.0, None]}
+    one = store.input_hash({"a": 1.5, "b": [1, 2], "c": {"d": None}})
+    assert one == store.input_hash({"c": {"d": None}, "b": (1, 2), "a": np.float64(1.5)})
+    assert one != store.input_hash({"a": np.nextafter(1.5, 2), "b": [1, 2], "c": {"d": None}})
+    assert store.plain({"x": np.array([1.0, np.nan])}) == {"x": [1.0, None]}
 
 
 @pytest.fixture
 def checkout(tmp_path: Path) -> Path:
-    for folder in fingerprint.COMPUTING_FOLDERS:
-        shutil.copytree(fingerprint.ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in store.COMPUTING_FOLDERS:
+        shutil.copytree(store.ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return tmp_path
 
 
 def test_any_edit_of_what_computes_changes_the_hash_and_none_of_what_shows(checkout: Path):
-    before = fingerprint.code_hash(checkout)
-    assert before == fingerprint.code_hash()  # the place of the checkout does not matter
+    before = store.code_hash(checkout)
+    assert before == store.code_hash()  # the place of the checkout does not matter
     (checkout / "pipeline/records/tables.py").write_text("edited")
     (checkout / "pipeline/plots/extra.py").write_text("new")
-    assert fingerprint.code_hash(checkout) == before
+    assert store.code_hash(checkout) == before
     (checkout / "pipeline/a_new_step.py").write_text("")
-    added = fingerprint.code_hash(checkout)
+    added = store.code_hash(checkout)
     (checkout / "geometry/layout.py").write_text("edited")
-    assert len({before, added, fingerprint.code_hash(checkout)}) == 3
+    assert len({before, added, store.code_hash(checkout)}) == 3
 
 
 def test_every_module_that_computes_is_counted():
-    counted = {path.relative_to(fingerprint.ROOT).as_posix() for path in fingerprint.computing_sources()}
+    counted = {path.relative_to(store.ROOT).as_posix() for path in store.computing_sources()}
     assert {"geometry/layout.py", "solvers/errors.py", "pipeline/records/store.py"} <= counted
     assert not {"pipeline/batch/runner.py", "pipeline/records/tables.py", "pipeline/report/page.py"} & counted
 
 
 def test_the_reason_names_the_package():
-    mark = fingerprint.current()
+    mark = store.current_fingerprint()
     record = {"code_hash": mark.code_hash, "versions": dict(mark.versions)}
     assert mark.differs_from(record) is None
     record["versions"]["scipy"] = "1.0"

@@ -15,7 +15,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.cli import main
 from pipeline.errors import InputError, one_line
-from pipeline.exchange import aster, calculix, exports
+from pipeline.exchange import exports, finite_elements
 from pipeline.logs import TerminalLog
 from pipeline.questions import predesign
 from pipeline.records import outputs
@@ -42,8 +42,8 @@ def nothing_computed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exports, "_cad", computed)
     monkeypatch.setattr(exports, "_vtu", computed)
     monkeypatch.setattr(exports, "_table", computed)
-    monkeypatch.setattr(aster, "write", computed)
-    monkeypatch.setattr(calculix, "write", computed)
+    monkeypatch.setattr(finite_elements, "aster", computed)
+    monkeypatch.setattr(finite_elements, "calculix", computed)
 
 
 @pytest.mark.usefixtures("nothing_computed")
@@ -129,8 +129,13 @@ def test_a_file_for_others_on_standard_output_is_alone_and_whole(case: Path, cap
 
 def test_a_calculix_file_goes_where_it_is_sent(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo")
-    assert calculix.place(Path("-")) == Path("-") and calculix.place(tmp_path / "fifo") == tmp_path / "fifo"
-    assert calculix.place(Path("x")) == Path("x.inp") and calculix.place(Path("x.inp")) == Path("x.inp")
+    assert (
+        finite_elements.calculix_file(Path("-")) == Path("-")
+        and finite_elements.calculix_file(tmp_path / "fifo") == tmp_path / "fifo"
+    )
+    assert finite_elements.calculix_file(Path("x")) == Path("x.inp") and finite_elements.calculix_file(
+        Path("x.inp")
+    ) == Path("x.inp")
 
 
 def test_a_terminal_is_no_place_for_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -139,6 +144,7 @@ def test_a_terminal_is_no_place_for_bytes(monkeypatch: pytest.MonkeyPatch) -> No
         pass
 
 
+@pytest.mark.slow
 def test_libraries_say_nothing_where_no_home_can_be_written(case: Path) -> None:
     """matplotlib and ezdxf, which cadquery brings along, warn of folders that they cannot make."""
     (case.parent / "home").write_text("no folder")

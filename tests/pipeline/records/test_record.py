@@ -10,10 +10,10 @@ import pytest
 from pydantic import ValidationError
 
 from pipeline.batch import runner
-from pipeline.models.mode_parts import TargetMode
+from pipeline.models.answer_parts import TargetMode
 from pipeline.questions.modes import ModesResult
 from pipeline.questions.response import PeakRecord
-from pipeline.records import fingerprint, record, store
+from pipeline.records import record, store
 from pipeline.records.record import Record
 from tests.helpers import fake_study, synthetic
 
@@ -38,10 +38,10 @@ def test_what_was_written_is_read_field_by_field(tmp_path: Path) -> None:
 def test_an_older_record_is_refused_by_its_number_and_computed_again(tmp_path: Path, number: int | None) -> None:
     folder = tmp_path / "value=0"
     (job,) = fake_study.jobs(1)
-    mark = fingerprint.current()
+    mark = store.current_fingerprint()
     store.begin(folder, job.payload)
     made = Record(case_id=folder.name, status="OK", code_hash=mark.code_hash, versions=mark.versions)
-    whole = {**made.to_dict(), "input_hash": fingerprint.input_hash(job.payload)}
+    whole = {**made.to_dict(), "input_hash": store.input_hash(job.payload)}
     store.seal(folder, whole)
     assert runner.plan([job], tmp_path)[0].why is None  # it stands
     store.seal(folder, {**whole, "schema": number})

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.records.run_log import SAME_WARNING_LIMIT, RunLog, close_abandoned, current_step
+from pipeline.logs import SAME_WARNING_LIMIT, RunLog, close_abandoned, current_step
 
 
 def test_it_reads_like_a_message_file_while_it_runs(tmp_path: Path):

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from pipeline.batch.runner import StudyBusy, study_lock
-from pipeline.records import fingerprint, store
+from pipeline.records import store
 
 PAYLOAD = {"name": "c", "value": 1.0}
 
 
 def finished_case(folder: Path) -> dict:
-    mark = fingerprint.current()
+    mark = store.current_fingerprint()
     store.begin(folder, PAYLOAD)
     store.save_arrays(folder, {"a": np.arange(5.0)})
     record = {
         "schema": store.SCHEMA,
         "case_id": folder.name,
         "status": "OK",
-        "input_hash": fingerprint.input_hash(PAYLOAD),
+        "input_hash": store.input_hash(PAYLOAD),
     }
     record |= {"code_hash": mark.code_hash, "versions": mark.versions}
     store.finish(folder, record, {"seconds": {"total": 1.0}})
@@ -31,7 +31,7 @@ def finished_case(folder: Path) -> dict:
 
 
 def why(folder: Path) -> str | None:
-    return store.why_recompute(folder, PAYLOAD, fingerprint.current())
+    return store.why_recompute(folder, PAYLOAD, store.current_fingerprint())
 
 
 def test_a_finished_case_stands_and_reads_back(tmp_path: Path):
@@ -213,10 +213,10 @@ def test_a_reader_keeps_the_old_file_whole(tmp_path: Path):
 def test_changed_input_code_and_versions_are_told_apart(tmp_path: Path):
     folder = tmp_path / "c"
     finished_case(folder)
-    mark = fingerprint.current()
+    mark = store.current_fingerprint()
     assert store.why_recompute(folder, {**PAYLOAD, "value": 2.0}, mark) == "its input changed"
-    assert "sources" in store.why_recompute(folder, PAYLOAD, fingerprint.Fingerprint("0", mark.versions))
-    older = fingerprint.Fingerprint(mark.code_hash, {**mark.versions, "numpy": "0"})
+    assert "sources" in store.why_recompute(folder, PAYLOAD, store.Fingerprint("0", mark.versions))
+    older = store.Fingerprint(mark.code_hash, {**mark.versions, "numpy": "0"})
     assert "numpy" in store.why_recompute(folder, PAYLOAD, older)
 
 
@@ -302,7 +302,7 @@ def test_a_flipped_bit_of_a_case_is_recomputed_or_changes_nothing(count, tmp_pat
     """Bits drawn over every file of a finished case."""
     folder = tmp_path / "case"
     record = finished_case(folder)
-    mark, draw = fingerprint.current(), np.random.default_rng(5)
+    mark, draw = store.current_fingerprint(), np.random.default_rng(5)
     names = sorted(path.name for path in folder.iterdir() if path.name not in (store.TIMING, store.RUN_LOG))
     whole = {name: (folder / name).read_bytes() for name in names}
     recomputed = 0
@@ -313,7 +313,7 @@ def test_a_flipped_bit_of_a_case_is_recomputed_or_changes_nothing(count, tmp_pat
         (folder / name).write_bytes(damaged)
         if store.why_recompute(folder, PAYLOAD, mark) is None:
             kept = store.read_record(folder)
-            assert {key: kept[key] for key in record} == fingerprint.plain(record), (name, bit)
+            assert {key: kept[key] for key in record} == store.plain(record), (name, bit)
             assert np.array_equal(store.load_arrays(folder)["a"], np.arange(5.0))
         else:
             recomputed += 1

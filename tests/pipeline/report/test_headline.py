@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.models.tolerance_parts import SpreadRecord
+from pipeline.models.answer_parts import SpreadRecord
 from pipeline.paths import RESULTS
 from pipeline.plots.fields import level_text
 from pipeline.questions import study as asked

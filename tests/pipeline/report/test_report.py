@@ -67,6 +67,21 @@ def table(study: StoredStudy) -> str:
     return tables.table_bytes(study, asked.columns_of(study)).decode()
 
 
+def saved_blank(figure: ReportFigure, folder: Path) -> StoredFigure:
+    """The files of a figure without what is drawn in them, for a test that only asks which there are."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [f"{figure.name}.{kind}" for kind in ("svg", "png")]
+    for name in names:
+        (folder / name).write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
+    return StoredFigure(figure.name, figure.title, figure.alt, *names, names[0], 1, 1, figure.vector)
+
+
+@pytest.fixture
+def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are drawn, but not saved: for tests that ask which there are."""
+    monkeypatch.setattr(gallery, "save", saved_blank)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = synthetic.put_study(tmp_path_factory.mktemp("report") / "rows", pitches=(0.004, 0.006), rows=(1,))
@@ -142,22 +157,12 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
 
-def saved_blank(figure: ReportFigure, folder: Path) -> StoredFigure:
-    """The files of a figure without what is drawn in them, for a test that only asks which there are."""
-    folder.mkdir(parents=True, exist_ok=True)
-    names = [f"{figure.name}.{kind}" for kind in ("svg", "png")]
-    for name in names:
-        (folder / name).write_text('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
-    return StoredFigure(figure.name, figure.title, figure.alt, *names, names[0], 1, 1, figure.vector)
-
-
-def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+@pytest.mark.slow
+@pytest.mark.usefixtures("blank_pictures")
+def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(tmp_path: Path):
     """And nothing of an earlier record stays: plates whose pillars are of another material have the same cell by its sizes, but
     other bands.
     """
-    monkeypatch.setattr(gallery, "save", saved_blank)
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004,), rows=(1, 2))
 
     def pictures(case: StoredCase) -> set[str]:
@@ -182,6 +187,7 @@ def test_what_the_page_has_no_room_for_is_drawn_of_a_sweeps_best_case_alone(
     assert pictures(best) - pictures(other) == of_best
 
 
+@pytest.mark.slow
 def test_a_long_study_draws_its_best_case(tmp_path: Path):
     """Of several that are confined alike the first is the best, wherever the even spread falls."""
     folder = synthetic.put_study(tmp_path / "rows", pitches=(0.004, 0.005, 0.006, 0.008), rows=(1, 2, 3))
@@ -232,6 +238,7 @@ def test_what_does_not_fit_is_named_and_no_picture_is_missing(
     assert all(picture["alt"] in alt_texts or picture["title"] in page.text for picture in stored_pictures)
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     (copy / "pitch_mm=4,rows=1/arrays.npz").write_bytes(b"PK torn")
@@ -240,6 +247,7 @@ def test_torn_arrays_and_a_lost_record_spoil_nothing_else(folder: Path, tmp_path
     assert page.read_errors == [] and "record.json is unreadable" in page.text and "MISSING" in page.text
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_picture_that_cannot_be_drawn_is_told_and_spoils_no_other(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     arrays = store.load_arrays(copy / "pitch_mm=4,rows=1")
@@ -283,6 +291,7 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     assert table(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
     listed = []
     for number in range(40):
@@ -340,6 +349,7 @@ def test_moving_shapes_and_diagram_are_in_the_page(folder: Path, page: Page):
     assert len(page.all("option")) == 2 and "Attenuation" in page.text and "Rows for 10\u202fdB" in page.text
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_what_has_no_shapes_carries_no_viewer(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     (copy / "pitch_mm=4,rows=1/arrays.npz").unlink()
@@ -388,6 +398,7 @@ def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, t
     assert "99.25" not in table(read_study(copy))
 
 
+@pytest.mark.usefixtures("blank_pictures")
 def test_arrays_of_another_case_are_named_and_not_drawn(folder: Path, tmp_path: Path):
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     store.save_arrays(copy / "pitch_mm=4,rows=1", {"touch_xy": np.zeros((3, 2))})

@@ -20,7 +20,6 @@ from pipeline.errors import InputError
 from pipeline.paths import ROOT, STUDIES
 from pipeline.questions.search import SearchResult
 from pipeline.search import fidelity, optimiser
-from pipeline.search.designs import Settings, front
 from pipeline.search.fidelity import (
     COLUMN,
     PLATE,
@@ -33,9 +32,9 @@ from pipeline.search.fidelity import (
     frequency_slack,
     worst,
 )
-from pipeline.search.limits import Limits, mass_kg
+from pipeline.search.optimiser import Settings, front
 from pipeline.search.space import searchable_keys, word_keys
-from pipeline.search.terms import FoundDesign
+from pipeline.search.terms import FoundDesign, Limits, mass_kg
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import parse_vary, read_space
 
@@ -300,6 +299,7 @@ def test_mass_of_plate_and_pillars() -> None:
     assert mass_kg(replace(design, rows=0)) == pytest.approx(2700e-9 * 115.5 * 2.0 * 35.0 * 2.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_cheap_models_lead_the_dear_one_to_the_top(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """The strips' top is 0.4 mm off; columns and plates find the true one, within the step, and within the budget."""
     put(monkeypatch, fake)
@@ -314,6 +314,7 @@ def test_cheap_models_lead_the_dear_one_to_the_top(monkeypatch: pytest.MonkeyPat
     assert result.gain == pytest.approx(result.best.goal_value - fake(space.case(), PLATE).confinement_db)
 
 
+@pytest.mark.slow
 def test_no_limit_is_traded_for_the_goal(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     put(monkeypatch, fake)
     space = read_space(CASE, [], ["pillar.height_mm=5:8", "array.pitch_mm=4:8"])

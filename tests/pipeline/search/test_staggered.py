@@ -16,8 +16,8 @@ from pipeline.paths import STUDIES
 from pipeline.planning.mesh_rules import target_window_hz
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.search import fidelity, optimiser
-from pipeline.search.designs import Settings
 from pipeline.search.fidelity import COLUMN, EvaluationCache, FidelityResult, evaluate
+from pipeline.search.optimiser import Settings
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import read_space
 
@@ -42,6 +42,7 @@ def test_staggered_rows_are_chosen_where_they_stop_the_wider_band(
     assert outcome.repeat[-1] == "array.stagger=true"
 
 
+@pytest.mark.slow
 def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest_cells: None) -> None:
     """At the target wavenumber; three rows take 10 dB over the lower part of the lattice's gap, about the target mode."""
     case = load_case(CASE, [*SMALL, "array.stagger=true"])

@@ -15,11 +15,10 @@ from pipeline.errors import CheckFailed, InputError
 from pipeline.logs import WarningLog
 from pipeline.questions.search import SearchResult
 from pipeline.search import fidelity, optimiser
-from pipeline.search.designs import Settings
 from pipeline.search.fidelity import COLUMN, PLATE, STRIP, EvaluationCache, FidelityResult
-from pipeline.search.limits import Limits
+from pipeline.search.optimiser import Settings
 from pipeline.search.space import Space, space_of
-from pipeline.search.terms import Range
+from pipeline.search.terms import Limits, Range
 from tests.helpers.asked import crosstalk_of
 from tests.helpers.recording_log import RecordingLog
 from tests.helpers.searching import read_space

@@ -86,6 +86,7 @@ def test_modes_that_stand_above_many_others_tell_the_coarser_eigenvalues_too(fir
     assert change > 0.01 and np.abs(np.sort(estimate) / exact - 1.0).max() < 0.25 * change
 
 
+@pytest.mark.slow
 def test_the_bar_of_a_part_holds_the_finer_computation() -> None:
     meshes = CoarserMeshes(nested(MESH.coarser), nested(replace(MESH, order=2)), clamped_shares(STEEL, MESH))
     pencil = model(MESH).pencil("SA")

@@ -14,8 +14,7 @@ from geometry.layout import Design
 from geometry.materials import Material
 from geometry.tiling import lattice_panel
 from pipeline.case.model import load_case
-from solvers.accuracy.bands import mesh_error
-from solvers.accuracy.plate import AT_RIMS, mode_errors
+from solvers.accuracy.reduction import AT_RIMS, mesh_error, mode_errors
 from solvers.fem.eigen import modes_in_band
 from solvers.plates import assembled
 from solvers.plates.assembled import PlateModel, Reductions
@@ -85,6 +84,7 @@ def test_the_bar_holds_a_finer_computation_and_most_of_the_error_goes(pair: tupl
     assert np.median(bar) < 0.9 * np.median(before)  # the bar is worth having
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [PAIRS[0], pytest.param(PAIRS[1], marks=pytest.mark.slow)])
 def test_what_was_taken_is_what_the_finer_mesh_lies_above(pair: tuple[str, str]) -> None:
     one = cell(*pair, 3)
@@ -105,6 +105,7 @@ def test_the_matrices_without_what_was_taken_are_those_of_the_mesh_itself(monkey
         assert np.abs(ours - theirs).max() < 1e-12 * np.abs(theirs).max()
 
 
+@pytest.mark.slow
 def test_almost_massless_combinations_keep_their_mass() -> None:
     """A pillar of tungsten on a thick plate: the coarser mesh's shapes carry other masses by more than r could take."""
     assert DESIGN.pillar

@@ -9,9 +9,8 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
-from solvers.accuracy.plate import mode_errors
+from geometry.materials import MATERIALS, Stack
+from solvers.accuracy.reduction import mode_errors
 from solvers.fem.eigen import modes_near
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings

@@ -9,7 +9,7 @@ import pytest
 
 from geometry.layout import Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.plate_waves import highest_hz, pillar_modes, plate_modes
+from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 
 STEEL = MATERIALS["steel"]
 

@@ -7,8 +7,7 @@ from math import pi, sqrt
 
 import pytest
 
-from geometry.materials import MATERIALS, Material
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Material, Stack
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.plates import (
     Strip,

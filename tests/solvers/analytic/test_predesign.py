@@ -11,7 +11,7 @@ import pytest
 
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic import plates, timoshenko
+from solvers.analytic import beams, plates
 from solvers.analytic.predesign import (
     pillar_frequencies_hz,
     pillar_height_m,
@@ -98,9 +98,9 @@ def test_stubby_pillars_are_called_a_guess():
 def test_work_stays_that_of_an_instant_answer(monkeypatch: pytest.MonkeyPatch):
     """Three dense solves and a few hundred 4 x 4 determinants; `make bench` prints the time they take."""
     solved, determinants = [], []
-    lowest, characteristic = plates._lowest, timoshenko.characteristic
+    lowest, characteristic = plates._lowest, beams.characteristic
     monkeypatch.setattr(plates, "_lowest", lambda k, *text: solved.append(len(k)) or lowest(k, *text))
-    monkeypatch.setattr(timoshenko, "characteristic", lambda *text: determinants.append(1) or characteristic(*text))
+    monkeypatch.setattr(beams, "characteristic", lambda *text: determinants.append(1) or characteristic(*text))
     predesign(DESIGN)
     assert len(solved) == 3 and max(solved) <= 250
     assert 20 <= len(determinants) <= 400

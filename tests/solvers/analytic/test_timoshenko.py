@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from geometry.materials import MATERIALS
-from solvers.analytic.beams import VANISHING, rigid_count, roots
-from solvers.analytic.timoshenko import Beam, beam_of, exact_omegas, ritz_frequencies_hz
+from solvers.analytic.beams import VANISHING, Beam, beam_of, exact_omegas, rigid_count, ritz_frequencies_hz, roots
 from solvers.errors import SolverError
 from tests.helpers.beams import round_beam, square_beam
 

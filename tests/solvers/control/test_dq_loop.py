@@ -243,8 +243,8 @@ def test_gains_are_those_the_firmware_plans(firmware, quality_factor, gain, resp
         "frequency_hz": TRUE, "tau_s": mode.tau_s, "gain": {"re": complex(gain).real, "im": complex(gain).imag},
         "delay_s": 9.3e-6, "drive_limit": 1.0, "amplitude_limit": 0.8,
     })  # fmt: skip
-    wish = ffi.new(
-        "an_pi_wish *",
+    spec = ffi.new(
+        "an_pi_spec *",
         {
             "period_s": PERIOD,
             "ahead_s": 108e-6,
@@ -254,7 +254,7 @@ def test_gains_are_those_the_firmware_plans(firmware, quality_factor, gain, resp
         },
     )
     gains = ffi.new("an_pi_gains *")
-    lib.an_pi_plan(gains, known, lib.an_dds_step(TRUE + 120.0, 250e3), 120.0, wish)
+    lib.an_pi_plan(gains, known, lib.an_dds_step(TRUE + 120.0, 250e3), 120.0, spec)
     ours, control = setup.gains, Controller(setup)
     assert gains.law[0].integral == pytest.approx(ours.integral, rel=2e-3)
     for law in range(2):

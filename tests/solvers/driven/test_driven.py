@@ -11,8 +11,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.driven.forms import best_volts, contrast_volts, face_grams, forms, unit_volts
 from solvers.driven.several_patches import plate_table, power_flow
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes
@@ -126,6 +125,7 @@ def test_modes_extrapolated_from_two_meshes_lose_what_their_patches_give() -> No
     assert flow.flow_w[-1] == pytest.approx(0.0, abs=1e-9 * flow.lost_w)
 
 
+@pytest.mark.slow
 def test_the_flow_along_a_strip_is_that_of_its_two_waves() -> None:
     """Euler-Bernoulli: P = omega EI k^3 (|a|^2 - |b|^2); shear and the plate's stiffness across are some percent at this k.
 

@@ -31,7 +31,7 @@ def place_of(forced: ForcedPlate, basis: GroupModes, mode: int) -> int:
     return sum(len(each.eigenvalue) for each in before) + mode
 
 
-@pytest.mark.parametrize("sensors", [(), (2,)])
+@pytest.mark.parametrize("sensors", [(), pytest.param((2,), marks=pytest.mark.slow)])
 def test_forms_are_the_curves_squares(sensors: tuple[int, ...]) -> None:
     forced = plate(sensors)
     fed = np.array([VOLTS[0, 0], VOLTS[0, 1], 0.0])[: 2 + len(sensors)]

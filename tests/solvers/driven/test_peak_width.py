@@ -9,8 +9,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.control.identification import half_power_points
 from solvers.driven.error_bars import Variation, width_rates
 from solvers.piezo.forced import Drive, ForcedPlate, GroupModes

@@ -11,9 +11,9 @@ from solvers.errors import CountMismatch, SolverError
 from solvers.fem import eigen
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import PlainPencil, Shared, lowest_pairs, modes_in_band, modes_near
-from solvers.fem.factor.choice import available
-from solvers.fem.factor.factoriser import Factoriser
+from solvers.fem.factor import Factoriser
 from solvers.fem.solid import Pencil, constrain, free_mask
+from solvers.machine import factorisations
 from tests.helpers import small_meshes as small
 
 BODY = {"body": small.SOFT}
@@ -207,7 +207,7 @@ def test_a_neighbour_that_the_search_missed_does_not_widen_what_is_returned(monk
     assert not modes.count.low_hz < missed < modes.count.high_hz
 
 
-@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("backend", factorisations())
 @pytest.mark.parametrize("distance", [0.0, 1e-13, -1e-12])
 def test_a_search_that_begins_on_a_mode_finds_its_neighbours_too(backend: str, distance: float) -> None:
     body = pencil(edges=CUBE)
@@ -226,7 +226,7 @@ def test_ten_equal_eigenvalues_are_all_found() -> None:
     assert np.abs(modes.vectors.T @ modes.vectors - np.eye(10)).max() < 1e-9
 
 
-@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("backend", factorisations())
 def test_a_shift_exactly_on_an_eigenvalue_is_moved(backend: str) -> None:
     values = [*range(1, 80)]
     body = diagonal([float(v) for v in values])
@@ -242,7 +242,9 @@ def test_a_shift_on_a_computed_frequency_of_a_body_works() -> None:
     assert np.allclose(modes_near(body, truth[6], 1).frequency_hz, truth[6], rtol=1e-9)
 
 
-@pytest.mark.skipif("rslab" not in available(), reason="rslab (extra: fast) is not installed: nothing to compare with")
+@pytest.mark.skipif(
+    "rslab" not in factorisations(), reason="rslab (extra: fast) is not installed: nothing to compare with"
+)
 def test_both_factorisations_give_the_same_modes_and_counts() -> None:
     body = pencil(("touch",), order=3)
     first, second = (modes_near(body, 3e5, 12, backend) for backend in ("superlu", "rslab"))
@@ -250,7 +252,7 @@ def test_both_factorisations_give_the_same_modes_and_counts() -> None:
     assert first.count.expected == second.count.expected
 
 
-@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("backend", factorisations())
 def test_the_inertia_counts_the_eigenvalues_below_the_shift(backend: str) -> None:
     body = pencil(("touch",))
     values = eigh(body.stiffness.toarray(), body.mass.toarray(), eigvals_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import legendre
 
-from solvers.fem.quadrature import COUNT, gauss_points, parted
+from solvers.fem.surface import COUNT, gauss_points, parted
 
 EDGES = (-2.0, -0.7, 0.4, 1.5)  # of rectangles along y
 LINES = (-1.1, 0.4, 0.9, 1.2)

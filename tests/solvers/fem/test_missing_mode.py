@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from geometry.elements import FloatArray
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil, Shared, factor_near
-from solvers.fem.factor.factoriser import Factor, Factoriser
+from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.missing_mode import largest_outside
 
 SIZE = 60

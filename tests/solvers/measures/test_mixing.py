@@ -9,8 +9,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure, share_error, strength_force
-from solvers.measures.mode_mixing import Overlaps, mixed_energy
+from solvers.measures.confinement import Overlaps, TouchField, measure, mixed_energy, share_error, strength_force
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 TONES = np.array([30e3, 31e3, 40e3])

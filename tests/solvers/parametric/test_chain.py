@@ -11,8 +11,7 @@ from scipy.linalg import eigh
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import Material
-from geometry.stack import Stack
+from geometry.materials import Material, Stack
 from geometry.tiling import Panel
 from pipeline.models.live_column import CONDENSED
 from pipeline.planning.mesh_rules import search_window_hz

@@ -18,7 +18,7 @@ from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import STUDIES
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import cell_model_choice
-from solvers.accuracy.bands import reduction_error
+from solvers.accuracy.reduction import reduction_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
 from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between

@@ -153,6 +153,7 @@ def test_fewer_boundary_polynomials_lie_above(cells: tuple[ParametricCell, ...])
     assert (few.frequencies(k, COUNT) >= many.frequencies(k, COUNT) * (1.0 - 1e-9)).all()
 
 
+@pytest.mark.slow
 def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> None:
     """A hexagon is no image of itself with x and y exchanged: four classes, and a path around a quarter of the zone."""
     from solvers.parametric.bands import INNER, _eigenvalues, _merged

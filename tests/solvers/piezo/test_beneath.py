@@ -10,11 +10,9 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
-from solvers.piezo import beneath
-from solvers.piezo.beneath import Beneath
-from solvers.piezo.patch import bonded_patch
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
+from solvers.piezo import patch as beneath
+from solvers.piezo.patch import Beneath, bonded_patch
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 
@@ -39,10 +37,10 @@ def plate_model(rows: int = 0) -> PlateModel:
     ("box", "rows", "axes"),
     [
         ((-4e-3, 4e-3, -2e-3, 2e-3), 0, (0, 1)),
-        ((1e-3, 8e-3, -2e-3, 2e-3), 0, (1,)),
+        pytest.param((1e-3, 8e-3, -2e-3, 2e-3), 0, (1,), marks=pytest.mark.slow),
         ((-4e-3, 4e-3, -1e-3, 3e-3), 0, (0,)),
         pytest.param((-1e-3, 1e-3, 5e-3, 6e-3), 1, (0,), marks=pytest.mark.slow),
-        ((1e-3, 8e-3, -1e-3, 3e-3), 0, ()),
+        pytest.param((1e-3, 8e-3, -1e-3, 3e-3), 0, (), marks=pytest.mark.slow),
     ],
     ids=["both", "y", "x", "over pillars", "none"],
 )

@@ -7,8 +7,7 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.piezo.bond import _field, grid_weights
@@ -21,7 +20,15 @@ SETTINGS = ReductionSettings(Interface(2, 2), 2e5, HexSettings(3, 4e-3, 1, 0.15,
 PLACES = np.array([[0.3e-3, -1.1e-3], [1.9e-3, 0.2e-3], [-1.2e-3, 1.3e-3]])
 
 
-@pytest.mark.parametrize("shape", ["square", "tapered", "round", "hexagonal"])
+@pytest.mark.parametrize(
+    "shape",
+    [
+        "square",
+        pytest.param("tapered", marks=pytest.mark.slow),
+        pytest.param("round", marks=pytest.mark.slow),
+        pytest.param("hexagonal", marks=pytest.mark.slow),
+    ],
+)
 def test_a_lift_is_told_exactly_or_refused(shape: str) -> None:
     """Planted: without the look at the grid a round pillar's panel told -0.08 to 1 of a lift by 1."""
     pillar = Pillar(shape, 2e-3, 1.4e-3 if shape == "tapered" else 2e-3, 6e-3, ALUMINIUM)

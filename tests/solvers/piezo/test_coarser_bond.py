@@ -9,8 +9,7 @@ import scipy.sparse as sp
 from solvers.accuracy.mesh import Shares
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
-from solvers.piezo.coarser_bond import extrapolated_modes
-from solvers.piezo.patched_plate import CoarserBond, Group
+from solvers.piezo.patched_plate import CoarserBond, Group, extrapolated_modes
 
 VALUES = np.array([1.0, 2.0, 4.0])
 SHARES = Shares(taken=0.4, spread=0.1)

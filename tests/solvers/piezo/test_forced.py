@@ -13,23 +13,21 @@ import scipy.sparse.linalg as spla
 from geometry.hex.boxes import Boxes, hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, PiezoMaterial, Stack
 from geometry.tiling import tile
 from solvers import machine
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError, TooLarge
 from solvers.fem.eigen import modes_in_band
 from solvers.fem.solid import SolidModel
-from solvers.piezo import beneath as beneath_patches
+from solvers.piezo import patch as beneath_patches
 from solvers.piezo import patch as piezo_patch
 from solvers.piezo import patched_plate
-from solvers.piezo.beneath import Beneath, patch_mesh, pillars_beneath
 from solvers.piezo.bond import Contact, displacement_at
 from solvers.piezo.forced import Drive, ForcedPlate, group_modes
-from solvers.piezo.patch import MESH, _mesh, bonded_patch, with_potential
+from solvers.piezo.patch import MESH, Beneath, _mesh, bonded_patch, patch_mesh, pillars_beneath, with_potential
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate, _bonds, coupled_classes
-from solvers.piezo.peak_errors import frequency_errors, height_error
+from solvers.piezo.responses import frequency_errors, height_error
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.plate import WHOLE, AssembledPlate
@@ -124,6 +122,7 @@ def test_classes_that_no_patch_drives_are_not_assembled() -> None:
     assert assembled == {symmetry: symmetry not in plate.undriven for symmetry in CLASSES} and plate.undriven
 
 
+@pytest.mark.slow
 def test_patches_on_a_mirror_line_cannot_drive_what_is_antisymmetric_about_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left out is nothing: loads computed all the same are rounding beside those of the classes that are driven."""
     short = patched(TWO)
@@ -142,6 +141,7 @@ def test_patches_on_a_mirror_line_cannot_drive_what_is_antisymmetric_about_it(mo
     assert patched(aside).undriven == []
 
 
+@pytest.mark.slow
 def test_a_patch_in_the_middle_is_no_load_of_classes_odd_about_it() -> None:
     """Where others drive the class, rounding would stand for its load, and be a direction of the space of `tolerance`."""
     groups = {
@@ -184,7 +184,9 @@ def forced(
     return ForcedPlate(patched(boxes, PZ26), DESIGN, Drive(drivers, sensors, (20e3, 45e3), quality_factor))
 
 
-@pytest.mark.parametrize("frequency", [22e3, 33e3, 44e3])
+@pytest.mark.parametrize(
+    "frequency", [22e3, pytest.param(33e3, marks=pytest.mark.slow), pytest.param(44e3, marks=pytest.mark.slow)]
+)
 def test_superposition_meets_direct_solves(frequency: float) -> None:
     """Direct solves damp what lies outside the band too: a difference of the order of 1/Q."""
     plate = forced(TWO, (0,), (1,))
@@ -287,6 +289,7 @@ def across_the_mirror() -> PlateModel:
     return plate_of(300e3, 5e-3)
 
 
+@pytest.mark.slow
 def test_a_contact_feels_what_the_faces_nodes_show_on_every_panel() -> None:
     made = across_the_mirror()
     for symmetry in (*CLASSES, WHOLE):
@@ -299,6 +302,7 @@ def test_a_contact_feels_what_the_faces_nodes_show_on_every_panel() -> None:
         assert np.abs(felt - skin.displacement[0][on]).max() < 1e-9 * np.abs(felt).max()
 
 
+@pytest.mark.slow
 def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     made = across_the_mirror()
     every = []
@@ -311,9 +315,14 @@ def test_a_patched_plate_has_the_same_modes_by_classes_and_as_a_whole() -> None:
     assert np.abs(every[0] / every[1] - 1.0).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("thick_m", "size_m"),
-    [(1e-3, 4e-3), (1.5e-3, 8e-3), (4e-3, 8e-3)],
+    [
+        (1e-3, 4e-3),
+        pytest.param(1.5e-3, 8e-3, marks=pytest.mark.slow),
+        pytest.param(4e-3, 8e-3, marks=pytest.mark.slow),
+    ],
     ids=["thick", "thick in classes not driven", "thick on few elements"],
 )
 def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, size_m: float) -> None:
@@ -330,6 +339,7 @@ def test_a_thick_patch_leaves_stiffness_and_inertia_positive(thick_m: float, siz
             assert stiffness[0] > -1e-9 * stiffness[-1]
 
 
+@pytest.mark.slow
 def test_a_stiff_patch_on_a_soft_plate_has_the_frequencies_of_a_finer_mesh_of_it() -> None:
     """On PMMA, thirty times softer than the ceramic: as on a mesh of one layer more."""
     soft = replace(DESIGN, material=MATERIALS["pmma"], thickness_m=1.5e-3)
@@ -350,6 +360,7 @@ def test_a_stiff_patch_on_a_soft_plate_has_the_frequencies_of_a_finer_mesh_of_it
     assert bar.max() < 0.01
 
 
+@pytest.mark.slow
 def test_a_patch_felt_from_either_face_of_a_bare_plate_gives_it_the_same_frequencies() -> None:
     made = across_the_mirror()
     plates = {symmetry: made.assembled(symmetry) for symmetry in CLASSES}
@@ -434,6 +445,7 @@ def test_over_pillars_shorter_elements_change_a_height_within_its_bar(monkeypatc
     assert bar is not None and abs(coarse / fine - 1.0) < bar
 
 
+@pytest.mark.slow
 def test_a_patchs_image_is_felt_as_if_it_were_bonded_there() -> None:
     """The image's loads and stiffness are turned round; here both are bonded by themselves, the panels seen in mirrors."""
     made, beneath = across_the_mirror(), Beneath(across_the_mirror().reductions)
@@ -461,6 +473,7 @@ def test_what_panels_lack_beneath_a_patch_is_less_with_more_modes(mesh: HexSetti
     assert most[1][-1] < most[0][-1]
 
 
+@pytest.mark.slow
 def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     """A second run computes nothing and has the same digits; another thickness or material is not taken for this one."""
     made, kept = plate_of(300e3, 4e-3), KeptMatrices()
@@ -483,6 +496,7 @@ def test_what_a_plate_gives_way_is_kept_between_runs_and_belongs_to_that_plate(m
     assert np.array_equal(Beneath(made.reductions, kept).flexibility(plate, patch, True), first)
 
 
+@pytest.mark.slow
 def test_what_is_told_of_a_patch_at_the_plates_free_end_does_not_stand_for_one_inside() -> None:
     """Panels alike, the patch at the same place on them; asked one after another, and each by itself."""
     made = plate_of(300e3, 4e-3)

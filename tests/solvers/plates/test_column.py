@@ -13,8 +13,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Tiling, signature, tile
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
@@ -93,6 +92,7 @@ def test_driven_at_its_target_mode_the_zone_is_confined_as_the_mode() -> None:
     )
 
 
+@pytest.mark.slow
 def test_rows_that_differ_stand_in_the_column_as_in_the_plate() -> None:
     """Equal rows listed one by one are equal rows to the last bit; another height in the second row alone is not."""
     assert DESIGN.pillar
@@ -144,7 +144,10 @@ def ring_hz(design: Design, reductions: Reductions, kx_per_m: float) -> np.ndarr
     return np.asarray(pencil.scale.frequency(eigh(k, m, eigvals_only=True)))
 
 
-@pytest.mark.parametrize(("rows", "extension_m"), [(2, 0.0), (3, 0.0), (2, 2e-3)])
+@pytest.mark.parametrize(
+    ("rows", "extension_m"),
+    [(2, 0.0), pytest.param(3, 0.0, marks=pytest.mark.slow), pytest.param(2, 2e-3, marks=pytest.mark.slow)],
+)
 def test_a_column_of_staggered_rows_is_a_plate_two_panels_wide_with_its_ends_tied(
     rows: int, extension_m: float
 ) -> None:
@@ -184,6 +187,7 @@ def test_a_column_finds_the_plates_target_mode_and_ranks_its_heights() -> None:
     assert levels[0][0] > levels[1][0] and levels[0][1] > levels[1][1]
 
 
+@pytest.mark.slow
 def test_a_bare_column_of_two_zones_is_the_column_of_one_as_wide() -> None:
     """Borders that nothing marks: every even mode of the halved column is one of the whole column's, which has odd ones too;
     both are polynomials of a bare plate, whose cuts lie elsewhere.

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from geometry.hex.scenes import HexSettings
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.accuracy.plate import last_bubbles, last_layer
+from solvers.accuracy.reduction import last_bubbles, last_layer
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import forced_bars
 from solvers.superelement.interface import Interface, ReductionSettings

@@ -11,12 +11,12 @@ from scipy.optimize import brentq
 
 from geometry.layout import Pillar, Tip
 from geometry.materials import MATERIALS
-from solvers.analytic.plate_waves import pillar_modes
+from solvers.analytic.beams import EndBody, exact_omegas, ritz_frequencies_hz
+from solvers.analytic.plates import pillar_modes
 from solvers.analytic.predesign import pillar_beam, pillar_frequencies_hz, pillar_height_m, tip_body
-from solvers.analytic.timoshenko import EndBody, exact_omegas, ritz_frequencies_hz
 from solvers.errors import SolverError
 from solvers.plates.strip import bending_effective_mass, lifting_effective_mass
-from solvers.thesis.pillar_row import bending_foot, pillar_foot
+from solvers.thesis.scattering import bending_foot, pillar_foot
 
 PLAIN = Pillar("square", 1e-3, 1e-3, 4e-3, MATERIALS["glass"])
 HEAVY = replace(PLAIN, tip=Tip(2e-3, 1e-3, MATERIALS["steel"]))

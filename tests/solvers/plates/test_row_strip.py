@@ -15,7 +15,7 @@ from solvers.analytic.predesign import pillar_beam, strip_of
 from solvers.measures.confinement import Profile, measure_profile
 from solvers.plates import strip as strip_model
 from solvers.plates.strip import PER_WIDTH, bending_effective_mass, lifting_effective_mass, strip_modes, strip_zones
-from solvers.thesis.pillar_row import pillar_foot
+from solvers.thesis.scattering import pillar_foot
 
 ALUMINIUM = MATERIALS["aluminium"]
 PILLAR = Pillar("square", 2e-3, 2e-3, 6.3e-3, ALUMINIUM)

@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import StateSpace, lsim
 
 from solvers.errors import SolverError
-from solvers.shaping.inversion import Errors, LowPass, drive_voltages, filter_for, monte_carlo, quantiles
 from solvers.shaping.modal_table import ModalTable, calibrate, common_phase, field_matrix, sensor_matrix
+from solvers.shaping.voltages import Errors, LowPass, drive_voltages, filter_for, monte_carlo, quantiles
 from solvers.thesis.shaped_beam import PatchedBeam, beam_table, charge_table, point_beam_table
 
 BEAM = PatchedBeam()
@@ -85,6 +85,7 @@ def test_measurements_that_cannot_calibrate_are_refused():
         calibrate(np.ones((3, 2)), np.ones((2, 2)))
 
 
+@pytest.mark.slow
 def test_filter_is_the_circuit_in_time_and_its_corner_is_in_hertz():
     low_pass = LowPass(28e-3, 3300.0, 5e-9)
     assert low_pass.corner_hz == pytest.approx(13451, rel=1e-4)

@@ -10,7 +10,6 @@ import pytest
 from scipy.signal import StateSpace, lsim
 
 from solvers.errors import SolverError
-from solvers.shaping.inversion import drive_voltages
 from solvers.shaping.modal_table import (
     ModalTable,
     Scan,
@@ -22,6 +21,7 @@ from solvers.shaping.modal_table import (
     scan,
     sensor_matrix,
 )
+from solvers.shaping.voltages import drive_voltages
 from solvers.thesis.shaped_beam import PatchedBeam, point_beam_table
 
 RANDOM = np.random.default_rng(7)

@@ -10,16 +10,6 @@ import pytest
 from scipy.linalg import eigh
 
 from solvers.errors import SolverError
-from solvers.shaping.contrast import (
-    REGIONS,
-    attach_oscillators,
-    best_contrast,
-    confinement,
-    contrast,
-    region_points,
-    region_sensors,
-    region_target,
-)
 from solvers.shaping.modal_table import ModalTable, field_matrix, modal_drive
 from solvers.shaping.travelling_wave import (
     best_travelling_drive,
@@ -32,6 +22,16 @@ from solvers.shaping.travelling_wave import (
     travelling_wave_ratio,
     two_wave_fit,
     wave_target,
+)
+from solvers.shaping.voltages import (
+    REGIONS,
+    attach_oscillators,
+    best_contrast,
+    confinement,
+    contrast,
+    region_points,
+    region_sensors,
+    region_target,
 )
 from solvers.thesis.shaped_beam import PatchedBeam, beam_table, condense, section
 

@@ -11,8 +11,7 @@ from scipy.linalg import eigh, subspace_angles
 from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.plates.assembled import Reductions
@@ -53,7 +52,8 @@ def test_a_class_turned_over_is_the_class_reduced(monkeypatch: pytest.MonkeyPatc
     assert subspace_angles(*shapes).max() < 1e-6
 
 
-@pytest.mark.parametrize("split", ["the finer mesh", "its coarser ones"])
+@pytest.mark.slow
+@pytest.mark.parametrize("split", [pytest.param("the finer mesh", marks=pytest.mark.slow), "its coarser ones"])
 def test_a_mesh_tells_its_error_to_one_that_the_diagonal_splits_otherwise(
     split: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

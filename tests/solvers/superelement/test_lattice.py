@@ -13,10 +13,9 @@ from geometry.hex.boxes import hex_mesh, panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.accuracy.bands import (
+from solvers.accuracy.reduction import (
     _brought,
     cutoff_hz,
     further_degrees,
@@ -24,7 +23,7 @@ from solvers.accuracy.bands import (
     truncation,
     truncation_bars,
 )
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.errors import SolverError
 from solvers.fem.assembly import assemble
 from solvers.plates.assembled import Reductions
@@ -115,7 +114,7 @@ def test_waves_carry_the_phase_of_each_side_and_their_own_energy() -> None:
     assert np.allclose(u[face.vertex(3)], turn[0] * turn[1] * u[face.vertex(0)])
 
 
-@pytest.mark.parametrize("side", [1, 3])
+@pytest.mark.parametrize("side", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_wrong_phase_on_one_side_is_seen(side: int) -> None:
     """What the comparison with the full cell would say of a fault: bands off by far more than the reduction's error."""
     pitch = (3e-3, 4e-3)
@@ -262,7 +261,7 @@ def test_the_bar_of_a_wave_knows_what_others_of_its_band_show() -> None:
 
 
 @pytest.mark.parametrize("degree", [4, 5, 6])
-@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), (7e-3, 7e-3)])
+@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((7e-3, 7e-3), marks=pytest.mark.slow)])
 def test_the_fall_of_the_degrees_tells_what_further_ones_bring(pitch: tuple[float, float], degree: int) -> None:
     """Against the same cell of degree 8, for which the last degree alone tells many times too much."""
     ample, count = lattice(pitch, top_hz=0.6e6, face=Interface(8, 3), settings=AMPLE), 8
@@ -321,9 +320,16 @@ def test_a_cell_reduced_for_more_holds_what_less_would_give(pitch: tuple[float, 
     )
 
 
-@pytest.mark.parametrize("count", [6, 10])
-@pytest.mark.parametrize("top_hz", [1.17e6, 1.5e6])
-@pytest.mark.parametrize("pitch", [(4e-3, 4e-3), (3e-3, 4e-3), pytest.param((8e-3, 8e-3), marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [6, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("top_hz", [1.17e6, pytest.param(1.5e6, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "pitch",
+    [
+        (4e-3, 4e-3),
+        pytest.param((3e-3, 4e-3), marks=pytest.mark.slow),
+        pytest.param((8e-3, 8e-3), marks=pytest.mark.slow),
+    ],
+)
 def test_the_estimate_bounds_the_reductions_error(pitch: tuple[float, float], top_hz: float, count: int) -> None:
     """Against the same mesh, not reduced; and it is no more than some times the truth, or it would be of no use."""
     is_long = pitch[0] > 5e-3
@@ -353,6 +359,7 @@ def test_a_wavevector_costs_one_solve_and_asks_for_no_more_than_there_is() -> No
     assert isinstance(result, Waves) and len(result.frequency_hz) == one.dof
 
 
+@pytest.mark.slow
 def test_slender_stiff_pillars_on_a_soft_plate_are_no_fault_of_the_cell() -> None:
     """Rounding leaves their motion right to some 1e-8, and no more of the mass is missing."""
     mesh = HexSettings(order=3, size_m=1e-3, layers=1, pillar_size_m=2.25e-3)

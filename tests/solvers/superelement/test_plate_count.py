@@ -9,9 +9,8 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
-from solvers.accuracy.plate import mode_errors, more_below
+from geometry.materials import MATERIALS, Stack
+from solvers.accuracy.reduction import mode_errors, more_below
 from solvers.fem.eigen import modes_in_band
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement import plate as plate_module
@@ -36,7 +35,14 @@ def count(top_hz: float, edge_hz: float, pillars: bool) -> int:
     return len(modes_in_band(model(top_hz, pillars).pencil("SS"), 100.0, edge_hz).frequency_hz)
 
 
-@pytest.mark.parametrize("edge_hz", [60e3, 90e3, 120e3])
+@pytest.mark.parametrize(
+    "edge_hz",
+    [
+        pytest.param(60e3, marks=pytest.mark.slow),
+        pytest.param(90e3, marks=pytest.mark.slow),
+        pytest.param(120e3, marks=pytest.mark.slow),
+    ],
+)
 @pytest.mark.parametrize("pillars", [True, False])
 def test_the_meshes_have_no_more_modes_than_the_bound_allows(edge_hz: float, pillars: bool) -> None:
     """The same meshes with all modes to 3 MHz stand for themselves; a model made for a sixth of the frequency misses some."""

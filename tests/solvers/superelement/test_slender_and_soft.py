@@ -11,8 +11,7 @@ from geometry.hex.boxes import hex_mesh as mesh_of
 from geometry.hex.boxes import panel_boxes
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar, Tip, region_materials
-from geometry.materials import MATERIALS, Material
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Material, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.solid import rigid_body_modes
@@ -37,6 +36,7 @@ def rods(height_m: float, top_hz: float, elements: int, face: Interface) -> Redu
     )
 
 
+@pytest.mark.slow
 def test_the_residual_flexibility_of_slender_rods_is_no_rounding() -> None:
     """Slenderness 63: that of the modes left out below 30 kHz is what the modes between 30 and 60 kHz and the rest add."""
     few, many = (rods(400e-3, top_hz, 8, Interface(2, 1)) for top_hz in (30e3, 60e3))

@@ -10,8 +10,7 @@ from scipy.linalg import eigh
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel, lattice_panel, signature, tile
 from solvers.errors import SolverError
 from solvers.plates.assembled import PlateModel, Reductions
@@ -89,7 +88,7 @@ def test_frequencies_fall_as_degrees_of_freedom_are_added_and_converge() -> None
     assert (coarse > middle * 1.0001).any()
 
 
-@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("order", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_a_narrow_piece_is_meshed_so_that_its_sides_hold_their_functions(order: int) -> None:
     size = {2: 1.8e-3, 3: 4e-3}[order]  # one element over the narrow side would make functions of degree 6 one
     reduction = ReductionSettings(Interface(6, 3), 1e5, HexSettings(order, size, 0))

@@ -15,8 +15,10 @@ from pipeline.active import thesis
 from pipeline.active.thesis import beside
 from solvers.errors import SolverError
 from solvers.thesis.active_beam import (
+    ActiveBeamData,
     FreeBeam,
     Layout,
+    active_beam_study,
     antinodes_m,
     characteristic_loci,
     closed_loop_poles,
@@ -28,15 +30,14 @@ from solvers.thesis.active_beam import (
     gain_limit_n_s_m,
     growth_per_s,
     instability_gain_n_s_m,
-    layouts,
+    loop_layouts,
     strip,
 )
-from solvers.thesis.active_study import ActiveBeamData, active_beam_study
 
 LENGTH, OMEGA = 0.15, 2 * pi * 3000.0
 LOSSLESS = strip(LENGTH, 0.02, 1e-3, MATERIALS["steel"])
 BEAM = replace(LOSSLESS, viscosity_s=1.0 / (300.0 * OMEGA))
-LAYOUTS = layouts(0.049, 0.012, LENGTH)
+LAYOUTS = loop_layouts(0.049, 0.012, LENGTH)
 PLACES = np.array([0.0, 0.012, 0.0431, 0.075, 0.15])
 
 
@@ -345,7 +346,7 @@ def test_study_has_every_layout_at_every_frequency_and_gain(study):
 
 def test_study_holds_what_its_parts_give(study):
     case = study.case("point", 3000.0, 1e8)
-    layout = layouts(study.left_m, 0.012, LENGTH)[0]
+    layout = loop_layouts(study.left_m, 0.012, LENGTH)[0]
     result = forced(BEAM, layout, 1e8, OMEGA, study.x_m, LENGTH / 2)
     assert case.after.ratio == confinement(study.x_m, result.deflection, layout.region_m).ratio
     assert case.largest_force_n == np.abs(result.forces).max() and case.outside_reduced_by > 1.0
@@ -356,6 +357,7 @@ def test_study_holds_what_its_parts_give(study):
     assert study.left_m in antinodes_m(BEAM, LENGTH / 2, OMEGA)
 
 
+@pytest.mark.slow
 def test_force_scales_the_answer_not_its_shape(study):
     few = ActiveBeamData(frequencies_hz=(3000.0,), gains_n_m=(1e7,), delays_s=(), force_n=2.0)
     one, two = study.case("pair", 3000.0, 1e7), active_beam_study(few).case("pair", 3000.0, 1e7)

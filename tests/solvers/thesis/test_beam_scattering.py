@@ -10,19 +10,22 @@ import pytest
 
 from geometry.layout import Design, Pillar
 from geometry.materials import MATERIALS
-from solvers.analytic.timoshenko import exact_omegas
+from solvers.analytic.beams import exact_omegas
 from solvers.errors import SolverError
-from solvers.thesis.pillar_row import bending_foot, pillar_filter, pillar_foot, strip_beam
 from solvers.thesis.scattering import (
     HostBeam,
+    bending_foot,
     decay_db_per_row,
     field,
     half_power_band,
     moment_total_reflection_rad_s,
     oscillator_total_reflection_rad_s,
+    pillar_filter,
+    pillar_foot,
     point_force,
     scatter,
     strengths,
+    strip_beam,
     transfer_matrix,
 )
 from tests.helpers.beams import square_beam

@@ -8,7 +8,7 @@ from math import cos, cosh, inf, pi, sin, sinh
 import numpy as np
 import pytest
 
-from firmware.emulate.beam import Beam as EmulatedBeam
+from firmware.emulate.plant import Beam as EmulatedBeam
 from solvers.analytic.beams import frequency_hz, roots
 from solvers.errors import SolverError
 from solvers.shaping.modal_table import field_matrix, modal_drive, sensor_matrix

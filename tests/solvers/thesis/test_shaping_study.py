@@ -10,8 +10,8 @@ import pytest
 from pipeline.active.thesis import beside, shaping
 from pipeline.records.part import plain
 from solvers.errors import SolverError
-from solvers.shaping.contrast import REGIONS, contrast, region_points
 from solvers.shaping.modal_table import conditioning, field_matrix, sensor_matrix
+from solvers.shaping.voltages import REGIONS, contrast, region_points
 from solvers.thesis.shaped_beam import PatchedBeam, beam_table, point_beam_table
 from solvers.thesis.shaping_study import ShapingData, shaping_study
 from solvers.thesis.shaping_study import document as document_of

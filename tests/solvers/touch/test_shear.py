@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from solvers.touch.friction import contact_half_angle, crest_motion, drive_share
+from solvers.touch.effects import contact_half_angle, crest_motion, drive_share
 
 
 @pytest.mark.parametrize("lag", [0.0, 0.6, 1.2, np.pi / 2.0])

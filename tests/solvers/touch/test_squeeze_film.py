@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from solvers.touch.friction import MIN_SQUEEZE_NUMBER, PRESSURE_PA, OutOfValidity, SqueezeFilm
+from solvers.touch.effects import MIN_SQUEEZE_NUMBER, PRESSURE_PA, OutOfValidity, SqueezeFilm
 
 FILM = SqueezeFilm(gap_m=5e-6, radius_m=5e-3, force_n=0.5)
 AREA_M2 = np.pi * 25e-6

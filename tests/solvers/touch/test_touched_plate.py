@@ -16,8 +16,7 @@ from geometry.errors import GeometryError
 from geometry.fingertips import FINGERTIPS, Fingertip
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
-from geometry.materials import MATERIALS, PIEZO_MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, PIEZO_MATERIALS, Stack
 from solvers.piezo.forced import Drive, ForcedPlate
 from solvers.piezo.patch import bonded_patch
 from solvers.piezo.patched_plate import CLASSES, PatchedPlate
@@ -25,8 +24,7 @@ from solvers.piezo.responses import face_motion
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.touch import touched_plate
-from solvers.touch.loaded_mode import known_range, loaded_mode
-from solvers.touch.touch_map import Places, lattice
+from solvers.touch.effects import Places, known_range, lattice, loaded_mode
 from solvers.touch.touched_plate import Finger, TouchedPlate, integration_error, power, rms
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -126,9 +124,9 @@ def test_modes_with_a_finger_meet_a_direct_solve_of_the_whole_model(tip: Fingert
     "tip",
     [
         Fingertip("soft", stiffness_n_m=2e6),
-        Fingertip("stiff", stiffness_n_m=1e8),
-        Fingertip("damper", damping_n_s_m=80.0),
-        HEAVY,
+        pytest.param(Fingertip("stiff", stiffness_n_m=1e8), marks=pytest.mark.slow),
+        pytest.param(Fingertip("damper", damping_n_s_m=80.0), marks=pytest.mark.slow),
+        pytest.param(HEAVY, marks=pytest.mark.slow),
     ],
     ids=lambda tip: tip.name,
 )

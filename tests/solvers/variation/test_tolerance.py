@@ -12,8 +12,7 @@ import scipy.sparse.linalg as spla
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design, Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import signature
 from solvers.errors import SolverError
 from solvers.measures.confinement import target_shape
@@ -195,6 +194,7 @@ def test_a_plate_of_unlike_pillars_is_the_one_assembled_whole(seed: int) -> None
     check_as_whole(stand().varied, seed, 0.06, stand())
 
 
+@pytest.mark.slow
 def test_pillars_of_staggered_rows_differ_one_by_one_as_those_in_line() -> None:
     have = stand(staggered=True)
     centres = have.design.pillar_centres()
@@ -246,6 +246,7 @@ def check_alike(have: Stand, varied: VariedPlate, changes: np.ndarray) -> None:
     assert (np.abs(ours.std(axis=0, ddof=1) - spreads) < MOVED * spreads).all()
 
 
+@pytest.mark.slow
 def test_in_a_band_as_narrow_as_one_mode_samples_are_whole_plates() -> None:
     """Frequencies err in second order, fields in first but for the shapes that the changes bring: of 5e-2 dB little is left."""
     have = stand()
@@ -292,6 +293,7 @@ def peak_hz(source: object, low: float, high: float) -> float:
     return float(tones[np.argmax(source.curve(tones).zone_rms_m_per_v)])  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_all_pillars_higher_is_the_plate_designed_so() -> None:
     """A plate with higher pillars of its own, meshed and reduced anew: the peak moves by the same."""
     have, more = stand(), 0.15e-3

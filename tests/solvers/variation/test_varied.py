@@ -10,13 +10,11 @@ from scipy.linalg import eigh
 
 from geometry.errors import MeshError
 from geometry.hex.boxes import boxes_of
-from geometry.hex.moved import PillarChange, VariedPanel, unfolded
-from geometry.hex.panels import panel_mesh
+from geometry.hex.panels import PillarChange, VariedPanel, panel_mesh, unfolded
 from geometry.hex.scenes import HexSettings, panel_scene
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
+from geometry.materials import MATERIALS, Stack
 from geometry.mesh import Mesh, cell_volumes
-from geometry.stack import Stack
 from geometry.tiling import Panel
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, assemble
@@ -86,12 +84,12 @@ def test_the_nominal_pillar_is_the_nominal_cell(middle: CellFamily) -> None:
     ("change", "most"),
     [
         ([0.15e-3, 0, 0, 0], 1e-4),
-        ([0, -0.06e-3, 0, 0], 1e-4),
-        ([0, 0, 0.15e-3, 0], 1e-4),
-        ([-0.15e-3, 0.06e-3, 0, 0], 1e-4),
+        pytest.param([0, -0.06e-3, 0, 0], 1e-4, marks=pytest.mark.slow),
+        pytest.param([0, 0, 0.15e-3, 0], 1e-4, marks=pytest.mark.slow),
+        pytest.param([-0.15e-3, 0.06e-3, 0, 0], 1e-4, marks=pytest.mark.slow),
         ([0, 0, 0, -0.1e-3], 0.01),
-        ([-0.1e-3, 0.04e-3, 0, 0], 0.01),
-        ([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3], 0.01),
+        pytest.param([-0.1e-3, 0.04e-3, 0, 0], 0.01, marks=pytest.mark.slow),
+        pytest.param([0.1e-3, -0.03e-3, 0.07e-3, -0.1e-3], 0.01, marks=pytest.mark.slow),
     ],
 )
 def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change: list[float], most: float) -> None:
@@ -105,6 +103,7 @@ def test_a_changed_pillar_is_what_its_own_mesh_gives(middle: CellFamily, change:
     assert missed < most
 
 
+@pytest.mark.slow
 def test_a_piece_at_the_edge_keeps_its_free_side() -> None:
     family = cell_family(SETTING, EDGE, REACH_M)
     for change in ([0.1e-3, -0.04e-3, 0, 0], [0, 0, -0.1e-3, 0]):
@@ -145,6 +144,7 @@ def test_the_check_tells_what_interpolation_misses(middle: CellFamily) -> None:
     assert missed > 1e-4 * np.linalg.norm(theirs - seen(middle.cell.stiffness, middle.cell.mass, count, scale))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape",
     ["round", *(pytest.param(one, marks=pytest.mark.slow) for one in ("hexagonal", "tapered", "wider", "cross"))],
@@ -199,6 +199,7 @@ def test_a_foot_flush_with_the_edge_stays_there_and_grows_inwards() -> None:
     assert (foot.min(), foot.max()) == pytest.approx((1.5e-3 - 2.1e-3, 1.5e-3))
 
 
+@pytest.mark.slow
 def test_only_what_was_reached_is_interpolated(middle: CellFamily) -> None:
     with pytest.raises(SolverError, match="interpolated up to"):
         middle.at(np.array([0.16e-3, 0.0, 0.0, 0.0]))

@@ -12,10 +12,9 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice, Path
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice, degenerate
@@ -113,7 +112,7 @@ def test_branches_are_numbered_once_at_each_wavevector_from_one_on() -> None:
     assert set(result.number.ravel()) == set(range(1, result.number.max() + 1))
 
 
-@pytest.mark.parametrize("points", [5, 24])
+@pytest.mark.parametrize("points", [pytest.param(5, marks=pytest.mark.slow), 24])
 def test_waves_of_the_bare_plate_are_followed_through_the_folded_ones(points: int) -> None:
     """A0, SH0 and S0 from near G to near X, over a wide cell in which other waves cross them."""
     pitch = (8e-3, 4e-3)

@@ -12,8 +12,7 @@ import pytest
 from geometry.hex.scenes import HexSettings
 from geometry.lattice import Lattice
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
 from solvers.fem.assembly import Scale
 from solvers.plates.assembled import Reductions
@@ -29,6 +28,8 @@ from solvers.waves.gaps import (
     path_lines,
     polarisation_gaps,
     sampled_extreme,
+    sampled_lines,
+    searched_extreme,
     tent_top,
     zone_extreme,
     zone_gaps,
@@ -84,7 +85,7 @@ def hump(x: float, y: float) -> float:
 @pytest.mark.parametrize("points", [3, 5, 25])
 def test_an_edge_between_the_samples_is_found(points: int) -> None:
     solved = made_up(hump, lambda x, y: 4.0 + 0.1 * np.cos(x))
-    line = Line(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
+    line = Line.of_waves(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
     result = line.extreme(0, 1)
     assert result.hz == pytest.approx(float(ONE.frequency(np.array(2.0))), rel=1e-8)
     assert result.wavevector == pytest.approx([1.1, 0.0], abs=1e-4)
@@ -94,7 +95,7 @@ def test_an_edge_between_the_samples_is_found(points: int) -> None:
 @pytest.mark.parametrize("points", [3, 4, 7, 25])
 def test_bands_that_cross_between_the_samples_leave_no_gap(points: int) -> None:
     solved = made_up(lambda x, y: 1.0 + 0.9 * x, lambda x, y: 4.0 - 1.2 * x)
-    line = Line(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
+    line = Line.of_waves(solved, Lattice.of_rows(1.0, 1.0).path("GX", points).wavevectors)
     assert line.value[:, 0].max() < line.value[:, 1].min()  # sampled, a gap
     assert path_gaps([line]) == []
 
@@ -167,6 +168,37 @@ def test_three_points_a_leg_give_the_edges_of_twenty_five_and_of_a_brute_search(
     assert first.lower_hz > float(lattice().frequencies(k[-1], first.lower_band)[-1]) * (1.0 + 1e-4)  # not at X
 
 
+@pytest.mark.parametrize("points", [9, 24])
+def test_frequencies_alone_give_the_same_edges(points: int) -> None:
+    """Without group velocities: the chords of the neighbouring intervals say where to search."""
+    path, solve = Lattice.of_rows(*PITCH).path("GXMYG", points), partial(lattice().frequencies, count=10)
+    sampled = sampled_lines(solve, path, np.array([solve(k) for k in path.wavevectors]))
+    known = path_lines(Solved(lattice(), 10), path)
+    for one, two in zip(directional_gaps(path, sampled), directional_gaps(path, known), strict=True):
+        assert (one.lower_band, one.start, one.end) == (two.lower_band, two.start, two.end)
+        assert (one.lower_hz, one.upper_hz) == pytest.approx((two.lower_hz, two.upper_hz), rel=2e-5)
+
+
+def test_a_crossing_between_samples_without_slopes_leaves_no_gap() -> None:
+    def solve(k: np.ndarray) -> np.ndarray:
+        return np.sort([1.0 + 0.9 * k[0], 4.0 - 1.2 * k[0]])
+
+    path = Lattice.of_rows(1.0, 1.0).path("GX", 8)
+    lines = sampled_lines(solve, path, np.array([solve(k) for k in path.wavevectors]))
+    assert lines[0].value[:, 0].max() < lines[0].value[:, 1].min() and path_gaps(lines) == []
+
+
+def test_an_edge_inside_the_zone_is_searched_without_a_gradient() -> None:
+    def solve(k: np.ndarray) -> np.ndarray:
+        return np.array([2.0 - (k[0] - 1.1) ** 2 - (k[1] - 0.7) ** 2])
+
+    grid = Lattice.of_rows(1.0, 1.0).grid(6, ("x", "y"))
+    values = np.array([solve(k) for k in grid])
+    assert sampled_extreme(grid, values, 0, 1).hz < 1.99
+    result = searched_extreme(solve, grid, values, 0, 1)
+    assert result.hz == pytest.approx(2.0, rel=1e-4) and result.wavevector == pytest.approx([1.1, 0.7], abs=0.02)
+
+
 def test_directional_gaps_contain_the_complete_ones() -> None:
     path = Lattice.of_rows(*PITCH).path("GXMYG", 12)
     lines = path_lines(Solved(lattice(), 10), path)
@@ -183,6 +215,7 @@ def test_directional_gaps_contain_the_complete_ones() -> None:
         assert min(segment.upper_hz for segment in segments) == gap.upper_hz
 
 
+@pytest.mark.slow
 def test_no_wave_of_a_polarisation_lies_in_its_gaps_and_some_lie_at_their_edges() -> None:
     solved, path = Solved(lattice(), 10), Lattice.of_rows(*PITCH).path("GXMYG", 24)
     branches = follow(solved, path.wavevectors)

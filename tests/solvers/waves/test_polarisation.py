@@ -9,15 +9,13 @@ import pytest
 
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Pillar
-from geometry.materials import MATERIALS
-from geometry.stack import Stack
+from geometry.materials import MATERIALS, Stack
 from geometry.tiling import Panel
-from solvers.analytic.plate_waves import lamb_hz
+from solvers.analytic.plates import lamb_hz
 from solvers.plates.assembled import Reductions
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
-from solvers.superelement.lattice import ReducedLattice
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.waves.branches import Label, label_of, pillar_share
 from tests.helpers.lattice_waves import shear_hz
 
@@ -68,6 +66,7 @@ def test_folded_waves_are_named_by_their_own_direction() -> None:
     assert [label.name for label in labels(cell(), k, 6)] == exact(k, 6)
 
 
+@pytest.mark.slow
 def test_labels_do_not_depend_on_the_name_of_the_wavevector() -> None:
     k = np.array([310.0, 420.0])
     for turn in ((1, 0), (0, -1), (1, 1)):

@@ -1,4 +1,4 @@
-/* One mode by DAC and ADC: the composition of core and board. */
+/* Single-mode build with DAC and ADC: connects core and board. */
 #include "application.h"
 
 #include "an_faults.h"
@@ -8,7 +8,7 @@
 #include "guard.h"
 #include "registers.h"
 
-_Static_assert((int)AN_WATCH_TICKS * (int)GUARD_RATE_HZ == (int)CONVERTERS_RATE_HZ, "a look of the guard each so many samples");
+_Static_assert((int)AN_WATCH_TICKS * (int)GUARD_RATE_HZ == (int)CONVERTERS_RATE_HZ, "one check of the guard per fit");
 
 static an_single app;
 static uint32_t slow_cycles;
@@ -33,7 +33,7 @@ void PendSV_Handler(void);
 void ADC_IRQHandler(void)
 {
     const uint32_t begin = DWT->CYCCNT;
-    if (converters_lost_one()) {
+    if (converters_overran()) {
         app.fast.faults |= AN_FAULT_FAST_LATE;
     }
     const uint16_t sample = (uint16_t)converters_sample();
@@ -41,7 +41,7 @@ void ADC_IRQHandler(void)
     converters_drive(code);
     an_capture_take(captured, &sample, &code);
     if (app.fast.tick == 0u) {
-        SCB->ICSR = SCB_ICSR_PENDSVSET; /* the slow step, as soon as nothing more urgent runs */
+        SCB->ICSR = SCB_ICSR_PENDSVSET; /* run the slow step as soon as no higher priority is active */
     }
     note_cycles(&app.base.worst_cycles, begin);
 }
@@ -83,7 +83,7 @@ void application_revive(void)
     converters_revive();
 }
 
-/* The DAC follows its code: nothing to open or close. */
+/* The DAC follows its code, so there is no gate to open or close. */
 void application_serve_outputs(void)
 {
 }

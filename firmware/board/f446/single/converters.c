@@ -31,7 +31,7 @@ static void adc_init(void)
     ADC1->SQR1 = 0u;
     ADC1->SQR3 = 0u;
     ADC1->CR1 = ADC_CR1_EOCIE;
-    ADC1->CR2 = ADC_CR2_ADON | ADC_CR2_EOCS | ADC_CR2_EXTSEL_TIM2_TRGO | ADC_CR2_EXTEN_RISING; /* overrun watched */
+    ADC1->CR2 = ADC_CR2_ADON | ADC_CR2_EOCS | ADC_CR2_EXTSEL_TIM2_TRGO | ADC_CR2_EXTEN_RISING; /* detects overruns */
 }
 
 static void interrupts_init(void)
@@ -47,7 +47,7 @@ void converters_init(void)
     adc_init();
     TIM2->PSC = 0u;
     TIM2->ARR = TICKS - 1;
-    TIM2->CR2 = TIM_CR2_MMS_UPDATE; /* its update is the trigger of both converters */
+    TIM2->CR2 = TIM_CR2_MMS_UPDATE; /* the update event triggers both converters */
     interrupts_init();
 }
 
@@ -58,7 +58,7 @@ void converters_start(void)
     TIM2->CR1 = TIM_CR1_CEN;
 }
 
-/* Without a trigger the DAC takes over what is written at once. */
+/* Without a trigger, a code written to the DAC takes effect at once. */
 void converters_stop(void)
 {
     TIM2->CR1 = 0u;

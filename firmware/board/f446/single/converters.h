@@ -1,4 +1,4 @@
-/* One sensor, one drive and its inverse, sampled and renewed together every 4 us. */
+/* One sensor, one drive and its inverse, sampled and updated together every 4 us. */
 #ifndef CONVERTERS_H
 #define CONVERTERS_H
 
@@ -11,18 +11,18 @@
 
 enum { CONVERTERS_MIDDLE = 2048 };
 
-/* TIM2 will trigger DAC and ADC together; ADC_IRQHandler follows each conversion. */
+/* Prepare the converters. TIM2 triggers DAC and ADC together; ADC_IRQHandler runs after each conversion. */
 void converters_init(void);
 void converters_start(void);
 
-/* Outputs in the middle at once, no more triggers. */
+/* Stop the triggers and set the outputs to mid-scale at once. */
 void converters_stop(void);
 
-/* The ADC takes no trigger while an overrun stands in its status: forgets it. */
+/* Clear an overrun: the ADC ignores triggers while the flag is set. */
 void converters_revive(void);
 
-/* True when a sample was never read; forgets it. */
-static inline bool converters_lost_one(void)
+/* True if a sample was overwritten before it was read; clears the flag. */
+static inline bool converters_overran(void)
 {
     const bool lost = (ADC1->SR & ADC_SR_OVR) != 0u;
     if (lost) {
@@ -36,7 +36,7 @@ static inline uint32_t converters_sample(void)
     return ADC1->DR;
 }
 
-/* The code both channels take at the next trigger, the second one inverted. */
+/* Set the code for the next trigger on both channels, inverted on the second. */
 static inline void converters_drive(uint32_t code)
 {
     DAC->DHR12RD = code | (2u * CONVERTERS_MIDDLE - code) << 16;

@@ -1,4 +1,4 @@
-/* Six channels by PWM: the composition of core and board. */
+/* Six-channel build with PWM: connects core and board. */
 #include "application.h"
 
 #include "an_faults.h"
@@ -8,8 +8,8 @@
 #include "registers.h"
 #include "scan.h"
 
-_Static_assert((int)AN_SIX_DUTY_MIDDLE * 2 == (int)BRIDGES_TOP, "the core's middle is half of the timer's range");
-_Static_assert((int)AN_SIX == (int)BRIDGES && (int)AN_SIX == (int)SCAN_CHANNELS, "one bridge and one sensor a channel");
+_Static_assert((int)AN_SIX_DUTY_MIDDLE * 2 == (int)BRIDGES_TOP, "the core's mid-scale is half the timer's range");
+_Static_assert((int)AN_SIX == (int)BRIDGES && (int)AN_SIX == (int)SCAN_CHANNELS, "one bridge and sensor per channel");
 
 static an_six app;
 static uint32_t slow_cycles;
@@ -49,7 +49,7 @@ void DMA2_Stream0_IRQHandler(void)
         bridges_off();
     }
     if (app.fast.tick == 0u) {
-        SCB->ICSR = SCB_ICSR_PENDSVSET; /* the slow step, as soon as nothing more urgent runs */
+        SCB->ICSR = SCB_ICSR_PENDSVSET; /* run the slow step as soon as no higher priority is active */
     }
     note_cycles(&app.base.worst_cycles, begin);
 }
@@ -69,21 +69,21 @@ uint32_t application_slow_cycles(void)
     return slow_cycles;
 }
 
-/* One timer's line was pulled: the other timer opens as well, and no gate closes before somebody clears the fault. */
-static void broken(void)
+/* The break line of one timer was asserted: open the gates of both. They stay open until the fault is cleared. */
+static void on_break(void)
 {
-    bridges_deafen();
+    bridges_mask_break();
     application_trip(AN_FAULT_BREAK);
 }
 
 void TIM1_BRK_TIM9_IRQHandler(void)
 {
-    broken();
+    on_break();
 }
 
 void TIM8_BRK_TIM12_IRQHandler(void)
 {
-    broken();
+    on_break();
 }
 
 void application_boot(const uint8_t *table, uint32_t length, uint32_t faults)
@@ -104,7 +104,7 @@ void application_start_sampling(void)
     bridges_start();
 }
 
-/* The timers run on with their gates open. */
+/* The timers continue to run, with their gates open. */
 void application_stop_sampling(void)
 {
     bridges_off();
@@ -116,8 +116,8 @@ void application_revive(void)
     scan_revive();
 }
 
-/* Gates close once, when a job begins, and only while nothing is wrong: no fault may be found between the last look for
- * one and the closing. */
+/* Close the gates at the start of a job, unless there is a fault. Interrupts are disabled, so that no fault can occur
+ * between the last check and the closing. */
 static void close_gates(void)
 {
     __asm volatile("cpsid i" ::: "memory");
@@ -133,7 +133,7 @@ void application_serve_outputs(void)
     static uint32_t cleared;
     if (app.base.supervisor.cleared != cleared) {
         cleared = app.base.supervisor.cleared;
-        bridges_listen();
+        bridges_arm_break();
     }
     if (bridges_broken()) {
         bridges_off();
@@ -169,7 +169,8 @@ void application_record(float *record)
     an_six_record(&app, record);
 }
 
-/* Any two looks of the guard are two samples apart, any window is longer than that. */
+/* Phase plus tick changes with every sample. The guard's checks are less than two samples apart, and windows are
+ * longer, so that the sum cannot return to an earlier value in between. */
 uint32_t application_samples(void)
 {
     return app.fast.phase + app.fast.tick;

@@ -4,8 +4,8 @@
 #include "registers.h"
 
 enum {
-    DEAD_TIME = 54,  /* of 5.6 ns: 0.3 us */
-    SCAN_LEAD = 648, /* of 5.6 ns: 3.6 us, half of the time that six conversions take */
+    DEAD_TIME = 54,  /* in units of 5.6 ns: 0.3 us */
+    SCAN_LEAD = 648, /* in units of 5.6 ns: 3.6 us, half the duration of six conversions */
     THREE_PAIRS = TIM_CCER_PAIR | TIM_CCER_PAIR << TIM_CCER_NEXT_POS | TIM_CCER_PAIR << 2 * TIM_CCER_NEXT_POS
 };
 
@@ -42,7 +42,7 @@ static void timer_init(tim_regs *timer)
     timer->CR1 = TIM_CR1_CMS_1 | TIM_CR1_ARPE;
     timer->PSC = 0u;
     timer->ARR = BRIDGES_TOP;
-    timer->RCR = 1u; /* one update a period, not two */
+    timer->RCR = 1u; /* one update per period instead of two */
     timer->CCMR1 = TIM_OC_PWM1_PRELOADED | TIM_OC_PWM1_PRELOADED << TIM_CCMR_UPPER_POS;
     timer->CCMR2 = TIM_OC_PWM1_PRELOADED | TIM_OC_PWM2 << TIM_CCMR_UPPER_POS;
     timer->CCR1 = BRIDGES_TOP / 2;
@@ -50,7 +50,7 @@ static void timer_init(tim_regs *timer)
     timer->CCR3 = BRIDGES_TOP / 2;
     timer->CCR4 = BRIDGES_TOP - SCAN_LEAD;
     timer->CCER = THREE_PAIRS;
-    /* Break when low; closing again is the program's decision; dead time and polarities can be changed no more. */
+    /* Break input active low, gates closed by software only; dead time and polarities are locked. */
     timer->BDTR = DEAD_TIME | TIM_BDTR_OSSI | TIM_BDTR_OSSR | TIM_BDTR_BKE | TIM_BDTR_LOCK_2;
     timer->EGR = TIM_EGR_UG;
     timer->SR = 0u;
@@ -60,11 +60,11 @@ void bridges_init(void)
 {
     timer_init(TIM1);
     timer_init(TIM8);
-    TIM1->CR2 = TIM_CR2_MMS_ENABLE;    /* its start is the trigger ... */
+    TIM1->CR2 = TIM_CR2_MMS_ENABLE;    /* the start of TIM1 is the trigger ... */
     TIM8->SMCR = TIM_SMCR_SMS_TRIGGER; /* ... that starts TIM8, */
-    TIM8->CR2 = TIM_CR2_MMS_OC4REF;    /* which starts the scan shortly before its end */
+    TIM8->CR2 = TIM_CR2_MMS_OC4REF;    /* which starts the scan shortly before the end of its count */
     pins_init();
-    bridges_listen();
+    bridges_arm_break();
     nvic_enable(TIM1_BRK_IRQ);
     nvic_enable(TIM8_BRK_IRQ);
 }
@@ -91,7 +91,7 @@ bool bridges_broken(void)
     return ((TIM1->SR | TIM8->SR) & TIM_SR_BIF) != 0u;
 }
 
-void bridges_listen(void)
+void bridges_arm_break(void)
 {
     TIM1->SR = ~(uint32_t)TIM_SR_BIF;
     TIM8->SR = ~(uint32_t)TIM_SR_BIF;
@@ -99,7 +99,7 @@ void bridges_listen(void)
     TIM8->DIER = TIM_DIER_BIE;
 }
 
-void bridges_deafen(void)
+void bridges_mask_break(void)
 {
     TIM1->DIER = 0u;
     TIM8->DIER = 0u;

@@ -1,4 +1,4 @@
-/* Six half-bridges: TIM1 and TIM8, three complementary pairs each, 40 kHz, centre-aligned, with dead time and
+/* Six half-bridges on TIM1 and TIM8: three complementary pairs each, centre-aligned PWM at 40 kHz, with dead time and
  * break inputs. */
 #ifndef BRIDGES_H
 #define BRIDGES_H
@@ -10,27 +10,27 @@
 
 enum { BRIDGES = 6, BRIDGES_TOP = 2250 };
 
-/* Outputs off. TIM8's fourth channel, once a period, is the trigger of the scan: its middle is the counter's end, as far
- * as can be from where the switches of a small drive work. */
+/* Prepare the timers with all outputs off. The fourth channel of TIM8 triggers the scan once per period, so that the
+ * middle of the scan falls on the end of the count, as far as possible from the switching edges of a small drive. */
 void bridges_init(void);
 void bridges_start(void);
 
-/* All twelve switches open; at once. */
+/* Open all twelve switches at once. */
 void bridges_off(void);
 
-/* Closes the main output gates unless a break line is pulled. */
+/* Close the main output gates, unless a break line is asserted. */
 void bridges_on(void);
 
-/* True when a break line was pulled since bridges_listen. */
+/* True if a break line has been asserted since bridges_arm_break. */
 bool bridges_broken(void);
 
-/* Forgets earlier breaks, as far as no line is pulled now, and raises an interrupt at the next one. */
-void bridges_listen(void);
+/* Clear earlier breaks, unless a line is still asserted, and enable the interrupt for the next one. */
+void bridges_arm_break(void);
 
-/* No more interrupts of the break lines, which go on opening the gates. */
-void bridges_deafen(void);
+/* Disable the interrupts of the break lines, which continue to open the gates. */
+void bridges_mask_break(void);
 
-/* Duty cycles from 0 to BRIDGES_TOP, taken over together at the next update. */
+/* Set the duty cycles, from 0 to BRIDGES_TOP, which take effect together at the next update. */
 void bridges_set(const uint16_t *duty);
 
 #endif

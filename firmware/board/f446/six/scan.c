@@ -7,10 +7,10 @@ enum {
     CHANNEL = 0,
     ADC_ON = ADC_CR2_ADON | ADC_CR2_EXTSEL_TIM8_TRGO | ADC_CR2_EXTEN_RISING,
     ADC_ON_BY_DMA = ADC_ON | ADC_CR2_DMA | ADC_CR2_DDS,
-    PATIENCE = 1000
+    POLLS_MAX = 1000
 };
 
-static uint16_t scans[2u * SCAN_CHANNELS]; /* in turn: half a transfer is one scan, the whole is the next */
+static uint16_t scans[2u * SCAN_CHANNELS]; /* two scans in turn, one per half of the DMA transfer */
 
 /* PA0, PA1, PA4, PC0, PC1, PC2 */
 static const uint8_t channels[SCAN_CHANNELS] = {0, 1, 4, 10, 11, 12};
@@ -26,7 +26,7 @@ static void dma_start(void)
 {
     dma_stream_regs *stream = &DMA2->stream[STREAM];
     stream->CR = 0u;
-    for (uint32_t i = 0u; i < PATIENCE && (stream->CR & DMA_CR_EN) != 0u; i++) {
+    for (uint32_t i = 0u; i < POLLS_MAX && (stream->CR & DMA_CR_EN) != 0u; i++) {
     }
     DMA2->LIFCR = DMA_FLAGS_STREAM0;
     stream->PAR = (uint32_t)(uintptr_t)&ADC1->DR;
@@ -36,7 +36,7 @@ static void dma_start(void)
                  DMA_CR_HTIE | DMA_CR_TCIE | DMA_CR_EN;
 }
 
-/* 90 MHz / 4 = 22.5 MHz, 15 + 12 cycles: 1.2 us a channel. */
+/* 90 MHz / 4 = 22.5 MHz; 15 + 12 cycles take 1.2 us per channel. */
 static void adc_init(void)
 {
     ADC_COMMON->CCR = ADC_CCR_ADCPRE_DIV4;
@@ -59,7 +59,7 @@ void scan_init(void)
     nvic_enable(DMA2_STREAM0_IRQ);
 }
 
-/* The ADC's own requests have to be switched off and on again. */
+/* The ADC's DMA requests must be disabled and enabled again. */
 void scan_revive(void)
 {
     ADC1->CR2 = ADC_ON;

@@ -1,4 +1,4 @@
-/* Six sensors, converted one after the other at every trigger and carried to memory by DMA. */
+/* Scan of six sensors, converted one after another at every trigger and transferred to memory by DMA. */
 #ifndef SCAN_H
 #define SCAN_H
 
@@ -7,15 +7,14 @@
 
 enum { SCAN_CHANNELS = 6 };
 
-/* DMA2_Stream0_IRQHandler follows each complete scan. */
+/* Prepare the scan. DMA2_Stream0_IRQHandler runs after each complete scan. */
 void scan_init(void);
 
-/* Sets a scan going anew that has stopped: after an overrun ADC and DMA take no more triggers (RM0390, ADC, "Using the
- * DMA"). */
+/* Restart a stalled scan: after an overrun, ADC and DMA ignore triggers (RM0390, ADC, "Using the DMA"). */
 void scan_revive(void);
 
-/* To be called there: the samples of the last scan, valid until the one after the next begins. False when samples were lost, or
- * the handler was not called for a scan. */
+/* Return the samples of the last scan, which are valid until the scan after next begins; call from that handler.
+ * Returns false if samples were lost or a scan was missed. */
 bool scan_complete(const uint16_t **samples);
 
 #endif

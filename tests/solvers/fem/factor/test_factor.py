@@ -12,18 +12,17 @@ from scipy.sparse.linalg import splu
 
 from solvers import machine
 from solvers.errors import SingularShift, SolverError, TooLarge
+from solvers.fem import factor
 from solvers.fem.assembly import assemble
 from solvers.fem.eigen import modes_near
-from solvers.fem.factor import choice, superlu
-from solvers.fem.factor.choice import available
-from solvers.fem.factor.factoriser import Factoriser
-from solvers.fem.factor.superlu import alike, postordered, quotient
+from solvers.fem.factor import Factoriser, alike, postordered, quotient
 from solvers.fem.solid import Pencil, constrain, free_mask
+from solvers.machine import factorisations
 from solvers.threads import threads
 from tests.helpers import small_meshes as small
 
 BODY = {"body": small.SOFT}
-BACKENDS = available()
+BACKENDS = factorisations()
 
 
 def pencil(kind: str = "hex2") -> Pencil:
@@ -96,7 +95,7 @@ def test_what_does_not_fit_is_refused_before_it_is_factorised(backend: str, monk
     needed = Factoriser(backend)(matrix).foreseen_bytes
     monkeypatch.setattr(machine, "room_bytes", lambda: 0.99 * needed)
     started: list[str] = []
-    monkeypatch.setattr(superlu, "splu", lambda *a, **k: started.append("splu"))
+    monkeypatch.setattr(factor, "splu", lambda *a, **k: started.append("splu"))
     with pytest.raises(
         TooLarge, match=rf"factorising {matrix.shape[0]} degrees of freedom needs about .* GiB are free"
     ):
@@ -133,7 +132,7 @@ def test_two_factors_of_one_pattern_live_side_by_side(backend: str) -> None:
 
 
 def test_a_wrong_solve_is_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(superlu.SuperLU, "solve", lambda self, right: 1.001 * self._lu.solve(right))
+    monkeypatch.setattr(factor.SuperLU, "solve", lambda self, right: 1.001 * self._lu.solve(right))
     with pytest.raises(SingularShift, match="backward error"):
         Factoriser("superlu")(shifted(pencil()))
 
@@ -150,14 +149,14 @@ def test_the_variable_names_the_factorisation(monkeypatch: pytest.MonkeyPatch) -
 def test_rslab_is_taken_where_it_is_and_superlu_is_always_there(
     installed: tuple[str, ...], first: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(choice.importlib.util, "find_spec", lambda name: name if name in installed else None)
+    monkeypatch.setattr(machine.importlib.util, "find_spec", lambda name: name if name in installed else None)
     monkeypatch.delenv("ANTINODE_FACTOR", raising=False)
-    choice.available.cache_clear()
+    machine.factorisations.cache_clear()
     try:
-        assert choice.available() == (*installed, "superlu")
+        assert machine.factorisations() == (*installed, "superlu")
         assert Factoriser().backend == first
     finally:
-        choice.available.cache_clear()
+        machine.factorisations.cache_clear()
 
 
 def test_threads_are_those_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,10 +193,10 @@ def test_the_size_of_the_factor_is_counted_exactly(count: int, density: float) -
 
 @pytest.mark.parametrize("kind", ["hex3", "tet2 bent"])
 def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(superlu, "DENSE", 10)
+    monkeypatch.setattr(factor, "DENSE", 10)
     matrix = shifted(pencil(kind))
-    plan = superlu.analyse(matrix)
-    made = superlu.SuperLU(matrix, plan)
+    plan = factor.analyse(matrix)
+    made = factor.SuperLU(matrix, plan)
     assert plan.order is not None
     assert made._lu.L.nnz <= plan.entries < 1.001 * made._lu.L.nnz  # equal but for entries that cancel
     right = np.cos(np.arange(matrix.shape[0]))
@@ -205,7 +204,7 @@ def test_superlus_fill_is_the_one_foretold(kind: str, monkeypatch: pytest.Monkey
     assert made.negative == int((np.linalg.eigvalsh(matrix.toarray()) < 0.0).sum())
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", factorisations())
 def test_another_pattern_is_analysed_anew(name: str) -> None:
     block = shifted(pencil("hex3"))
     order = np.random.default_rng(1).permutation(block.shape[0])
@@ -228,9 +227,9 @@ def test_degrees_of_freedom_with_the_same_couplings_are_alike() -> None:
 @pytest.mark.parametrize("what", ["stored", "filled"])
 def test_more_entries_than_superlu_can_count_are_refused(what: str) -> None:
     matrix = sp.csc_array(sp.eye_array(4, format="csc"))
-    plan = superlu.Ordering(None, 2**31 if what == "filled" else 5, superlu.pattern_of(matrix))
+    plan = factor.Ordering(None, 2**31 if what == "filled" else 5, factor.pattern_of(matrix))
     if what == "stored":
         pattern = {"indptr": matrix.indptr, "indices": matrix.indices}
         matrix = type("Huge", (), {"shape": (4, 4), "nnz": 80_000_000, **pattern})()
     with pytest.raises(TooLarge, match=r"more than SuperLU can count: install rslab"):
-        superlu.SuperLU(matrix, plan)
+        factor.SuperLU(matrix, plan)

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from solvers.fem.factor import choice, rslab
-from solvers.fem.factor.rslab import Kept
+from solvers import machine
+from solvers.fem import factor as rslab
+from solvers.fem.factor import Kept
 
 Touches = list[tuple[str, int]]
 
@@ -133,7 +134,7 @@ def test_threads_that_end_leave_their_keeper_to_the_next() -> None:
     assert threading.active_count() == before
 
 
-@pytest.mark.skipif("rslab" not in choice.available(), reason="rslab is not installed")
+@pytest.mark.skipif("rslab" not in machine.factorisations(), reason="rslab is not installed")
 def test_what_rslab_gives_is_memory_of_numpy_s_own() -> None:
     """A solution that rslab's allocator holds would be freed by whichever thread forgets it."""
     matrix = sp.csc_array(sp.diags_array(np.arange(1.0, 40.0), format="csc"))
@@ -143,7 +144,7 @@ def test_what_rslab_gives_is_memory_of_numpy_s_own() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.skipif("rslab" not in choice.available(), reason="rslab is not installed")
+@pytest.mark.skipif("rslab" not in machine.factorisations(), reason="rslab is not installed")
 def test_a_thousand_factorisations_by_threads_that_come_and_go() -> None:
     """Analyses used by threads that did not make them, freed by others, threads that end in between."""
     lattice = sp.diags_array([np.full(39, -1.0), np.full(40, 2.5), np.full(39, -1.0)], offsets=[-1, 0, 1])

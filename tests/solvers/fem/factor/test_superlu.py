@@ -8,13 +8,12 @@ import scipy.sparse as sp
 from scipy.linalg import eigh
 
 from solvers.errors import SingularShift
+from solvers.fem import factor
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.eigen import PlainPencil, Shared, factor_near, modes_near
-from solvers.fem.factor import superlu
-from solvers.fem.factor.choice import available
-from solvers.fem.factor.factoriser import Factor, Factoriser
-from solvers.fem.factor.superlu import SuperLU
+from solvers.fem.factor import Factor, Factoriser, SuperLU
 from solvers.fem.solid import Pencil, constrain, free_mask
+from solvers.machine import factorisations
 from tests.helpers import small_meshes as small
 
 EPSILON = float(np.finfo(float).eps)
@@ -51,7 +50,7 @@ def test_digits_lost_to_a_small_pivot_are_won_back(pivot: float) -> None:
 
 
 def test_without_refinement_such_a_solve_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(superlu, "SWEEPS", 0)
+    monkeypatch.setattr(factor, "SWEEPS", 0)
     with pytest.raises(SingularShift, match="refinement ends at a backward error"):
         SuperLU(small_pivots(1e-9)).solve(np.ones(CHAIN))
 
@@ -170,7 +169,7 @@ class Noisy(Factoriser):
         return made
 
 
-@pytest.mark.parametrize("backend", available())
+@pytest.mark.parametrize("backend", factorisations())
 @pytest.mark.parametrize("place", ["above rigid-body modes", "on a mode"])
 def test_rounding_beside_the_shift_does_not_spoil_the_modes_far_from_it(backend: str, place: str) -> None:
     """A pair six powers of ten nearer to the shift than the others: a solve's rounding grows by as much."""

@@ -1,1 +1,0 @@
-"""What a built image holds: its contents, its registers for debuggers, its longest paths."""

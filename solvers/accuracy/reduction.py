@@ -1,0 +1,572 @@
+"""How far off reduced cells, their bands and plates assembled from them may be, by truncation and by their meshes.
+
+A coarser mesh lacks the innermost layer of elements at the foot's rim, where displacements go as r^a and the energy's error
+therefore as h^(2a): the finer mesh still errs by a share r of the difference that follows from a, the order and the layers
+(babuska1981). K = K_fine - r (K_coarse - K_fine), M likewise, over the same boundary functions; the fixed-interface modes of
+the coarser mesh are turned onto those of the finer one, Q = U V' from (M_fine P Phi_coarse)' Phi_fine = U S V'
+(schoenemann1966). A mesh of one order less tells what is left away from the rim.
+
+Tetrahedra have no coarser mesh nested in them: what continuous stresses lose of K_r (`StressRecovery`) stands for its error.
+
+Fixed-interface modes left out take l^2 D from the boundary's dynamic stiffness, D their residual flexibility, which each
+cell knows (`Cell.dropped`): an eigenvalue l falls by l^2 u'D u, to first order. Without a part d of the eigenvector u, its
+last degree along the sides, Rayleigh's quotient rises by d'(K - l M)d / (u - d)'M(u - d): what that degree brought bounds the
+next ones. Further degrees through the thickness e, which a thick plate's cells know (`Cell.further`), lower it by
+r'(K_ee - l M_ee)^-1 r, r = (K_e - l M_e)u, to second order in what they couple.
+
+The meshes coupled at their boundary functions have the boundary's dynamic stiffness S and the interiors' own eigenvalues,
+N = N(S) + sum N(interior), both below lambda (wittrick1971). Every interior mode up to Lambda is kept, so the reduced pencil
+counts the interiors' whole; what modes left out take from S is bounded (`Cell.dropped`) and only lowers it. Hence
+N_reduced <= N <= N of the pencil with that bound taken from its stiffness.
+
+What the fixed-interface modes left out take is told by their residual flexibility and has bounds (`Waves.by_modes`). Without
+the boundary functions D a wave u of the eigenvalue l rises by at most u_D^H S u_D, S the Schur complement of K + s M on D: the
+other functions come to rest, s M holds rigid motion. By Cholesky's factor L of the functions in the order of their degree it
+parts into |L^H u|^2, degree by degree. The degree's error falls exponentially: what the last degree along the sides brought
+bounds what the next ones would, and by how much every second degree brought less, since a wave may need even or odd ones alone,
+tells how far they stay below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh, eigvalsh
+
+from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
+from solvers.accuracy.mesh import Nested, Shares, StressRecovery, shares_of, smooth_half_width
+from solvers.fem.assembly import on_components
+from solvers.fem.eigen import PlainPencil, count_below
+from solvers.fem.factor import Factoriser, side_by_side
+from solvers.superelement.cell import Cell, MeshError, ResidualModes, check_rigid
+from solvers.superelement.plate import AssembledPlate
+from solvers.superelement.reduction import CellBuilder, SymmetryClass
+from solvers.threads import one_thread
+
+if TYPE_CHECKING:
+    from solvers.superelement.lattice import BlochPlate, Periodic, ReducedLattice, Waves
+
+WIDER = 1.15  # modes of the coarser mesh are sought so much higher: they lie above their partners
+MAX_SHARE = 0.9  # of K or M in any direction that is taken away: they stay positive
+RELATIVE_SHIFT = 1e-9
+NOTHING = 1e-10  # of the mean stiffness or mass of a function: rounding
+NestedBuilder = Nested[CellBuilder]
+ALIKE = 0.5  # singular value of the modal overlap from which a direction has its partner on the coarser mesh
+
+# of the half-width at rims, and of what the last order brought away from them: a plate's modes move its cells more alike than
+# ten bands of a lattice do, and bend its bare panels in shorter waves. Of ten plates of seed 7 of `python -m
+# studies.error_bars` 99 of 100 modes lie within
+AT_RIMS, AWAY = 0.5, 0.06
+
+MARGIN = 2.0  # single modes may lie somewhat above the estimate by truncation, the worst of a class never did
+
+# of the rise without the last degree through the thickness what further ones bring to a plate thin for its waves: its free
+# edges' boundary layers, sin(pi z / t) at their slowest, leave these up to 0.04
+EDGE_LAYER = 0.03
+
+Joined: TypeAlias = "AssembledPlate | BlochPlate"  # their degrees of freedom are their cells' own
+
+# of the largest estimate of a band and those below it, of all: one wave may hide what others show
+HIDDEN, BEYOND = 0.3, 0.02
+
+# times the geometric series, of which further degrees brought 0.06 to 2.8 to 12 cells of degrees 5 and 6; and of the last
+# degree's part at least, of which they brought 0.48 where the series is shorter; the fewest degrees that tell it
+SERIES, MIN_SHARE, MIN_DEGREE = 3.0, 0.5, 5
+
+LOWEST, TRIALS = 0.3, 40  # cut-offs tried, from this share of the lattice's own on
+TIMES_ROUNDING = (
+    1e3  # times the eigenvalue that is rounding: what at least holds rigid motion where degrees are compared
+)
+
+# of what the degree before the last brought: the next one of its parity brought a quarter to a third of it, and a wave that is
+# even or odd along the sides hides one of both
+OTHER_PARITY = 0.5
+
+STILL = 1e-4  # of the highest frequency asked for: slower waves are rigid-body modes but for rounding
+
+
+@dataclass(frozen=True)
+class ModeErrors:
+    """Relative errors of frequencies, (k,) each, from above: by the fixed-interface modes, by the degrees along the sides and
+    by those through the thickness that are left out.
+
+    Infinite from the lowest mode on that may have been left out: nothing is known there. taken: how far the finest mesh's own
+    frequency lies above the reported one; mesh: half-width of the bar by the mesh, NaN where no coarser mesh tells it.
+    """
+
+    modes: FloatArray
+    degrees: FloatArray
+    through: FloatArray
+    taken: FloatArray
+    mesh: FloatArray
+
+    @property
+    def by_degrees(self) -> FloatArray:
+        """By the degrees left out, in either direction."""
+        return self.degrees + self.through
+
+    @property
+    def total(self) -> FloatArray:
+        """By all truncations."""
+        return self.modes + self.by_degrees
+
+
+class Assembly(Protocol):
+    """Cells that were joined: each with its `cell` and how many `copies` of it there are, and their motion (cell dof, k)."""
+
+    @property
+    def placed_cells(self) -> Sequence[Any]: ...
+    def cell_vectors(self, placed_cell: Any, vectors: Any) -> Any: ...
+
+
+@dataclass(frozen=True)
+class ReductionError:
+    """Relative errors of frequencies: by the modes left out, to either side, and by the degrees along the sides left out."""
+
+    modes: float
+    degrees: float
+
+    @property
+    def total(self) -> float:
+        """Both."""
+        return self.modes + self.degrees
+
+
+@dataclass(frozen=True)
+class MeshErrors:
+    """Relative, (n,) each: how far the finer mesh's own frequency lies above the reported one, and the half-width of the bar.
+
+    The half-width is NaN where no coarser mesh tells it.
+    """
+
+    taken: FloatArray
+    half_width: FloatArray
+
+
+def extrapolated(
+    cell: Cell,
+    fine: tuple[CellBuilder, list[SymmetryClass]],
+    lower: NestedBuilder,
+    layer: NestedBuilder | None,
+    shares: Shares,
+    top_hz: float,
+) -> Cell:
+    """The cell of the finer mesh less the share of what the mesh without its innermost layer adds to K_r and M_r.
+
+    lower: the mesh of one order less; layer: the mesh without the layer, None where nothing is singular. No more is taken
+    than leaves K and M positive; what is not taken counts as uncertain.
+    """
+    builder, parts = fine
+    meshes = [lower, layer] if layer else [lower]
+    with one_thread():
+        changes = side_by_side(lambda mesh: _change(builder, parts, mesh, WIDER * top_hz, cell), meshes)
+    none = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    return _lowered(cell, builder, changes[1] if layer else none, changes[0], shares)
+
+
+def recovered(cell: Cell, builder: CellBuilder, parts: list[SymmetryClass], recovery: StressRecovery) -> Cell:
+    """The cell of a mesh of tetrahedra less most of what continuous stresses lose of K_r."""
+    none, loss = np.zeros_like(cell.mass), np.zeros_like(cell.stiffness)
+    with one_thread():
+        for part, place in zip(parts, builder.places(parts), strict=True):
+            own = builder.projected(part)[0] - recovery.energy(part.shapes)
+            loss += builder.copies * place @ own @ place.T
+    return _lowered(cell, builder, ((loss + loss.T) / 2.0, none), (none, none), recovery.shares)
+
+
+def mode_errors(
+    plate: Joined, pencil: PlainPencil, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+) -> ModeErrors:
+    """Estimate for M-orthonormal modes (dof, k) of a symmetry class and its pencil, or for Bloch waves, which are complex.
+
+    rims: of the half-width that the rims' singularities have.
+    """
+    value = energy(vectors, pencil.stiffness @ vectors)
+    along = by_degrees(pencil, vectors, last_degree(plate))
+    if all(cell.further for cell in plate.cells):
+        through = _by_further(plate, value, vectors)
+    else:
+        through = EDGE_LAYER * by_degrees(pencil, vectors, _dofs(plate, last_layer))
+    return ModeErrors(by_modes(plate, value, vectors), along, through, *by_mesh(plate, value, vectors, rims))
+
+
+def by_degrees(
+    pencil: PlainPencil,
+    vectors: FloatArray | ComplexArray,
+    last: BoolArray,
+    images: tuple[FloatArray, FloatArray] | None = None,
+) -> FloatArray:
+    """How far M-orthonormal modes u (dof, k) rise without what the last degree (dof,) brought to them, relative, (k,).
+
+    By Rayleigh's quotient of u - d: K and M on the part alone tell what d itself holds. images: K u and M u, where known.
+    """
+    where = np.flatnonzero(last)
+    stiff, heavy = images or (pencil.stiffness @ vectors, pencil.mass @ vectors)
+    value, dropped = energy(vectors, stiff), vectors[where]
+    left = [
+        energy(vectors, image)
+        - 2.0 * energy(dropped, image[where])
+        + energy(dropped, matrix[where][:, where] @ dropped)
+        for matrix, image in ((pencil.stiffness, stiff), (pencil.mass, heavy))
+    ]
+    return np.asarray(np.sqrt(np.maximum(left[0] / left[1] / value, 1.0)) - 1.0)
+
+
+def energy(vectors: FloatArray | ComplexArray, images: FloatArray | ComplexArray) -> FloatArray:
+    """u^H v of each pair of columns, (k,)."""
+    return np.asarray(np.einsum("ik,ik->k", vectors.conj(), images).real)
+
+
+def by_mesh(
+    plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray, rims: float = AT_RIMS
+) -> tuple[FloatArray, FloatArray]:
+    """What was taken from the frequencies of M-orthonormal modes (dof, k) and their bars' half-width, relative, (k,) each.
+
+    By Rayleigh's quotient at scaled eigenvalues (k,); a half-width is NaN where a cell has no coarser mesh.
+    """
+    taken, rim, order, beyond = (np.zeros_like(value) for _ in range(4))
+    for placed_cell in plate.placed_cells:
+        error = placed_cell.cell.mesh_error
+        if error is None:
+            return taken, np.full_like(value, np.nan)
+        changes = error.changes(plate.cell_vectors(placed_cell, vectors), value)
+        by_layer, by_order = (placed_cell.copies * change for change in changes)
+        taken += error.taken * by_layer
+        shares = shares_of(error)
+        rim += shares.rim * by_layer
+        order += by_order - error.edge * by_layer
+        if shares.doubt:
+            beyond += shares.doubt * error.taken * (by_layer - by_order / error.edge)
+    known = [each.cell.mesh_error for each in plate.placed_cells]
+    smooth = smooth_half_width(order, AWAY, min((error.order for error in known if error), default=0))
+    return taken, rims * np.abs(rim) + smooth + np.maximum(beyond, 0.0)
+
+
+def by_modes(plate: Assembly, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+    """Half of l u' D u over the modes' l, D the residual flexibility of every cell, as large as it may be at l, (k,)."""
+    total = np.zeros_like(value)
+    for placed_cell in plate.placed_cells:
+        cell = placed_cell.cell
+        own = plate.cell_vectors(placed_cell, vectors)[: len(cell.dropped)]
+        total += placed_cell.copies * cell.residual.growth(value) * energy(own, cell.dropped @ own)
+    return np.asarray(0.5 * value * total)
+
+
+def last_degree(plate: Joined, before: int = 0) -> BoolArray:
+    """Which of the plate's degrees of freedom are the bubbles of the highest degree, or of one so far before it, (dof,)."""
+    return _dofs(plate, lambda cell: last_bubbles(cell, before))
+
+
+def last_bubbles(cell: Cell, before: int = 0) -> IntArray:
+    """The bubbles of the highest degree on the four sides, or of one so far before it."""
+    return np.flatnonzero(cell.interface.along_side == cell.interface.along - before)
+
+
+def last_layer(cell: Cell) -> IntArray:
+    """The boundary functions of the highest degree through the thickness."""
+    face = cell.interface
+    return np.flatnonzero(np.arange(face.count) // 3 % face.layers == face.through)
+
+
+def more_below(
+    plate: AssembledPlate,
+    pencil: PlainPencil,
+    edge_hz: float,
+    reduced: int | None = None,
+    factorise: Factoriser | None = None,
+    degrees: float = 0.0,
+) -> int | None:
+    """How many more modes the assembled meshes have at most below a frequency than the reduced pencil; None without a bound.
+
+    `reduced`: the reduced pencil's own count there, rigid-body modes included, where it is known already; `factorise` shares
+    the symbolic analysis of the pencil's earlier solves; degrees: how far, relative, the degrees left out may put a mode of
+    the meshes below the one that stands for it.
+    """
+    beyond_hz = edge_hz * (1.0 + degrees)
+    value = pencil.scale.eigenvalue(beyond_hz)
+    if not all(np.isfinite(placed_cell.cell.residual.growth(value)) for placed_cell in plate.placed_cells):
+        return None
+
+    def lost(cell: Cell) -> FloatArray:
+        return cell.on_boundary(value**2 * float(cell.residual.growth(value)) * cell.dropped)
+
+    softer = PlainPencil(
+        (pencil.stiffness - plate.of_cells(lost)).tocsc(), pencil.mass, pencil.scale, pencil.rigid_count
+    )
+    own = count_below(pencil, edge_hz, factorise) if reduced is None else reduced
+    return count_below(softer, beyond_hz, factorise) - own
+
+
+def reduction_error(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> ReductionError:
+    """Estimate for the `count` lowest bands at wavevectors (n, 2) in rad/m: the worst of them."""
+    return error_of_waves(lattice, [lattice.waves(k, count) for k in wavevectors])
+
+
+def error_of_waves(lattice: ReducedLattice, waves: Sequence[Waves]) -> ReductionError:
+    """The same of waves that are solved already."""
+    estimates = [truncation(lattice, each) for each in waves]
+    modes = max(float(each.max(initial=0.0)) for each, _ in estimates)
+    parts = [each for _, each in estimates]
+    return ReductionError(modes, further_degrees(parts) * max(float(each[-1].max(initial=0.0)) for each in parts))
+
+
+def truncation(lattice: ReducedLattice, waves: Waves) -> tuple[FloatArray, FloatArray]:
+    """What the modes left out may put each wave off by, (n,), and what each degree along the sides brought it, (degrees, n)
+    from 0 on, relative; 0 for rigid-body waves.
+    """
+    modes = np.where(_moving(waves), waves.by_modes, 0.0)
+    return modes, _brought(lattice, waves, lattice.cell.interface.along_side)
+
+
+def in_order(waves: Waves, rises: FloatArray) -> FloatArray:
+    """Rises (n,) of waves, relative, as sorted bands show them: waves that rise by more than others change places."""
+    moving = _moving(waves)
+    value = np.where(moving, waves.eigenvalue, 1.0)
+    risen = np.sort(np.where(moving, value * (1.0 + 2.0 * rises), 0.0))
+    return np.where(moving, np.maximum(risen / value - 1.0, 0.0) / 2.0, 0.0)
+
+
+def further_degrees(parts: Sequence[FloatArray]) -> float:
+    """What degrees along the sides beyond the last may bring, of what the last one brought: at most 1.
+
+    parts: of each wavevector what the degrees brought its waves, (degrees, n).
+
+    Parts R_n of a degree n fall as q^(n/2) with the largest q = R_n / R_(n-2) seen: the next two bring (R_n + R_(n-1)) q.
+    A degree below 5 shows no q of even and of odd ones.
+    """
+    worst = np.max([part.max(axis=1, initial=0.0) for part in parts], axis=0)
+    if len(worst) <= MIN_DEGREE or worst[-1] <= 0.0:
+        return 1.0
+    falls = [own / before for own, before in zip(worst[-2:], worst[-4:-2], strict=True) if before > 0.0]
+    return float(min(1.0, max(SERIES * (1.0 + worst[-2] / worst[-1]) * max(falls, default=1.0), MIN_SHARE)))
+
+
+def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, target: float) -> float:
+    """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `target`.
+
+    The lattice's own where none below it does. A mode's part in a wave tells what it would add to the residual flexibility.
+    """
+    cell, own = lattice.cell, lattice.cell.dropped_hz
+    first = cell.interface.count
+    stiff, heavy = (np.diag(matrix)[first:, None] for matrix in (cell.stiffness, cell.mass))
+    trials = own * np.geomspace(LOWEST, 1.0, TRIALS)
+    worst = np.zeros(TRIALS)
+    for k in wavevectors:
+        waves = lattice.waves(k, count)
+        value = np.where(_moving(waves), waves.eigenvalue, np.inf)
+        flexible = np.abs(waves.dofs[first:]) ** 2 * (stiff / value - heavy) ** 2 / stiff
+        left = np.einsum("in,in->n", waves.dofs[:first].conj(), cell.dropped @ waves.dofs[:first]).real
+        for index, top in enumerate(trials):
+            lost = left + flexible[cell.fixed_hz > top].sum(axis=0)
+            modes = ResidualModes(cell.scale.eigenvalue(top))
+            eigenvalue = np.where(np.isinf(value), 0.0, value)
+            bars = modes.bar(eigenvalue, eigenvalue + modes.softening(eigenvalue) * lost, lost)
+            worst[index] = max(worst[index], float(bars.max()))
+    enough = np.flatnonzero(worst <= target)
+    return float(trials[enough[0]]) if len(enough) else own
+
+
+def truncation_bars(rises: FloatArray, share: float = 1.0) -> FloatArray:
+    """Half-widths of bars by truncation from the estimates of waves (wavevectors, bands), of the same shape; share: of them.
+
+    What waves of the same band or of one below it show, another one may hide; none is off by more than the worst of all.
+    """
+    worst = rises.max(initial=0.0)
+    below = np.maximum.accumulate(rises.max(axis=0, initial=0.0))
+    return np.minimum(share * (rises + HIDDEN * below) + BEYOND * worst, share * worst)
+
+
+def last_degree_through(lattice: ReducedLattice, wavevectors: FloatArray, count: int) -> float:
+    """Largest relative rise of the `count` lowest bands without the highest functions through the thickness."""
+    across = lattice.cell.interface.across
+    if across.max() < 2:  # a plate of linear functions has no lower degree to compare with
+        return 0.0
+    rises = [_brought(lattice, lattice.waves(k, count), across)[-1] for k in wavevectors]
+    return max(float(each.max(initial=0.0)) for each in rises)
+
+
+def waves_of(row: Periodic, wavevector: FloatArray, count: int) -> tuple[FloatArray, ModeErrors]:
+    """The `count` lowest frequencies of a row at a wavevector (2,) in rad/m, Hz, and what truncation and the cells' meshes may
+    put each of them off by.
+    """
+    plate = row.at(wavevector)
+    tones, waves = plate.waves(count)
+    moving, errors_of = tones > STILL * tones[-1], np.zeros((5, len(tones)))
+    pencil, dofs = plate.pencil(), waves[:, moving]
+    errors = mode_errors(plate, pencil, dofs, rims=1.0)
+    before = OTHER_PARITY * by_degrees(pencil, dofs, last_degree(plate, before=1))
+    degrees = np.maximum(errors.degrees, before)
+    errors_of[:, moving] = errors.modes, degrees, errors.through, errors.taken, errors.mesh
+    return tones, ModeErrors(*errors_of)
+
+
+def mesh_error(cell: Cell, waves: Waves) -> MeshErrors:
+    """How far the mesh may put each wave's frequency off; 0 for rigid-body waves.
+
+    By Rayleigh's quotients with what coarser meshes change the cell by (`MeshError.changes`); what lower waves at the same
+    wavevector show of short ones, one to which the last order brought nothing may hide (`Shares.of_modes`).
+    """
+    error = cell.mesh_error
+    if error is None:
+        return MeshErrors(np.zeros(len(waves.eigenvalue)), np.full(len(waves.eigenvalue), np.nan))
+    moving = _moving(waves)
+    changes = error.changes(waves.dofs, np.where(moving, waves.eigenvalue, 1.0))
+    layer, order = (np.where(moving, change, 0.0) for change in changes)
+    return MeshErrors(error.taken * layer, shares_of(error).of_modes(waves.eigenvalue, layer, order))
+
+
+def _lowered(
+    cell: Cell,
+    builder: CellBuilder,
+    by_layer: tuple[FloatArray, FloatArray],
+    by_order: tuple[FloatArray, FloatArray],
+    shares: Shares,
+) -> Cell:
+    """The cell less the share of its changes by the layer, as far as K and M stay positive; the rest counts as uncertain."""
+    limits = [
+        MAX_SHARE / _largest(change, whole)
+        for change, whole in zip(by_layer, _metrics(cell), strict=True)
+        if change.any()
+    ]
+    taken = min([shares.taken, *limits])
+    error = MeshError(*by_layer, *by_order, taken, shares.spread + shares.taken - taken, shares.edge, shares.order)
+    stiffness, mass = (
+        whole - taken * change for whole, change in zip((cell.stiffness, cell.mass), by_layer, strict=True)
+    )
+    better = replace(cell, stiffness=stiffness, mass=mass, mesh_error=error)
+    check_rigid(better, float(builder.system.mass.sum()) * builder.copies)
+    return better
+
+
+def _change(
+    fine: CellBuilder, parts: list[SymmetryClass], nested: NestedBuilder, top_hz: float, cell: Cell
+) -> tuple[FloatArray, FloatArray]:
+    """What a coarser mesh adds to K_r and M_r, (dof, dof) each."""
+    stiffness, mass = np.zeros_like(cell.stiffness), np.zeros_like(cell.mass)
+    known: dict[int, list[FloatArray]] = {}
+    others = nested.body.classes(top_hz, bounded=False)
+    for part, other, place in zip(parts, others, fine.places(parts), strict=True):
+        key = id(part.turned or part)
+        if key not in known:
+            known[key] = _class_change(fine, part, nested, other)
+        for total, own in zip((stiffness, mass), known[key], strict=True):
+            total += fine.copies * place @ own @ place.T
+    return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0
+
+
+def _class_change(
+    fine: CellBuilder, part: SymmetryClass, nested: NestedBuilder, other: SymmetryClass
+) -> list[FloatArray]:
+    """The same of one symmetry class in its own degrees of freedom: nothing where a mode has no partner."""
+    theirs, ours = _alignment(part, other, fine, nested.transfer)
+    pairs = zip(nested.body.projected(other)[:2], fine.projected(part)[:2], strict=True)
+    return [ours @ (theirs.T @ coarser @ theirs - ours.T @ finer @ ours) @ ours.T for coarser, finer in pairs]
+
+
+def _alignment(
+    part: SymmetryClass, other: SymmetryClass, fine: CellBuilder, transfer: sp.csr_array
+) -> tuple[FloatArray, FloatArray]:
+    """Turns (their dof, k) and (own dof, k) of both bases to directions that belong together.
+
+    Boundary functions keep their names, in whatever combinations each mesh takes them: one that is its own image under
+    x <-> y splits them once more. What the coarser mesh's shapes differ by is given to its modes as far as they can clamp it,
+    so that almost massless combinations stay so.
+    """
+    width = part.basis.shape[1]
+    renamed = other.basis.T @ part.basis  # both are orthonormal and span the same
+    prolonged = on_components(transfer, other.shapes)
+    heavy = on_components(fine.system.mass, prolonged[:, width:])
+    left, overlap, right = np.linalg.svd(heavy.T @ part.shapes[:, width:], full_matrices=False)
+    alike = overlap > ALIKE
+    lent = heavy.T @ (part.shapes[:, :width] - prolonged[:, :width] @ renamed)
+    own = np.zeros((len(right.T), width))
+    return _widened(renamed, lent, left[:, alike]), _widened(np.eye(width), own, right[alike].T)
+
+
+def _widened(named: FloatArray, lent: FloatArray, turn: FloatArray) -> FloatArray:
+    """The boundary's degrees of freedom with what the modes lend them, beside a turn of the modes."""
+    return np.block([[named, np.zeros((len(named), turn.shape[1]))], [lent, turn]])
+
+
+def _metrics(cell: Cell) -> tuple[FloatArray, FloatArray]:
+    """What the changes of K and M are measured by; K with a little mass, since rigid-body modes have no stiffness."""
+    slight = RELATIVE_SHIFT * cell.stiffness.trace() / cell.mass.trace()
+    return cell.stiffness + slight * cell.mass, cell.mass
+
+
+def _largest(change: FloatArray, metric: FloatArray) -> float:
+    """Largest eigenvalue of a change beside a metric, at least MAX_SHARE; functions that carry nothing are left out, those of
+    free sides and those that a coarse mesh of tetrahedra cannot tell from others.
+    """
+    prolonged = np.flatnonzero(np.diag(metric) > 0.0)
+    square, unit = np.ix_(prolonged, prolonged), np.sqrt(np.diag(metric)[prolonged])
+    values, turn = eigh(metric[square] / np.outer(unit, unit))
+    kept = values > NOTHING
+    turn = turn[:, kept] / np.sqrt(values[kept]) / unit[:, None]
+    return max(MAX_SHARE, float(eigvalsh(turn.T @ change[square] @ turn)[-1]))
+
+
+def _by_further(plate: Joined, value: FloatArray, vectors: FloatArray | ComplexArray) -> FloatArray:
+    """Half of r' (K_ee - l M_ee)^-1 r over the modes' l, e the further functions of the cells and l the largest, (k,).
+
+    Infinite where those have modes of their own below.
+    """
+    if not len(value):
+        return np.zeros(0)
+    wide = plate.widened()
+    pencil, place = wide.pencil(), _places(plate, wide)
+    fresh = np.setdiff1d(np.arange(wide.dof), place)
+    stiffness, mass = (sp.csr_array(matrix)[fresh] for matrix in (pencil.stiffness, pencil.mass))
+    force = stiffness[:, place] @ vectors - (mass[:, place] @ vectors) * value
+    own = sp.csc_array((stiffness - value.max() * mass)[:, fresh])
+    if np.iscomplexobj(own):  # of one period alone, hence small
+        values, turn = np.linalg.eigh(own.toarray())
+        answer = turn @ ((turn.conj().T @ force) / values[:, None])
+        return np.full_like(value, np.inf) if values[0] <= 0.0 else energy(force, answer) / (2.0 * value)
+    factor = Factoriser()(own)
+    if factor.negative:
+        return np.full_like(value, np.inf)
+    return energy(force, factor.solve(force)) / (2.0 * value)
+
+
+def _places(plate: Joined, wide: Joined) -> IntArray:
+    """Where the plate's degrees of freedom stand among those with further functions, (dof,)."""
+    out = np.empty(plate.dof, dtype=np.int64)
+    for one, other in zip(plate.placed_cells, wide.placed_cells, strict=True):
+        own = other.cell.interface.within(one.cell.interface)
+        local = np.concatenate([own, np.arange(other.cell.interface.count, other.cell.dof)])
+        live = one.coefficient != 0.0
+        out[one.dofs[live]] = other.dofs[local][live]
+    return out
+
+
+def _dofs(plate: Joined, of_cell: Callable[[Cell], IntArray]) -> BoolArray:
+    """Which of the plate's degrees of freedom are those of its cells, (dof,)."""
+    chosen = np.zeros(plate.dof, dtype=bool)
+    for placed_cell in plate.placed_cells:
+        local = of_cell(placed_cell.cell)
+        local = local[placed_cell.coefficient[local] != 0.0]
+        chosen[placed_cell.dofs[local]] = True
+    return chosen
+
+
+def _brought(lattice: ReducedLattice, waves: Waves, degree: IntArray) -> FloatArray:
+    """By how much boundary functions of each degree (boundary,) lower each frequency at most, relative, (degrees, n)."""
+    free, moving = lattice.cell.interface.free, _moving(waves)
+    parts = np.zeros((int(degree.max()) + 1, len(moving)))
+    if not moving.any():
+        return parts
+    order = np.argsort(degree[free], kind="stable")
+    still = max(float(waves.eigenvalue[moving].min()), TIMES_ROUNDING * lattice.rounding)
+    lower = np.linalg.cholesky(lattice.boundary(waves.wavevector, still)[np.ix_(order, order)])
+    np.add.at(parts, degree[free][order], np.abs(lower.conj().T @ waves.dofs[free][order]) ** 2)
+    return np.where(moving, parts / (2.0 * np.where(moving, waves.eigenvalue, 1.0)), 0.0)
+
+
+def _moving(waves: Waves) -> BoolArray:
+    """Which are no rigid-body waves, (n,)."""
+    return np.asarray(waves.frequency_hz > STILL * waves.frequency_hz[-1])

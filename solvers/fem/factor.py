@@ -1,0 +1,561 @@
+"""Factorisations with inertia.
+
+scipy's SuperLU is always there; rslab is taken when it is installed.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Any, Generic, TypeVar
+from weakref import finalize
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import minimum_spanning_tree
+from scipy.sparse.linalg import spilu, splu
+
+from geometry.elements import FloatArray, IntArray
+from solvers import machine
+from solvers.errors import SingularShift, SolverError, TooLarge
+from solvers.machine import foresee, room_bytes, workers
+from solvers.threads import Item, Result, go_on, one_thread, threads
+from solvers.threads import side_by_side as in_threads
+
+BACKWARD_ERROR = 1e-10  # of one solve; rounding times growth stays far below, garbage far above
+
+DENSE = 3000  # degrees of freedom up to which even a full triangle is small: SuperLU orders by itself
+WORTH = 0.5  # classes of alike degrees of freedom are ordered instead of degrees of freedom when they are this few
+SOLVE_BYTES = 26  # measured peak a factor entry: 8 in L, 12 in U, and the buffers that grow
+INERTIA_BYTES = 24  # scipy copies L and U to show U's diagonal
+REORDERED_BYTES = 16  # an entry of the matrix, reordered
+MATRIX_BYTES = 12  # an entry of the matrix, kept for refinement
+INDEX_LIMIT = 2**31 - 1  # SuperLU counts in 32 bits: first 30 times the matrix's entries, then half as many again
+FIRST_GUESS, GROWTH = 30, 1.5
+SYMMETRIC = {"SymmetricMode": True}
+EPSILON = float(np.finfo(float).eps)  # normwise backward error at which a solution cannot be bettered
+
+# Backward error of a substitution that lost nothing. Refined, it would win nothing and no longer be one linear map: beside an
+# eigenvalue the rounding of each sweep, another one each time, is what Lanczos would find.
+LOSSLESS = 4.0 * EPSILON
+
+REFINED = 1e-14  # backward error at which refinement may end: EPSILON times what a sum of some thousand products leaves
+SWEEPS = 8  # of refinement at most: at CONTRACTION a sweep they would win eight digits
+CONTRACTION = 0.1  # of the defect by one sweep at most: below a half it proves the inertia, below this it serves
+PROBES = 3  # sweeps that measure the contraction: a power iteration from a random vector
+
+Thing = TypeVar("Thing")
+Other = TypeVar("Other")
+_idle: deque[Keeper] = deque()
+FILLED = 10.0  # factor over matrix, bytes: beyond, the body is no plate, and nested dissection may fill less than minimum fill
+ANALYSIS_BYTES = 60  # measured peak of the analysis an entry of the matrix
+COPY_BYTES = 30  # what of it is still in memory, an entry, while the factor is made; rslab's own plan leaves it out
+
+# How long rslab's allocator keeps free pages for the next factor, ms; it reads this when rslab is first imported.
+os.environ.setdefault("MIMALLOC_PURGE_DELAY", "1000")
+
+
+class SuperLU:
+    """Sparse LU on the diagonal: the signs of U's diagonal count the negative eigenvalues. Source: li2005."""
+
+    def __init__(self, matrix: sp.csc_array, symbolic: Ordering | None = None) -> None:
+        known = symbolic if symbolic and symbolic.pattern == pattern_of(matrix) else None
+        self.symbolic = known or analyse(matrix)
+        self._matrix = matrix
+        self._negative: int | None = None
+        self.foreseen_bytes = self._foreseen()
+        self._lu = self._factorised()
+        self._norm = float(abs(matrix).sum(axis=0).max())
+        self._exact = self._proven() <= LOSSLESS
+
+    def _factorised(self) -> Any:
+        """SuperLU's L and U. Raises SingularShift where they are not those of a symmetric elimination, TooLarge."""
+        order, dofs = self.symbolic.order, self._matrix.shape[0]
+        column = "NATURAL" if order is not None else "MMD_AT_PLUS_A"
+        kept = self._matrix if order is None else _reordered(self._matrix, order)
+        with one_thread():
+            try:
+                factors = splu(kept, permc_spec=column, diag_pivot_thresh=0.0, options=SYMMETRIC)
+            except RuntimeError as fault:
+                raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
+            except MemoryError as fault:
+                raise TooLarge(f"factorising {dofs} degrees of freedom took more memory than there is") from fault
+        if not np.array_equal(factors.perm_r, factors.perm_c):
+            raise SingularShift("SuperLU left the diagonal while pivoting, so that the inertia cannot be read")
+        return factors
+
+    def _proven(self) -> float:
+        """Backward error of a solve without refinement; SingularShift where the inertia of the factors is not the matrix's.
+
+        The factors are those of A + E, and a sweep turns a defect d into E (A + E)^-1 d. While the spectral radius of
+        that map is below a half, no A + tE with 0 <= t <= 1 is singular: A + E has as many negative eigenvalues as A,
+        and sweeps converge.
+        """
+        worst = 0.0
+        defect = np.random.default_rng(0).standard_normal((self._matrix.shape[0], 1))
+        for _ in range(PROBES):
+            right = defect / np.linalg.norm(defect)
+            solution = self._substituted(right)
+            defect = right - self._matrix @ solution
+            contraction = float(np.linalg.norm(defect))
+            if not contraction < CONTRACTION:
+                raise SingularShift(
+                    f"a sweep of refinement leaves {contraction:.1e} of the defect (allowed {CONTRACTION:.0e}): "
+                    "the matrix, or a leading block of it, is singular to working precision"
+                )
+            worst = max(worst, self._backward_error(solution, right, defect))
+            if not contraction:
+                break
+        return worst
+
+    def _foreseen(self) -> int:
+        dofs, stored = self._matrix.shape[0], self._matrix.nnz
+        if max(FIRST_GUESS * stored, GROWTH * self.symbolic.entries) > INDEX_LIMIT:
+            raise TooLarge(
+                f"{dofs} degrees of freedom with {stored:.2g} entries, {self.symbolic.entries:.2g} in the factor, are more "
+                "than SuperLU can count: install rslab, or ask for a coarser mesh, a lower order, or model = superelement"
+            )
+        factorise = SOLVE_BYTES * self.symbolic.entries + REORDERED_BYTES * stored
+        count = (SOLVE_BYTES + INERTIA_BYTES) * self.symbolic.entries
+        return foresee(max(factorise, count), dofs)
+
+    @property
+    def negative(self) -> int:
+        """Eigenvalues below zero."""
+        if self._negative is None:
+            self._negative = int((self._lu.U.diagonal() < 0.0).sum())
+        return self._negative
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes kept: L in supernodes, U with indices, scipy's copies of both once the inertia was read, and the matrix."""
+        bytes_per_entry = 20 if self._negative is None else 20 + INERTIA_BYTES
+        return int(self._lu.nnz // 2 * bytes_per_entry + MATRIX_BYTES * self._matrix.nnz)
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solution of A x = right, for (n,) or (n, k), refined to a backward error of rounding. Raises SingularShift."""
+        columns = right.reshape(len(right), -1)
+        solution = self._substituted(columns)
+        if not self._exact:
+            solution = self._refined(solution, columns)
+        return solution.reshape(right.shape)
+
+    def _refined(self, solution: FloatArray, right: FloatArray) -> FloatArray:
+        """Sweeps x += (LU)^-1 (b - A x) until the worst column is at rounding, or a sweep no longer halves its error."""
+        before = np.inf
+        for _ in range(SWEEPS + 1):
+            defect = right - self._matrix @ solution
+            error = self._backward_error(solution, right, defect)
+            if error <= EPSILON or not error < 0.5 * before:
+                break
+            before = error
+            solution = solution + self._substituted(defect)
+        if not error <= REFINED:
+            raise SingularShift(f"refinement ends at a backward error of {error:.1e}, allowed is {REFINED:.0e}")
+        return solution
+
+    def _backward_error(self, solution: FloatArray, right: FloatArray, defect: FloatArray) -> float:
+        """Largest ||b - A x|| / (||A|| ||x|| + ||b||) of the columns, in the maximum norm. Source: rigal1967."""
+        size = [np.abs(part).max(axis=0) for part in (solution, right, defect)]
+        return float((size[2] / np.maximum(self._norm * size[0] + size[1], 1e-300)).max(initial=0.0))
+
+    def _substituted(self, right: FloatArray) -> FloatArray:
+        """(LU)^-1 right for (n, k), in the degrees of freedom's own order."""
+        order = self.symbolic.order
+        if order is None:
+            return np.asarray(self._lu.solve(right))
+        solution = np.empty(right.shape)
+        solution[order] = self._lu.solve(right[order])
+        return solution
+
+    def free(self) -> None:
+        """Give the memory back; the factor cannot be used afterwards."""
+        del self._lu, self._matrix
+
+
+class Rslab:
+    """L D L' with the inertia of D's blocks of one and two; a symbolic analysis of another pattern is made anew."""
+
+    def __init__(self, matrix: sp.csc_array, symbolic: Kept[Any] | None = None) -> None:
+        try:
+            self.symbolic = symbolic or _analysed(matrix)
+            self._factor = self._made(matrix)
+        except ValueError:  # rslab finds another pattern than it analysed
+            if symbolic is None:
+                raise
+            self.symbolic = _analysed(matrix)
+            self._factor = self._made(matrix)
+        _, self.negative, zero = self._factor.use(lambda own: tuple(own.inertia))
+        if zero:
+            raise SingularShift(f"the shifted matrix has {zero} zero pivot(s)")
+
+    def _made(self, matrix: sp.csc_array) -> Kept[Any]:
+        plan = self.symbolic.use(lambda own: dict(own.memory_plan()))
+        self.foreseen_bytes = foresee(plan["peak_bytes"] + COPY_BYTES * matrix.nnz, matrix.shape[0])
+        self.memory_bytes = int(plan["factor_bytes"])
+        try:
+            return self.symbolic.make(lambda own: own.factor(matrix))
+        except RuntimeError as fault:
+            raise SingularShift(f"the shifted matrix is singular ({fault})") from fault
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """Solution of A x = right, for (n,) or (n, k)."""
+        right = np.ascontiguousarray(right)
+
+        def solution(own: Any) -> FloatArray:
+            # a copy in memory of numpy's own
+            return np.array(own.solve(right) if right.ndim == 1 else own.solve_many(right))
+
+        return self._factor.use(solution)
+
+    def free(self) -> None:
+        """Give the memory back; the factor cannot be used afterwards."""
+        self._factor.free()
+        del self._factor
+
+
+Factor = Rslab | SuperLU
+
+
+class Factoriser:
+    """Factorises matrices of one sparsity pattern, sharing the symbolic analysis, and checks each factor by a solve.
+
+    `backend`, or else the variable ANTINODE_FACTOR, names one of machine.factorisations(), whose first is taken without either.
+    Raises SolverError for a name that is not available.
+    """
+
+    def __init__(self, backend: str | None = None) -> None:
+        self.backend = backend or os.environ.get("ANTINODE_FACTOR") or machine.factorisations()[0]
+        if self.backend not in machine.factorisations():
+            raise SolverError(
+                f"factorisation '{self.backend}' is not installed; there is {', '.join(machine.factorisations())}"
+            )
+        self._symbolic: Any = None  # of the pattern seen last
+
+    def __call__(self, matrix: sp.csc_array) -> Factor:
+        """Factor of a symmetric matrix. Raises SingularShift when it is singular to working precision, TooLarge."""
+        go_on()
+        factor = (Rslab if self.backend == "rslab" else SuperLU)(matrix, self._symbolic)
+        self._symbolic = factor.symbolic
+        _probe(matrix, factor)
+        return factor
+
+
+@dataclass(frozen=True)
+class Ordering:
+    """Order of elimination (n,), and the entries of L that it leads to; the order is None where SuperLU finds it.
+
+    pattern: digest of the sparsity pattern that was analysed.
+    """
+
+    order: IntArray | None
+    entries: int
+    pattern: bytes
+
+
+class Alone:
+    """The asking thread itself, where the process may use no other: handing over would cost and protect nothing."""
+
+    def run(self, call: Callable[[], Other]) -> Other:
+        """The call's result or exception."""
+        return call()
+
+    def later(self, call: Callable[[], Any]) -> None:
+        """Do the call now."""
+        call()
+
+
+class Keeper:
+    """A thread that does one call after another and lives as long as the process."""
+
+    def __init__(self) -> None:
+        self._calls: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
+        threading.Thread(target=self._serve, name="antinode-keeper", daemon=True).start()
+        # what finalizers handed over at the end of the process is freed by its own thread
+        atexit.register(self.run, lambda: None)
+
+    def run(self, call: Callable[[], Other]) -> Other:
+        """The call's result or exception, neither of which may hold anything of the library."""
+        return self.later(call).result()
+
+    def later(self, call: Callable[[], Other]) -> Future[Other]:
+        """Do the call when those before it are done; a finalizer may ask this at any moment."""
+        answer: Future[Other] = Future()
+        self._calls.put((call, answer))
+        return answer
+
+    def _serve(self) -> None:
+        while True:
+            _answered(*self._calls.get())
+
+
+class Kept(Generic[Thing]):
+    """A handle to what `make` gives; the thing itself never leaves its keeper, which frees it when the handle goes."""
+
+    def __init__(self, make: Callable[[], Thing], keeper: Alone | Keeper | None = None) -> None:
+        box: list[Thing] = []
+        self._box, self._keeper = box, keeper or (_ALONE if workers() == 1 else _own.lease.keeper)
+        self._keeper.run(lambda: box.append(make()))
+        finalize(self, self._keeper.later, box.clear)
+
+    def use(self, function: Callable[[Thing], Other]) -> Other:
+        """What the function tells of the thing."""
+        box = self._box
+        return self._keeper.run(lambda: function(box[0]))
+
+    def make(self, function: Callable[[Thing], Other]) -> Kept[Other]:
+        """What the function makes of the thing, kept beside it."""
+        box = self._box
+        return Kept(lambda: function(box[0]), self._keeper)
+
+    def free(self) -> None:
+        """Free the thing now; it cannot be used afterwards."""
+        self._keeper.run(self._box.clear)
+
+
+_ALONE = Alone()
+
+
+class _Lease:
+    """A keeper as long as its thread lives; then another thread may have it."""
+
+    def __init__(self) -> None:
+        try:
+            self.keeper = _idle.pop()
+        except IndexError:
+            self.keeper = Keeper()
+        finalize(self, _idle.append, self.keeper).atexit = False
+
+
+class _Own(threading.local):
+    """The keeper of each thread that asks for one."""
+
+    def __init__(self) -> None:
+        self.lease = _Lease()
+
+
+def _answered(call: Callable[[], Any], answer: Future[Any]) -> None:
+    try:
+        result = call()
+    except BaseException as fault:  # its traceback would take the library's objects to the caller's thread
+        fault.__context__ = None
+        answer.set_exception(fault.with_traceback(None))
+    else:
+        answer.set_result(result)
+
+
+_own = _Own()
+
+
+def side_by_side(function: Callable[[Item], Result], items: Iterable[Item], bytes_each: float = 0.0) -> list[Result]:
+    """The function of every item, each of which factorises: in threads, as memory holds."""
+    return in_threads(function, items, bytes_each, room_bytes())
+
+
+def alike(graph: sp.csc_array) -> tuple[IntArray, IntArray]:
+    """Class of each DOF (n,) and members of each class (m,): degrees of freedom coupled to the same ones are alike.
+
+    Columns are compared by sums of random 62-bit keys of their rows.
+    """
+    key = np.random.default_rng(0).integers(0, 2**62, graph.shape[0], dtype=np.uint64)
+    filled = np.flatnonzero(np.diff(graph.indptr))
+    sums = np.zeros(graph.shape[0], dtype=np.uint64)
+    sums[filled] = np.add.reduceat(key[graph.indices], graph.indptr[filled])
+    _, first, label, size = np.unique(sums, return_index=True, return_inverse=True, return_counts=True)
+    by_place = np.argsort(first)  # keep the degrees of freedom's own order
+    rank = np.empty_like(by_place)
+    rank[by_place] = np.arange(len(by_place))
+    return rank[label], size[by_place]
+
+
+def quotient(graph: sp.csc_array, label: IntArray, count: int) -> sp.csc_array:
+    """The graph between classes of alike degrees of freedom."""
+    first = np.full(count, graph.shape[0])
+    np.minimum.at(first, label, np.arange(len(label)))
+    part = graph[:, first]
+    column = np.repeat(np.arange(count), np.diff(part.indptr))
+    ones = np.ones(len(column), dtype=np.int32)
+    small = sp.csc_array(sp.coo_array((ones, (label[part.indices], column)), shape=(count, count)))
+    small.data[:] = 1
+    return small
+
+
+def postordered(graph: sp.csc_array, place: IntArray, size: IntArray) -> tuple[IntArray, int]:
+    """An order as good as the given one in which supernodes are contiguous, and the entries of L, diagonal included.
+
+    place (m,) is each DOF's turn, size (m,) how many alike degrees of freedom it stands for. Exact but for cancellation.
+    Row subtrees as in davis2006, section 4.5: each adds its size at its leaves and takes it off where two leaves meet
+    and above its root, so that sums over the tree's subtrees are the column counts.
+    """
+    column = np.repeat(np.arange(graph.shape[1]), np.diff(graph.indptr))
+    row, column = place[graph.indices], place[column]
+    below = row > column
+    row, column = row[below], column[below]
+    weight = np.empty(len(size))
+    weight[place] = size
+    parent = _elimination_tree(row, column, len(size))
+    turn, first = _postorder(parent)
+    new_parent = np.full(len(parent), -1)
+    has = parent >= 0
+    new_parent[turn[has]] = turn[parent[has]]
+    old = np.argsort(turn)
+    weight = weight[old]
+    counts = _column_counts(turn[row], turn[column], new_parent, first[old], weight)
+    entries = float((weight * counts - weight * (weight - 1.0) / 2.0).sum())
+    return turn[place], round(entries)
+
+
+def analyse(matrix: sp.csc_array) -> Ordering:
+    """Minimum degree on the graph of alike degrees of freedom, and the exact count of L's entries. Source: davis2006."""
+    count = matrix.shape[0]
+    if count <= DENSE:
+        return Ordering(None, count * (count + 1) // 2, pattern_of(matrix))
+    label, size = alike(matrix)
+    graph = matrix
+    if len(size) > WORTH * count:
+        label, size = np.arange(count), np.ones(count, dtype=np.int64)
+    else:
+        graph = quotient(matrix, label, len(size))
+    place, entries = postordered(graph, _minimum_degree(graph), size)
+    return Ordering(np.argsort(place[label], kind="stable"), entries, pattern_of(matrix))
+
+
+def pattern_of(matrix: sp.csc_array) -> bytes:
+    """Digest of the whole sparsity pattern."""
+    digest = hashlib.sha256(np.ascontiguousarray(matrix.indptr).data)
+    digest.update(np.ascontiguousarray(matrix.indices).data)
+    return digest.digest()
+
+
+def _probe(matrix: sp.csc_array, factor: Factor) -> None:
+    """One solve with a fixed right-hand side: backward error ||Ax - b|| / (max |a_ij| ||x||), which bounds the normwise."""
+    right = np.cos(np.arange(matrix.shape[0], dtype=float) * 1.618)
+    solution = factor.solve(right)
+    largest = max(float(matrix.data.max(initial=0.0)), -float(matrix.data.min(initial=0.0)))
+    norm = largest * float(np.linalg.norm(solution))
+    error = float(np.linalg.norm(matrix @ solution - right)) / max(norm, 1e-300)
+    if not error < BACKWARD_ERROR:
+        raise SingularShift(f"the factorisation's backward error is {error:.1e}, allowed is {BACKWARD_ERROR:.0e}")
+
+
+def _elimination_tree(row: IntArray, column: IntArray, count: int) -> IntArray:
+    """Parent of every degree of freedom, -1 at roots.
+
+    Vertices up to k are joined alike by the graph and by its minimum spanning tree under the weight max(i, j), and
+    that is all the elimination tree asks: count - 1 edges instead of all.
+    """
+    weights = sp.csr_array((row + 1.0, (row, column)), shape=(count, count))
+    tree = minimum_spanning_tree(weights).tocoo()
+    order = np.argsort(tree.row, kind="stable")
+    parent, ancestor = [-1] * count, [-1] * count
+    for high, low in zip(tree.row[order].tolist(), tree.col[order].tolist(), strict=True):
+        here = low
+        while ancestor[here] not in (-1, high):
+            ancestor[here], here = high, ancestor[here]
+        if ancestor[here] == -1:
+            ancestor[here] = parent[here] = high
+    return np.array(parent, dtype=np.int64)
+
+
+def _postorder(parent: IntArray) -> tuple[IntArray, IntArray]:
+    """Turn of every vertex in a postorder, and the turn of the first vertex of its subtree."""
+    count = len(parent)
+    size = [1] * count
+    above = parent.tolist()
+    for vertex, up in enumerate(above):  # parents come after their children
+        if up >= 0:
+            size[up] += size[vertex]
+    first, used = [0] * count, [0] * (count + 1)
+    for vertex in range(count - 1, -1, -1):
+        up = above[vertex]  # -1 is the slot of the roots
+        start = first[up] if up >= 0 else 0
+        first[vertex] = start + used[up]
+        used[up] += size[vertex]
+    begins = np.array(first, dtype=np.int64)
+    return begins + np.array(size, dtype=np.int64) - 1, begins
+
+
+def _column_counts(
+    row: IntArray, column: IntArray, parent: IntArray, first: IntArray, weight: FloatArray
+) -> FloatArray:
+    """Weighted entries of each column of L, diagonal included, everything in postorder."""
+    order = np.lexsort((column, row))
+    row, column = row[order], column[order]
+    before = np.where(np.diff(row, prepend=-1) == 0, np.concatenate([[-1], column[:-1]]), -1)
+    leaf = first[column] > before  # nothing of the row lies in the subtree below it
+    row, column, before = row[leaf], column[leaf], before[leaf]
+    change = weight.copy()
+    has_leaf = np.zeros(len(parent), dtype=bool)
+    has_leaf[row] = True
+    change[has_leaf] = 0.0  # the row's own vertex is the root of its subtree, and a leaf only when alone
+    np.add.at(change, column, weight[row])
+    pair = before >= 0
+    np.subtract.at(change, _meeting(before[pair], column[pair], parent), weight[row[pair]])
+    below_root = parent >= 0
+    np.subtract.at(change, parent[below_root], weight[below_root])
+    total = np.concatenate([[0.0], np.cumsum(change)])
+    return np.asarray(total[1:] - total[first])
+
+
+def _meeting(low: IntArray, high: IntArray, parent: IntArray) -> IntArray:
+    """Lowest common ancestors of low < high in postorder: above the shallowest vertex of low ... high - 1."""
+    count = len(parent)
+    depth = np.zeros(count, dtype=np.int64)
+    for vertex, up in zip(range(count - 1, -1, -1), parent[::-1].tolist(), strict=True):
+        depth[vertex] = depth[up] + 1 if up >= 0 else 0
+    level = depth * (count + 1) + parent + 1  # the smallest one carries the parent
+    answer = np.empty(len(low), dtype=np.int64)
+    power = np.floor(np.log2(np.maximum(high - low, 1))).astype(np.int64)
+    for k in range(int(power.max(initial=0)) + 1):
+        here = power == k
+        span = np.minimum(level[low[here]], level[high[here] - 2**k])
+        answer[here] = span % (count + 1) - 1
+        level = np.minimum(level[: -(2**k)], level[2**k :]) if len(level) > 2**k else level
+    return answer
+
+
+def _minimum_degree(graph: sp.csc_array) -> IntArray:
+    """Turn of every vertex in SuperLU's own minimum-degree order.
+
+    An incomplete factorisation that drops everything costs little more than the ordering it begins with.
+    """
+    ones = sp.csc_array((np.full(graph.nnz, -1.0), graph.indices, graph.indptr), shape=graph.shape)
+    dominant = sp.csc_array(ones + sp.diags_array(np.diff(graph.indptr) + 2.0))
+    with one_thread():
+        trial = spilu(dominant, 1.0, 1.0, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=SYMMETRIC)
+    return np.asarray(trial.perm_c, dtype=np.int64)
+
+
+def _reordered(matrix: sp.csc_array, order: IntArray) -> sp.csc_array:
+    """Rows and columns in a new order."""
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    moved = matrix[:, order]
+    moved.indices = place[moved.indices].astype(moved.indices.dtype)
+    moved.has_sorted_indices = False
+    moved.sort_indices()
+    return moved
+
+
+def _analysed(matrix: sp.csc_array) -> Kept[Any]:
+    """Ordered by minimum fill; by nested dissection, which takes three times as long, where that fills too much."""
+    foresee(ANALYSIS_BYTES * matrix.nnz, matrix.shape[0])
+    at_once = threads()  # the asking thread's, not the keeper's
+    return Kept(lambda: _best(matrix, at_once))
+
+
+def _best(matrix: sp.csc_array, at_once: int) -> Any:
+    import rslab
+
+    symbolic = rslab.analyze(matrix, path="ldlt", threads=at_once, ordering="amf")
+    if symbolic.memory_plan()["factor_bytes"] <= FILLED * 8.0 * matrix.nnz / 2.0:
+        return symbolic
+    other = rslab.analyze(matrix, path="ldlt", threads=at_once, ordering="metis")
+    return min(symbolic, other, key=lambda result: result.memory_plan()["factor_bytes"])

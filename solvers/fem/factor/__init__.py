@@ -1,1 +1,0 @@
-"""Factorisations with inertia."""
