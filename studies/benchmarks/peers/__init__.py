@@ -1,1 +1,1 @@
-"""Beside other programs: the same parts solved by what users would take instead, error against processor seconds."""
+"""Comparison with other programs on the same parts: error against processor seconds."""
