@@ -25,7 +25,7 @@ from pipeline.models.live_column import (
     end_layer,
     live_modes,
 )
-from pipeline.models.parametric import CellModel, sizes_of
+from pipeline.models.parametric import CellModel, lattice_of, sizes_of
 from pipeline.planning import mesh_rules
 from pipeline.quantity import GRAM, MM, figure, frequency, level, percent
 from pipeline.search.terms import mass_kg
@@ -105,22 +105,28 @@ class Scene:
         pillar = self.case.design.pillar
         assert pillar is not None
         side = replace(LIMITS["side"], key=f"pillar.{pillar.form.keys[0]}")
-        return LIMITS | {"side": replace(side, word=WIDTHS.get(pillar.shape, side.word))}
+        own = LIMITS | {"side": replace(side, word=WIDTHS.get(pillar.shape, side.word))}
+        if self.case.design.pitch_x_m != self.case.design.pitch_y_m:
+            own["pitch"] = replace(own["pitch"], key="array.pitch_x_mm", word="Pitch along the zone")
+        return own
 
     @property
-    def following(self) -> dict[str, float]:
-        """Further keys of the pillar's shape, each so many times its width."""
-        pillar = self.case.design.pillar
+    def following(self) -> dict[str, tuple[str, float]]:
+        """Further keys, each so many times a slider's number: the pillar's further widths, and a pitch unlike the first."""
+        design = self.case.design
+        pillar = design.pillar
         assert pillar is not None
+        unequal = design.pitch_x_m != design.pitch_y_m
+        pitches = {"array.pitch_y_mm": ("pitch", design.pitch_y_m / design.pitch_x_m)} if unequal else {}
         lengths = {"pillar.tip_mm": pillar.tip_m} | {f"pillar.{name}m": size for name, size in pillar.more_m}
         named = {key: f"pillar.{key}" for key in pillar.form.keys[1:]}
-        return {key: lengths[key] / pillar.base_m for key in named.values()}
+        return {key: ("side", lengths[key] / pillar.base_m) for key in named.values()} | pitches
 
     def overrides(self, design: dict[str, float]) -> list[tuple[str, Any]]:
         """The keys and values that make a design of the page."""
         values = {name: int(value) if name == "rows" else value for name, value in design.items()}
         own = [(self.limits[name].key, value) for name, value in values.items()]
-        return own + [(key, float(f"{ratio * design['side']:.12g}")) for key, ratio in self.following.items()]
+        return own + [(key, float(f"{ratio * design[of]:.12g}")) for key, (of, ratio) in self.following.items()]
 
     def at(self, design: dict[str, float]) -> Case:
         """The case of a design. InputError, a line a fault."""
@@ -143,9 +149,12 @@ class Scene:
         return tomli_w.dumps(apply_overrides(self.raw, [*(parse_override(text) for text in self.fixed), *places]))
 
     def document(self) -> Document:
-        """What the page starts with: the case's name, the sliders, the file's own design, designs of the cloud a question."""
+        """What the page starts with: the case's name, the sliders, the file's own design, designs of the cloud a question, and
+        the labelled wavevectors in units of pi / pitch.
+        """
         limits = {name: asdict(limit) for name, limit in self.limits.items()}
-        return {"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH}
+        corners = {label: (k / np.pi).tolist() for label, k in lattice_of(self.case.design).high_symmetry.items()}
+        return {"name": self.case.name, "limits": limits, "design": self.own(), "batch": BATCH, "corners": corners}
 
     def own(self) -> dict[str, float]:
         """The design of the file itself."""
@@ -286,7 +295,7 @@ class Explorer:
         kx = case.target_kx_per_m
         if kx > np.pi / sizes[3]:
             return {"frequency_hz": [], "db_per_row": [], "kx_per_m": kx}
-        row = Row(self._live.at(sizes), kx)
+        row = Row(self._live.row(sizes, case.design.stack.material), kx)
         frequencies = np.linspace(window[0], window[1], POINTS)
         return {
             "frequency_hz": np.round(frequencies, 1).tolist(),

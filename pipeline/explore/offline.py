@@ -29,7 +29,7 @@ from solvers.fem import surface
 from solvers.measures import confinement, target_mode
 from solvers.parametric import affine, bands, bare, block, chain, finite
 from solvers.parametric.affine import NAMES
-from solvers.parametric.cell import lower
+from solvers.parametric.cell import ParametricCell, lower
 from solvers.parametric.reduced_block import ReducedBlock
 from solvers.parametric.sectors import Sector
 from solvers.superelement.cell import KNOWN, rigid_polynomials
@@ -51,9 +51,9 @@ CONSTANTS = {
 }  # fmt: skip
 LACKING = {
     "outside": affine.OUTSIDE,
-    "tight": affine.TIGHT,
     "narrow": "side = {side:g} mm: the zone must be at least two pillar sides wide",
     "middle": "the first row's cell reaches over the zone's middle: no live answer for the plate",
+    "shifted": "array.stagger: a shifted row holds no pillar: zone.length_mm must be at least {least:g}",
     "cut": "an extension below {least} mm cuts through the last rows' cells: this page has no answer for such a plate "
     "without its program, antinode explore",
 }
@@ -120,23 +120,22 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "case_template": scene.template(),
         "cloud": [given | {"mass_g": mass_kg(scene.at(given).design) / GRAM} for given in explorer.cloud_designs],
         "constants": CONSTANTS,
-        "words": WORDS | LACKING,
+        "words": WORDS | LACKING | {"tight": box.tight},
         "zone_length": design.length_m,
         "reference": cell.reference,
         "angular": cell.scale.angular,
         "following": scene.following,
-        "foot": {name: getattr(box.foot, name) for name in ("reach", "widest", "footprint", "is_alike")},
-        "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m},
-        "stiffness_exponents": cell.stiffness_exponents.tolist(),
-        "mass_exponents": cell.mass_exponents.tolist(),
-        "blocks": [_block(cell.interface, block, numbers) for block in cell.blocks],
+        "foot": {name: getattr(box.foot, name) for name in ("reach", "widest", "footprint")},
+        "box": {"names": NAMES, "low": box.low, "high": box.high, "clearance": box.clearance_m, "panel": box.panel}
+        | {name: getattr(box, name) for name in ("narrow", "panels", "is_alike")},
+        "blocks": [_block(cell, block, numbers) for block in cell.blocks],
         "touch_m": cell.touch_m.tolist(),
         "touch_weights": cell.touch_weights.tolist(),
-        "turned": cell.turned.tolist() if box.foot.is_alike else [],
+        "turned": cell.turned.tolist() if box.is_alike else [],
         "bands_inner": vars(bands.INNER),
         "face_inner": vars(INNER),
         "face": _face(FACE),
-        "lines": _matrix(branches.line_gram(FACE)),
+        "lines": _matrix(branches.line_gram(FACE, box.panel)),
         "bare": _bare(design.stack.material.as_isotropic),
         "zone_width": design.width_m,
         "kx": case.target_kx_per_m,
@@ -203,23 +202,25 @@ def _sector(sector: Sector, numbers: _Numbers) -> Plain:
     }  # fmt: skip
 
 
-def _block(full: Interface, block: ReducedBlock, numbers: _Numbers) -> Plain:
+def _block(cell: ParametricCell, block: ReducedBlock, numbers: _Numbers) -> Plain:
     n = block.stiffness.shape[1]
     upper = np.triu_indices(n)
     return {
+        "stiffness_exponents": block.stiffness_exponents.tolist(), "mass_exponents": block.mass_exponents.tolist(),
         "signs": block.signs.tolist(), "size": n, "functions": block.functions, "shares": block.shares.tolist(),
         "parity_count": block.coordinates.shape[2],
         "stiffness": numbers.put(block.stiffness[:, *upper]), "mass": numbers.put(block.mass[:, *upper]),
         "coordinates": numbers.put(block.coordinates), "touch": numbers.put(block.touch),
-        "whole": _use(block, full, full), "low": _use(block, full, FACE),
+        "whole": _use(cell, block, cell.interface), "low": _use(cell, block, FACE),
     }  # fmt: skip
 
 
-def _use(block: ReducedBlock, full: Interface, face: Interface) -> Plain:
+def _use(cell: ParametricCell, block: ReducedBlock, face: Interface) -> Plain:
     """Which polynomials a use of the class has, their parity among the cell's, and its rigid-body modes there."""
-    parity, kept = lower(block.parity, full, face)
-    still = parity.T @ rigid_polynomials(face, (1.0, 1.0, 0.0))
-    thick = parity.T @ rigid_polynomials(face, (1.0, 1.0, 1.0)) - still
+    parity, kept = lower(block.parity, cell.interface, face)
+    panel, thin = cell.box.panel, cell.box.narrow
+    still = parity.T @ rigid_polynomials(face, (*panel, 0.0))
+    thick = (parity.T @ rigid_polynomials(face, (*panel, thin)) - still) / thin  # no turn moves the thickness farthest
     rigid = {"still": still.tolist(), "thick": thick.tolist()}
     return {"kept": kept.tolist(), "rigid": rigid, "parity": _matrix(parity) if face == FACE else None}
 

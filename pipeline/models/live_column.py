@@ -8,11 +8,13 @@ from math import hypot, pi
 from typing import NamedTuple
 
 import numpy as np
+from solvers.superelement.periodic import Periodic
 
 from geometry.elements import FloatArray
 from geometry.hex.panels import CLEAR, has_room
 from geometry.hex.scenes import HexSettings
 from geometry.layout import Design
+from geometry.materials import Material
 from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.planning.mesh_rules import search_window_hz
@@ -66,6 +68,11 @@ class LiveCell:
             self.condensed.clear()
         return last[1]
 
+    def row(self, sizes: Sizes, plate: Material) -> Periodic:
+        """The cells of a pitch of a design, in rows as the lattice has them. Errors as at."""
+        cell, box = self.at(sizes), self.model.box
+        return Periodic([cell, *[bare_cell(cell.size_m, plate, FACE)] * (box.panels - 1)], box.panels - 1)
+
 
 class LiveReductions(Reductions):
     """Reductions whose cells with a pillar come from the parametric cell and whose bare panels are polynomials."""
@@ -80,18 +87,20 @@ class LiveReductions(Reductions):
         """Nobody asks a live answer for the error of its mesh."""
 
     def cell(self, panel: Panel) -> Cell:
-        """The cell of a panel; one whose pillar does not stand in the middle of a square is meshed."""
+        """The cell of a panel; one whose pillar does not stand in the middle, or of another shape, is meshed."""
         width, depth = (high - low for low, high in zip(panel.low, panel.high, strict=True))
         if panel.foot is None:
             return bare_cell((width, depth, self.stack.thickness_m), self.stack.material, FACE)
         assert self.pillar is not None
-        if panel.free or abs(width - depth) > 1e-9 or panel.halved != (0, 1):
+        across, along = self.live.model.box.panel
+        pitch = width / across
+        if panel.free or abs(along * pitch - depth) > 1e-9 or panel.halved != (0, 1):
             if not has_room(panel, self.pillar):
                 raise SolverError(
                     f"the zone's middle or the plate's edge cuts the foot of a {self.pillar.shape} pillar: no live answer there"
                 )
             return super().cell(panel)
-        return self.live.at((self.stack.thickness_m, self.pillar.height_m, self.pillar.base_m, width))
+        return self.live.at((self.stack.thickness_m, self.pillar.height_m, self.pillar.base_m, pitch))
 
 
 class _Known:
@@ -118,7 +127,8 @@ def live_modes(
     SolverError for a design outside the box, by name.
     """
     design, _ = with_room(case.design)
-    column = Column(design, LiveReductions(live, design, known, window[1]), free_kx_per_m(design))
+    reductions = LiveReductions(live, design, known, window[1])
+    column = Column(design, reductions, free_kx_per_m(design), live.model.box.panels)
     frequency_hz, vectors = Chain(column, *window, live.condensed).solve(*window)
     return frequency_hz, column.profile(vectors)
 
@@ -202,7 +212,8 @@ class LivePlate:
         (self.design, self.moved), self.window = with_room(case.design), window
         self.searched, self.top_hz = search_window_hz(self.design), TRIED * window[1]
         reductions = LiveReductions(live, self.design, known, window[1])
-        columns = [Column(self.design, reductions, float(kx)) for kx in wavenumbers(self.design)]
+        panels = live.model.box.panels
+        columns = [Column(self.design, reductions, float(kx), panels) for kx in wavenumbers(self.design)]
         condensed, tried_hz = Condensed(), tried_up_to_hz(self.design, window)
         chains = [Chain(one, *self.searched, condensed) for one in columns]
         vectors = [chain.solve(-1.0, tried_hz(chain.column.kx))[1] for chain in chains]

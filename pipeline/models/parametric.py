@@ -26,19 +26,21 @@ from geometry.materials import Material
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log, WarningLog
+from pipeline.models.bands import row_cell
 from pipeline.models.cell_cache import ArrayCache, packed, symmetric, triangles, unpacked
 from pipeline.models.unit_cell import lattice_model
 from pipeline.paths import RESULTS
 from pipeline.planning.model_choice import cell_model_choice
+from pipeline.planning.refinement import MARGIN
 from pipeline.quantity import percent
 from pipeline.workers import LocalWorkers
-from solvers.accuracy.reduction import mesh_error
+from solvers.accuracy.reduction import mesh_error, waves_of
 from solvers.errors import SolverError
-from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
+from solvers.parametric.affine import PITCH, AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
 from solvers.parametric.compressed import compressed
-from solvers.parametric.foot import FixedMesh, Foot, foot_of
+from solvers.parametric.foot import FixedMesh, foot_of
 from solvers.superelement.interface import Interface
 
 ACCURACY = 0.002  # of the plain reductions; what they may be off by is added
@@ -88,7 +90,13 @@ def resized(design: Design, sizes: Sizes) -> Design:
     grown = a / design.pillar.base_m
     more = tuple((name, grown * size) for name, size in design.pillar.more_m)
     pillar = replace(design.pillar, base_m=a, tip_m=grown * design.pillar.tip_m, height_m=h, more_m=more)
-    return replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=p)
+    pitch_y_m = p * lattice_of(design).a2_m[1]
+    return replace(design, thickness_m=t, pillar=pillar, pitch_x_m=p, pitch_y_m=pitch_y_m)
+
+
+def lattice_of(design: Design) -> Lattice:
+    """The lattice of its rows, in pitches along x."""
+    return Lattice.of_rows(1.0, round(design.pitch_y_m / design.pitch_x_m, 12), design.stagger)
 
 
 def mesh_table(
@@ -124,19 +132,34 @@ def off_by(task: tuple[Case, FloatArray, FloatArray]) -> FloatArray:
     NaN at rest, and throughout where there is no such reduction.
     """
     case, wavevectors, band_hz = task
-    try:
-        model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
-    except SolverError:
-        return np.full((2, *band_hz.shape), np.nan)
-    lattice, count = model.lattice, band_hz.shape[1]
-    solved = [lattice.waves(k, count) for k in wavevectors]
     out = np.full((2, *band_hz.shape), np.nan)
-    for row, (waves, truncated) in enumerate(zip(solved, model.truncation(solved, count), strict=True)):
-        moving = waves.frequency_hz > FLAT * waves.frequency_hz[-1]
-        bar = mesh_error(lattice.cell, waves).half_width + truncated
-        out[0, row, moving] = (band_hz[row] / np.where(moving, waves.frequency_hz, 1.0) - 1.0)[moving]
+    try:
+        solved = (_staggered if case.design.stagger else _in_line)(case, wavevectors, band_hz.shape[1])
+    except SolverError:
+        return out
+    for row, (frequency_hz, bar) in enumerate(solved):
+        moving = frequency_hz > FLAT * frequency_hz[-1]
+        out[0, row, moving] = (band_hz[row] / np.where(moving, frequency_hz, 1.0) - 1.0)[moving]
         out[1, row, moving] = bar[moving]
     return out
+
+
+def _in_line(case: Case, wavevectors: FloatArray, count: int) -> list[tuple[FloatArray, FloatArray]]:
+    """Frequencies of a plain reduction and the half-widths of their bars at each wavevector."""
+    model = lattice_model(case, cell_model_choice(case), wavevectors, WarningLog(), [], finer=False)
+    solved = [model.lattice.waves(k, count) for k in wavevectors]
+    bars = [mesh_error(model.lattice.cell, waves).half_width for waves in solved]
+    parts = zip(solved, bars, model.truncation(solved, count), strict=True)
+    return [(waves.frequency_hz, bar + truncated) for waves, bar, truncated in parts]
+
+
+def _staggered(case: Case, wavevectors: FloatArray, count: int) -> list[tuple[FloatArray, FloatArray]]:
+    """The same of staggered rows."""
+    reduction = cell_model_choice(case).reduction
+    assert reduction is not None
+    cell = row_cell(case.design, reduction)
+    solved = [waves_of(cell, k, count) for k in wavevectors]
+    return [(frequency_hz, errors.mesh + MARGIN * errors.total) for frequency_hz, errors in solved]
 
 
 def sizes_of(design: Design) -> Sizes:
@@ -148,8 +171,8 @@ def sizes_of(design: Design) -> Sizes:
 # -- the model of a cell -----------------------------------------------------------------------------------------------
 
 
-SQUARE = Lattice.of_rows(1.0, 1.0)  # the cell's, in pitches
 INTERVALS, BANDS = 25, 10
+ASPECTS = 0.5, 2.0  # of the pitch along y to that along x
 MAX_BYTES = 400_000_000  # of all models: some pairs of materials
 UNSEEN = 4  # designs that tell what the bases miss
 # of a frequency by the mesh: what a search's columns may carry beside what they are off by themselves
@@ -201,35 +224,40 @@ class CellModel:
         return self.mesh.at(sizes) if self.mesh else None
 
 
-def require_foot(case: Case) -> Foot:
-    """The pillar's section. InputError, a line each, for a case whose cell the model cannot follow."""
+def require_box(case: Case, box: DesignBox | None = None) -> DesignBox:
+    """The box of designs with the pillar's section and the rows' lattice, as wide as pillars fit it.
+
+    InputError, a line each, for a case whose cell the model cannot follow.
+    """
     design, said = case.design, []
     foot = foot_of(design.pillar) if design.pillar else None
     if foot is None:
         known = "square, round, hexagonal, tapered or cross, without fillet and heavy tip and on the back alone"
         said.append(f"{case.name}: pillar.shape must be {known}, for explore: the others do not grow with their width")
-    if design.stagger:
-        others = (
-            "bands, attenuation, broadband, modes, response, search and tolerance without --alike take staggered rows"
+    least, most = ASPECTS
+    if design.pillar is not None and not least <= design.pitch_y_m / design.pitch_x_m <= most:
+        said.append(
+            f"{case.name}: array.pitch_y_mm must lie between {least:g} and {most:g} times pitch_x_mm for explore"
         )
-        said.append(f"{case.name}: array.stagger = true: explore follows one square cell: leave it out; {others}")
-    elif design.pillar is not None and design.pitch_x_m != design.pitch_y_m:
-        said.append(f"{case.name}: array.pitch_x_mm and pitch_y_mm must be equal for explore")
     if foot is None or said:
         raise InputError(said)
     case.require_one_kind("explore is")
-    return foot
+    box = replace(box or DesignBox(), foot=foot, lattice=lattice_of(design))
+    widest = (box.narrow * box.high[PITCH] - 2.0 * box.clearance_m) / foot.widest
+    thickness, height, side, pitch = box.high
+    return replace(box, high=(thickness, height, min(side, widest), pitch))
 
 
-def _for_foot(offline: Offline, foot: Foot) -> Offline:
-    """The same for another section: a cross has edges enough for one layer each."""
-    mesh = replace(offline.mesh, layers=min(offline.mesh.layers, 1)) if foot.arm < 1.0 else offline.mesh
-    return replace(offline, box=replace(offline.box, foot=foot), mesh=mesh)
+def _for_case(offline: Offline, case: Case) -> Offline:
+    """The same for the case's section and lattice: a cross has edges enough for one layer each."""
+    box = require_box(case, offline.box)
+    mesh = replace(offline.mesh, layers=min(offline.mesh.layers, 1)) if box.foot.arm < 1.0 else offline.mesh
+    return replace(offline, box=box, mesh=mesh)
 
 
 def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellModel:
     """The model of a case's materials: taken from the cache, or made now. InputError for a cell that it cannot follow."""
-    offline = _for_foot(offline or Offline(), require_foot(case))
+    offline = _for_case(offline or Offline(), case)
     cache = CellModelCache()
     with cache.alone():  # cases of a study that need the same model wait for the one that makes it
         kept = kept_model(case, offline)
@@ -243,8 +271,7 @@ def cell_model(case: Case, log: Log, offline: Offline | None = None) -> CellMode
 
 def kept_model(case: Case, offline: Offline | None = None) -> CellModel | None:
     """The model of a case's materials where the cache has it. InputError for a cell that it cannot follow."""
-    offline = _for_foot(offline or Offline(), require_foot(case))
-    return CellModelCache().get_model(_key(_materials(case), offline))
+    return CellModelCache().get_model(_key(_materials(case), _for_case(offline or Offline(), case)))
 
 
 def kept_cell(case: Case) -> ParametricCell | None:
@@ -252,10 +279,10 @@ def kept_cell(case: Case) -> ParametricCell | None:
     where it must be meshed.
     """
     try:
-        foot = require_foot(case)
+        offline = _for_case(Offline(), case)
     except InputError:
         return None
-    model, sizes = _loaded(_materials(case), foot), sizes_of(case.design)
+    model, sizes = _loaded(_materials(case), offline), sizes_of(case.design)
     if model is None or model.cell.box.faults(sizes):
         return None
     by_mesh = model.as_meshed(sizes)
@@ -263,8 +290,7 @@ def kept_cell(case: Case) -> ParametricCell | None:
 
 
 @lru_cache(maxsize=2)
-def _loaded(materials: tuple[Material, Material], foot: Foot) -> CellModel | None:
-    offline = _for_foot(Offline(), foot)
+def _loaded(materials: tuple[Material, Material], offline: Offline) -> CellModel | None:
     return CellModelCache().get_model(_key(materials, offline))
 
 
@@ -287,8 +313,7 @@ def _made(case: Case, offline: Offline, log: Log) -> CellModel:
         assert affine is not None
     with log.step("reduce the cell over the box of designs"):
         cell, *alone = _reduced(affine, coarse, offline, unseen)
-    border = SQUARE.border(("x", "y", "d") if box.foot.is_alike else ("x", "y"))
-    path = SQUARE.path(border, offline.intervals)
+    path = box.path(offline.intervals // box.panels)  # the zone of staggered rows has more lines
     fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
     designs = box.spread(offline.waves, seed=2)
     with log.step("gather waves at every wavevector"):

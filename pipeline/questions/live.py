@@ -101,15 +101,14 @@ class Live(Question[LiveResult], in_studies_only=True):
     @classmethod
     def spared(cls, case: Case) -> simplifications.Simplification | None:
         from pipeline.models import parametric
-        from solvers.parametric.affine import DesignBox
 
         try:
             case.require("pillar", "zone", command="the measure live")
-            foot = parametric.require_foot(case)
+            box = parametric.require_box(case)
         except InputError as fault:
             lacking = "; ".join(fault.lines)
         else:
-            lacking = "; ".join(DesignBox(foot=foot).faults(parametric.sizes_of(case.design)))
+            lacking = "; ".join(box.faults(parametric.sizes_of(case.design)))
         return simplifications.Simplification("no_live", "live", lacking) if lacking else None
 
     def compute(self, case: Case, plan: Plan, run: Run) -> LiveResult:

@@ -1,9 +1,9 @@
-"""A square cell with one pillar as an exactly affine function of its four sizes.
+"""A rectangular panel with one pillar as an exactly affine function of its four sizes.
 
 The mesh keeps its topology; the plate's block under the pillar, the plate beside it and the pillar are stretched each as a
-whole. A stretch (s_x, s_y, s_z) turns int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that
-K(mu) = sum_q theta_q(mu) K_q and M(mu) likewise, theta_q products of powers of side, clearance, thickness and height
-(rozza2008). Nothing is interpolated.
+whole. The lattice keeps its shape: its vectors and the panel go with the pitch. A stretch (s_x, s_y, s_z) turns
+int C_ikjl u_i,k v_j,l into s_x s_y s_z / (s_k s_l) times what it was, so that K(mu) = sum_q theta_q(mu) K_q and M(mu)
+likewise, theta_q products of powers of side, clearances, thickness, height and pitch (rozza2008). Nothing is interpolated.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ import scipy.sparse as sp
 from scipy.stats import qmc
 
 from geometry.elements import FloatArray, IntArray
+from geometry.lattice import Lattice, Path
 from geometry.materials import Material
 from solvers.errors import SolverError
 from solvers.fem.assembly import Forms, Scale
-from solvers.parametric.foot import SQUARE, FixedMesh, Foot, quarter_mesh
+from solvers.parametric.foot import BESIDE, SQUARE, FixedMesh, Foot, quarter_mesh
 
 THICKNESS, HEIGHT, SIDE, PITCH = range(4)
 NAMES = ("thickness", "height", "side", "pitch")
@@ -27,18 +28,64 @@ SAME = 1e-9
 CLEARANCE_M = 0.5e-3  # between neighbouring pillars: a narrower slit is not printed, and its elements degenerate
 OUTSIDE = "{name} = {value:g} mm: must lie between {low:g} and {high:g} mm"
 TIGHT = "side = {side:g} mm does not fit pitch = {pitch:g} mm: at least {gap:g} mm must stay between two pillars"
+TIGHT_PANEL = TIGHT.replace("between two pillars", "beside it in a panel {narrow:g} of that wide")
+ACROSS, WHOLE = 4, 5  # numbers of the stretches of the clearance along y where panels are no squares, and of the pitch
+IN_LINE = Lattice.of_rows(1.0, 1.0)
 
 Sizes = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
 class DesignBox:
-    """Lowest and highest thickness, height, side (the foot's width) and pitch, m; pillars stand `clearance_m` apart or more."""
+    """Lowest and highest thickness, height, side (the foot's width) and pitch, m; pillars stand `clearance_m` apart or more.
+
+    lattice: the rows', in pitches along x. Staggered rows have a second, bare panel for each pillar.
+    """
 
     low: Sizes = (1e-3, 4e-3, 1e-3, 3e-3)
     high: Sizes = (3e-3, 9e-3, 3e-3, 8e-3)
     clearance_m: float = CLEARANCE_M
     foot: Foot = SQUARE
+    lattice: Lattice = IN_LINE
+
+    @property
+    def panels(self) -> int:
+        """Panels side by side in a pitch: one with the pillar, of staggered rows a bare one, too."""
+        return 1 + self.lattice.is_centred
+
+    @property
+    def panel(self) -> tuple[float, float]:
+        """Width and depth of a panel, in pitches."""
+        width, depth = self.lattice.cell_m
+        return width / self.panels, depth
+
+    @property
+    def narrow(self) -> float:
+        """The smaller of both."""
+        return min(self.panel)
+
+    @property
+    def is_square(self) -> bool:
+        """Whether a cell is one square panel."""
+        return self.lattice == IN_LINE
+
+    @property
+    def is_alike(self) -> bool:
+        """Whether the cell is its own image with x and y exchanged."""
+        return self.is_square and self.foot.is_alike
+
+    def path(self, points: int) -> Path:
+        """The border of the zone's irreducible part, wavevectors in radians a pitch."""
+        return self.lattice.path(self.lattice.border(("x", "y", "d") if self.is_alike else ("x", "y")), points)
+
+    def panel_m(self, sizes: FloatArray | Sizes) -> tuple[float, float, float]:
+        """Width, depth and thickness of a design's panels, m."""
+        width, depth = self.panel
+        return float(width * sizes[PITCH]), float(depth * sizes[PITCH]), float(sizes[THICKNESS])
+
+    def share(self, sizes: FloatArray | Sizes) -> float:
+        """The block's width over the panel's smaller one."""
+        return float(self.foot.reach * sizes[SIDE] / (self.narrow * sizes[PITCH]))
 
     def faults(self, sizes: FloatArray | Sizes) -> list[str]:
         """What keeps a cell out of the box, one sentence each, by name; empty for one inside."""
@@ -46,11 +93,17 @@ class DesignBox:
         for name, value, low, high in zip(NAMES, sizes, self.low, self.high, strict=True):
             if not low * (1.0 - 1e-9) <= value <= high * (1.0 + 1e-9):
                 said.append(OUTSIDE.format(name=name, value=1e3 * value, low=1e3 * low, high=1e3 * high))
-        gap = sizes[PITCH] - self.foot.widest * sizes[SIDE]
+        gap = self.narrow * sizes[PITCH] - self.foot.widest * sizes[SIDE]
         if not gap >= self.clearance_m * (1.0 - 1e-9):
             gap_mm = 1e3 * self.clearance_m
-            said.append(TIGHT.format(side=1e3 * sizes[SIDE], pitch=1e3 * sizes[PITCH], gap=gap_mm))
+            own = {"side": 1e3 * sizes[SIDE], "pitch": 1e3 * sizes[PITCH], "gap": gap_mm, "narrow": self.narrow}
+            said.append(self.tight.format(**own))
         return said
+
+    @property
+    def tight(self) -> str:
+        """The sentence about a pillar too wide for its panel."""
+        return TIGHT if self.is_square else TIGHT_PANEL
 
     def require(self, sizes: FloatArray | Sizes) -> None:
         """SolverError that names what does not fit."""
@@ -63,8 +116,8 @@ class DesignBox:
         unit = np.atleast_2d(unit)
         low, high = np.log(self.low), np.log(self.high)
         sizes = np.exp(low + unit * (high - low))
-        side = self.foot.widest * sizes[:, SIDE]
-        least = np.maximum(self.low[PITCH] - side, self.clearance_m)
+        side = self.foot.widest * sizes[:, SIDE] / self.narrow
+        least = np.maximum(self.low[PITCH] - side, self.clearance_m / self.narrow)
         sizes[:, PITCH] = side + least * ((self.high[PITCH] - side) / least) ** unit[:, PITCH]
         return np.asarray(sizes)
 
@@ -72,8 +125,8 @@ class DesignBox:
         """The point (4,) of the unit cube that `sample` takes to a design of the box."""
         low, high = np.log(self.low), np.log(self.high)
         unit = (np.log(sizes) - low) / (high - low)
-        side = self.foot.widest * sizes[SIDE]
-        least = max(self.low[PITCH] - side, self.clearance_m)
+        side = self.foot.widest * sizes[SIDE] / self.narrow
+        least = max(self.low[PITCH] - side, self.clearance_m / self.narrow)
         unit[PITCH] = np.log((sizes[PITCH] - side) / least) / np.log((self.high[PITCH] - side) / least)
         return np.asarray(np.clip(unit, 0.0, 1.0))
 
@@ -86,7 +139,7 @@ class DesignBox:
     def middle(self) -> Sizes:
         """Geometric mean of the limits, m: where the reference mesh stands."""
         t, h, a, p = np.sqrt(np.array(self.low) * np.array(self.high))
-        return float(t), float(h), float(a), float(max(p, self.foot.widest * a + self.clearance_m))
+        return float(t), float(h), float(a), float(max(p, (self.foot.widest * a + self.clearance_m) / self.narrow))
 
 
 def between(count: int, seed: int) -> FloatArray:
@@ -99,31 +152,34 @@ def as_sizes(designs: FloatArray) -> list[Sizes]:
     return [(float(t), float(h), float(a), float(p)) for t, h, a, p in designs]
 
 
-Exponents = tuple[int, int, int, int]  # of thickness, height, side, clearance
+Exponents = tuple[int, ...]  # of thickness, height, side, clearances along x and y, pitch
 
 
-def stretches(sizes: FloatArray | Sizes, foot: Foot) -> FloatArray:
-    """Thickness, height, side and what lies between the blocks: what the parts of the mesh are stretched by."""
+def stretches(sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
+    """Thickness, height, side, what lies between the blocks along x and along y, and the pitch: what the parts of the mesh are
+    stretched by.
+    """
     t, h, a, p = sizes
-    return np.array([t, h, a, p - foot.reach * a])
+    width, depth = (side * p - box.foot.reach * a for side in box.panel)
+    return np.array([t, h, a, width, depth, p])
 
 
 @dataclass(frozen=True)
 class AffineForm:
-    """sum_q theta_q A_q: exponents (q, 4) of the stretches over their reference, matrices A_q."""
+    """sum_q theta_q A_q: exponents (q, 6) of the stretches over their reference, matrices A_q."""
 
     exponents: IntArray
     matrices: tuple[sp.csr_array, ...]
 
 
-def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, foot: Foot) -> FloatArray:
+def theta(exponents: IntArray, sizes: FloatArray | Sizes, reference: Sizes, box: DesignBox) -> FloatArray:
     """theta_q of designs: (q,) for sizes (4,)."""
-    ratio = stretches(sizes, foot) / stretches(reference, foot)
+    ratio = stretches(sizes, box) / stretches(reference, box)
     return np.asarray(np.prod(ratio ** np.asarray(exponents), axis=1))
 
 
 class AffineCell:
-    """The quarter cell x, y >= 0 on its reference mesh, with the affine forms of K (3n, 3n) and of the scalar mass (n, n).
+    """The quarter panel x, y >= 0 on its reference mesh, with the affine forms of K (3n, 3n) and of the scalar mass (n, n).
 
     Matrices are in units of `scale`, whose length is the reference thickness.
     """
@@ -131,7 +187,10 @@ class AffineCell:
     def __init__(self, box: DesignBox, mesh: FixedMesh, plate: Material, pillar: Material) -> None:
         self.box, self.reference = box, box.middle
         self.scale = Scale.of(self.reference[THICKNESS], plate)
-        self.mesh, self.parts = quarter_mesh(box.foot, self.reference, mesh)
+        self.plate = plate
+        self.mesh, self.parts = quarter_mesh(box.foot, self.reference, mesh, box.panel)
+        if not box.is_square:
+            self.parts[:, 1] = np.where(self.parts[:, 1] == BESIDE, ACROSS, self.parts[:, 1])
         materials = {"plate": plate, "pillar": pillar}
         forms = Forms(self.mesh, self.scale.length_m)
         self.stiffness = self._stiffness(forms, materials)
@@ -162,28 +221,34 @@ class AffineCell:
 
     def theta(self, form: AffineForm, sizes: FloatArray | Sizes) -> FloatArray:
         """The form's factors for one design, (q,)."""
-        return theta(form.exponents, sizes, self.reference, self.box.foot)
+        return theta(form.exponents, sizes, self.reference, self.box)
 
     def plan(self, nodes: FloatArray, sizes: FloatArray | Sizes) -> FloatArray:
         """Places of reference points (n, 3) in the stretched cell, m."""
         t0, h0, a0, _ = self.reference
         t, h, a, _ = sizes
-        flat = across(nodes[:, :2], self.reference, sizes, self.box.foot)
+        flat = across(nodes[:, :2], self.reference, sizes, self.box)
         flat = np.where(nodes[:, 2:] > t0 * (1.0 + SAME), nodes[:, :2] * (a / a0), flat)
         return np.column_stack([flat, np.interp(nodes[:, 2], [0.0, t0, t0 + h0], [0.0, t, t + h])])
 
 
-def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, foot: Foot) -> FloatArray:
-    """Places in the stretched plate of reference coordinates along x or y, m."""
-    was, now = (([0.0, foot.reach * a / 2.0, p / 2.0]) for _, _, a, p in (reference, sizes))
-    return np.asarray(np.interp(points, was, now))
+def across(points: FloatArray, reference: Sizes, sizes: FloatArray | Sizes, box: DesignBox) -> FloatArray:
+    """Places (n, 2) in the stretched plate of reference coordinates along x and y, m."""
+    lines = zip(points.T, plan_lines(reference, box), plan_lines(sizes, box), strict=True)
+    return np.column_stack([np.interp(own, was, now) for own, was, now in lines])
+
+
+def plan_lines(sizes: FloatArray | Sizes, box: DesignBox) -> list[list[float]]:
+    """Along x and y the quarter panel's middle, the end of its block and its side, m."""
+    block = box.foot.reach * float(sizes[SIDE]) / 2.0
+    return [[0.0, block, side / 2.0] for side in box.panel_m(sizes)[:2]]
 
 
 def _exponents(part: IntArray, derived: tuple[int, ...]) -> Exponents:
     """Of an element whose stretches are `part`, differentiated along the axes `derived`."""
-    powers = [0, 0, 0, 0]
+    powers = [0, 0, 0, 0, 0, 0]
     for axis in range(3):
         powers[int(part[axis])] += 1
     for axis in derived:
         powers[int(part[axis])] -= 1
-    return powers[0], powers[1], powers[2], powers[3]
+    return tuple(powers)

@@ -1,6 +1,6 @@
 """Bands of any design of the box along a path, each with how far it may lie above its mesh's.
 
-At each wavevector and in each of its two mirror sectors a basis of some fifty functions: waves' motions of the boundary,
+At each wavevector and in each of its mirror sectors a basis of some fifty functions: waves' motions of the boundary,
 gathered once over the box (BOUNDARY of them hold it: whatever a pillar does, its cell's sides bend smoothly), and the
 design's own clamped modes and inertial answers. All pencils are small, real and dense, and are solved in one batch (pau2007).
 """
@@ -17,7 +17,7 @@ from geometry.elements import BoolArray, FloatArray
 from solvers.parametric.affine import Sizes
 from solvers.parametric.block import BESIDE
 from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell
-from solvers.parametric.sectors import Sector, sectors
+from solvers.parametric.sectors import Sector
 from solvers.threads import one_thread
 
 BOUNDARY = 20  # motions of the boundary that a sector keeps
@@ -74,11 +74,12 @@ def _error(parts: Sequence[ClassAtDesign], bases: BandBases, values: FloatArray)
 
 
 def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: int) -> FloatArray:
-    """Both sectors' eigenvalues together, (points, count); infinite where none was asked for."""
-    width = max(values.shape[1] for values in solved)
+    """The sectors' eigenvalues together, (points, count); infinite where none was asked for."""
+    width, known = max(values.shape[1] for values in solved), np.zeros(points, dtype=np.int64)
     out = np.full((points, 2, width), np.inf)
-    for number, (values, sector) in enumerate(zip(solved, of, strict=True)):
-        out[sector.points, number % 2, : values.shape[1]] = values
+    for values, sector in zip(solved, of, strict=True):
+        out[sector.points, known[sector.points], : values.shape[1]] = values
+        known[sector.points] += 1
     return np.asarray(np.sort(out.reshape(points, -1), axis=1)[:, :count])
 
 
@@ -141,7 +142,7 @@ def band_bases(
     floor: float,
 ) -> BandBases:
     """Gather the boundary motions of the waves of given designs."""
-    whole = sectors(cell.interface, fractions, cell.symmetry)
+    whole = cell.sectors(fractions)
     waves = [_boundary_waves(cell, whole, count, sizes) for sizes in designs]
     middle = cell.parts(cell.reference, INNER, cell.interface)
     few = []
@@ -150,7 +151,8 @@ def band_bases(
         energy, mass = pencils([middle[member] for member in sector.classes], sector.bases)
         free = sector.bases.shape[2]
         metric = (energy + BESIDE * mass)[:, :free, :free]
-        kept = [_pod(own, root) for own, root in zip(gathered, metric, strict=True)]
+        most = BOUNDARY * (1 + (len(sector.classes) == len(cell.blocks)))  # no mirror parts these waves
+        kept = [_pod(own, root, most) for own, root in zip(gathered, metric, strict=True)]
         few.append(replace(sector, bases=sector.bases @ np.array(kept)))
     return BandBases(fractions, labels, count, tuple(few), rich_sectors(cell, fractions, labels), floor)
 
@@ -158,7 +160,7 @@ def band_bases(
 def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str, ...]) -> tuple[Sector, ...]:
     """The sectors with all boundary motions at some of the wavevectors."""
     labelled = np.array([bool(label) for label in labels])
-    return tuple(_some(sector, labelled[sector.points]) for sector in sectors(cell.interface, fractions, cell.symmetry))
+    return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
 
 
 def _some(sector: Sector, labelled: BoolArray) -> Sector:
@@ -170,9 +172,8 @@ def _some(sector: Sector, labelled: BoolArray) -> Sector:
 
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
     """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path."""
-    further = ((0.5, 0.5),) if cell.box.foot.is_alike else ((0.5, 1.0), (0.0, 1.0), (0.0, 0.5))
-    points = ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0), *further)
-    of, worst = sectors(cell.interface, points, cell.symmetry), 0.0
+    points = cell.box.path(2).wavevectors / np.pi
+    of, worst = cell.sectors(points), 0.0
 
     def solved(each: ParametricCell, sizes: Sizes) -> FloatArray:
         own = [_eigenvalues(each.parts(sizes, INNER, each.interface), sector) for sector in of]
@@ -196,8 +197,8 @@ def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, size
         ]
 
 
-def _pod(waves: FloatArray, metric: FloatArray) -> FloatArray:
-    """The BOUNDARY motions that hold most of the waves' energy, (m, BOUNDARY), orthonormal in it (sirovich1987)."""
+def _pod(waves: FloatArray, metric: FloatArray, most: int) -> FloatArray:
+    """So many motions that hold most of the waves' energy, (m, most), orthonormal in it (sirovich1987)."""
     root = cholesky(metric)
     left, _, _ = np.linalg.svd(root @ waves, full_matrices=False)
-    return np.asarray(solve_triangular(root, left[:, :BOUNDARY]))
+    return np.asarray(solve_triangular(root, left[:, :most]))

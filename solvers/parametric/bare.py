@@ -85,15 +85,27 @@ def bare_matrices(
     """K and M (3 n, 3 n) of a panel, or of what lies within a span of [-1, 1] along x, among all its functions, component
     fastest, in units of its thickness.
     """
+    (parts, mass) = bare_forms(size_m, material, face, span, apart=False)
+    return parts[0], mass
+
+
+def bare_forms(
+    size_m: tuple[float, float, float], material: Material, face: Interface, span: Span = WHOLE, apart: bool = True
+) -> tuple[list[FloatArray], FloatArray]:
+    """The same, K apart by how often it is derived across the plate, (3,), or in one."""
     gradients, square = _reference(face, span)
     stretch = np.array(size_m) / size_m[2] / 2.0
     volume = float(np.prod(stretch))
     tensor = material.tensor_pa / Scale.of(size_m[2], material).young_pa
     scaled = np.array([volume / stretch[j] / stretch[l] * g for (j, l), g in zip(TRIPLES, gradients, strict=True)])  # noqa: E741
-    stiffness = np.einsum("ijkl,jlfg->figk", tensor, scaled.reshape(3, 3, *square.shape), optimize=True)
-    count = 3 * len(square)
+    across, count = np.array([(j, l).count(2) for j, l in TRIPLES]), 3 * len(square)  # noqa: E741
+    stiffness = []
+    for chosen in [across == times for times in range(3)] if apart else [across >= 0]:
+        part = (chosen[:, None, None] * scaled).reshape(3, 3, *square.shape)
+        whole = np.einsum("ijkl,jlfg->figk", tensor, part, optimize=True)
+        stiffness.append(np.asarray(whole.reshape(count, count)))
     mass: FloatArray = np.kron(volume * square, np.eye(3)).astype(float)
-    return stiffness.reshape(count, count), mass
+    return stiffness, mass
 
 
 @lru_cache(maxsize=64)
@@ -134,15 +146,25 @@ def bare_cell(size_m: tuple[float, float, float], material: Material, face: Inte
 
 def _modes(stiffness: FloatArray, mass: FloatArray, face: Interface) -> tuple[FloatArray, FloatArray, IntArray]:
     """Eigenvalues (n,), modes (n, n) of the inside and the parity (n, 2) of their u_z under x -> -x and y -> -y."""
-    flips = np.array([[-1, 1], [1, -1], [1, 1]])  # of u_z = 1 for u_x, u_y, u_z
-    inside = functions(face)[face.count // 3 :, None, :2]
-    parity = ((-1) ** inside * flips).reshape(-1, 2)
+    parity = _parity(face)
     values, modes = np.zeros(len(mass)), np.zeros_like(mass)
     for signs in product((1, -1), repeat=2):
         own = np.flatnonzero((parity == signs).all(axis=1))
         here = np.ix_(own, own)
         values[own], modes[here] = eigh(stiffness[here], mass[here])
     return values, modes, parity
+
+
+def _parity(face: Interface) -> IntArray:
+    """Parity (n, 2) of u_z under x -> -x and y -> -y that goes with each function of the inside."""
+    flips = np.array([[-1, 1], [1, -1], [1, 1]])  # of u_z = 1 for u_x, u_y, u_z
+    inside = functions(face)[face.count // 3 :, None, :2]
+    return np.asarray(((-1) ** inside * flips).reshape(-1, 2))
+
+
+def bare_parity(face: Interface, signs: tuple[int, ...]) -> IntArray:
+    """The inside's functions of one class, counted from the inside's first."""
+    return np.flatnonzero((_parity(face) == signs[:2]).all(axis=1))
 
 
 def _touch(size_m: tuple[float, float, float], face: Interface, span: Span, normal: FloatArray) -> Expansion:

@@ -20,7 +20,7 @@ from solvers.errors import SolverError
 from solvers.fem.block_lanczos import block_lanczos
 from solvers.fem.factor import Factor, Factoriser
 from solvers.fem.solid import free_mask, rigid_body_modes
-from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, Sizes
+from solvers.parametric.affine import AffineCell, Sizes
 from solvers.superelement.interface import Interface
 from solvers.superelement.symmetry import diagonal_folding, diagonal_image
 
@@ -111,14 +111,14 @@ class Block:
     def traces(self, sizes: FloatArray | Sizes) -> FloatArray:
         """The class's boundary polynomials of a stretched cell at its boundary degrees of freedom, (b, m)."""
         nodes = self.cell.plan(self.cell.mesh.nodes[self.boundary_nodes], sizes)
-        own = np.column_stack([2.0 * nodes[:, :2] / sizes[PITCH], 2.0 * nodes[:, 2] / sizes[THICKNESS] - 1.0])
+        own = 2.0 * nodes / self.cell.box.panel_m(sizes) - [0.0, 0.0, 1.0]
         field = self.interface.evaluate(own)
         motion = np.stack([field @ self.parity[axis::3] for axis in range(3)], axis=1).reshape(-1, self.parity.shape[1])
         rows = (3 * self.boundary_nodes[:, None] + np.arange(3)).ravel()
         return np.asarray(self.forms.fold[rows][:, self.on_boundary].T @ motion)
 
     def _functions(self) -> FloatArray:
-        """Orthonormal functions that hold the polynomials of every ratio of the block's width to the pitch, (b, f).
+        """Orthonormal functions that hold the polynomials of every ratio of the block's width to the panel's, (b, f).
 
         The polynomials are polynomials of that ratio too, of at most their degree + 1: so many samples span them all.
         """
@@ -128,14 +128,14 @@ class Block:
 
     @property
     def shares(self) -> FloatArray:
-        """Ratios of the block's width to the pitch that determine the polynomials at any other: Chebyshev points."""
+        """Ratios of the block's width to the panel's that determine the polynomials at any other: Chebyshev points."""
         count = self.interface.along + 2
         return np.asarray(0.5 - 0.5 * np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
     def of_share(self, share: float) -> Sizes:
-        """The reference design with a block of another share of the pitch."""
-        t, h, _, p = self.cell.reference
-        return t, h, float(share) * p / self.cell.box.foot.reach, p
+        """The reference design with a block of another share of the panel's smaller width."""
+        (t, h, _, p), box = self.cell.reference, self.cell.box
+        return t, h, float(share) * box.narrow * p / box.foot.reach, p
 
     def stretched(self, sizes: FloatArray | Sizes) -> tuple[sp.csc_array, sp.csc_array]:
         """K and M of the class at a design."""

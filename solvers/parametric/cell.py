@@ -1,4 +1,7 @@
-"""The reduced cell at any design of the box, from the reduced bases alone: a Craig-Bampton cell in milliseconds."""
+"""The reduced cell at any design of the box, from the reduced bases alone: a Craig-Bampton cell in milliseconds.
+
+Of staggered rows that is the pillar's panel; a bare one beside it is reduced like it.
+"""
 
 from __future__ import annotations
 
@@ -15,11 +18,10 @@ from geometry.elements import FloatArray, IntArray
 from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale
 from solvers.fem.surface import COUNT, face_quadrature, gauss_points
-from solvers.parametric.affine import PITCH, SIDE, THICKNESS, AffineCell, DesignBox, Sizes, across, theta
+from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, DesignBox, Sizes, across, plan_lines, theta
 from solvers.parametric.block import BESIDE, Block
-from solvers.parametric.foot import Foot
-from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, block_alone, chosen, reduced_block
-from solvers.parametric.sectors import Symmetry, symmetry_of
+from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, bare_block, block_alone, chosen, reduced_block
+from solvers.parametric.sectors import ALIKE, QUARTERS, Sector, sectors
 from solvers.superelement.cell import Cell, Expansion, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread
@@ -42,7 +44,7 @@ class Inner:
 
 @dataclass(frozen=True)
 class ParametricCell:
-    """K_r and M_r over a box of designs: the reduced classes, with the exponents of their affine forms.
+    """K_r and M_r over a box of designs: the reduced classes, of staggered rows those of the bare panel last.
 
     touch_m (p, 2), touch_weights (p,): Gauss points and weights of the reference's touch face, rectangles at x, y >= 0.
     """
@@ -51,45 +53,44 @@ class ParametricCell:
     reference: Sizes
     scale: Scale
     interface: Interface
-    stiffness_exponents: IntArray
-    mass_exponents: IntArray
     blocks: tuple[ReducedBlock, ...]
     touch_m: FloatArray
     touch_weights: FloatArray
     mesh_dof: int
 
     def at(self, sizes: FloatArray | Sizes, inner: Inner, face: Interface | None = None) -> Cell:
-        """The cell of one design, in units of its thickness; `face`: lower degrees of its boundary polynomials.
+        """The pillar's panel of one design, in units of its thickness; `face`: lower degrees of its boundary polynomials.
 
         SolverError for a design outside the box, by name.
         """
         face = face or self.interface
-        return _joined(self, self.parts(sizes, inner, face), face, sizes)
+        return _joined(self, self.parts(sizes, inner, face, self.blocks[: self.pillars]), face, sizes)
 
-    def parts(self, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> list[ClassAtDesign]:
+    def parts(
+        self, sizes: FloatArray | Sizes, inner: Inner, face: Interface, blocks: Sequence[ReducedBlock] | None = None
+    ) -> list[ClassAtDesign]:
         """The symmetry classes of one design; where x and y may be exchanged, that of (-, +) last. Errors as at."""
         self.box.require(sizes)
         with one_thread():
-            parts = [self._part(block, sizes, inner, face) for block in self.blocks]
-        if not self.box.foot.is_alike:
+            parts = [self._part(block, sizes, inner, face) for block in blocks or self.blocks]
+        if not self.box.is_alike:
             return parts
         return parts + [part.swapped(face, self.turned) for part in parts if part.signs[2] == 0]
 
     @property
-    def symmetry(self) -> Symmetry:
-        """Which classes there are, and how waves are made of them."""
-        return symmetry_of(self.box.foot.is_alike)
+    def pillars(self) -> int:
+        """How many of the classes are the pillar's panel's."""
+        return len(self.blocks) // self.box.panels
 
-    def weights(self, sizes: FloatArray | Sizes) -> tuple[FloatArray, FloatArray]:
-        """theta of K and of M, (q,) and (r,)."""
-        exponents = self.stiffness_exponents, self.mass_exponents
-        stiffness, mass = (theta(each, sizes, self.reference, self.box.foot) for each in exponents)
-        return stiffness, mass
+    def sectors(self, fractions: Sequence[Sequence[float]] | FloatArray) -> tuple[Sector, ...]:
+        """How the waves at wavevectors (k, 2) in units of pi / pitch are made of the classes. Errors as `sectors`."""
+        return sectors(self.interface, fractions, self.box.lattice, self.box.is_alike)
 
     def _part(self, block: ReducedBlock, sizes: FloatArray | Sizes, inner: Inner, face: Interface) -> ClassAtDesign:
-        theta_k, theta_m = self.weights(sizes)
+        exponents = block.stiffness_exponents, block.mass_exponents
+        theta_k, theta_m = (theta(each, sizes, self.reference, self.box) for each in exponents)
         parity, kept = lower(block.parity, self.interface, face)
-        boundary = block.boundary(self.box.foot.reach * sizes[SIDE] / sizes[PITCH])[:, kept]
+        boundary = block.boundary(self.box.share(sizes))[:, kept]
         f, width = block.functions, boundary.shape[1]
         stiffness, mass = np.tensordot(theta_k, block.stiffness, axes=1), np.tensordot(theta_m, block.mass, axes=1)
         factor = cho_factor(stiffness[f:, f:])
@@ -106,7 +107,7 @@ class ParametricCell:
         inside = np.hstack([modes, more @ turn])
         shapes = np.hstack([shapes, np.vstack([np.zeros((f, inside.shape[1])), inside])])
         own = tuple(shapes.T @ matrix @ shapes for matrix in (stiffness, mass))
-        own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, sizes))
+        own[0][:width, :width] = _flexible(own[0][:width, :width], rigid_span(parity, face, self.box, sizes))
         dropped_hz = float(self.scale.frequency(values[-1:])[0])
         coupling = own[1][:width, width:]
         values = np.concatenate([values, more_values])
@@ -143,9 +144,9 @@ class ClassAtDesign:
         return replace(self, signs=self.signs[[1, 0, 2]], parity=self.parity[face.diagonal()], touch=self.touch[turned])
 
 
-def rigid_span(parity: FloatArray, face: Interface, sizes: FloatArray | Sizes) -> FloatArray:
+def rigid_span(parity: FloatArray, face: Interface, box: DesignBox, sizes: FloatArray | Sizes) -> FloatArray:
     """An orthonormal basis of a class's rigid-body modes among its boundary polynomials, (m, r)."""
-    motions = parity.T @ rigid_polynomials(face, (1.0, 1.0, float(sizes[THICKNESS] / sizes[PITCH])))
+    motions = parity.T @ rigid_polynomials(face, (*box.panel, float(sizes[THICKNESS] / sizes[PITCH])))
     left, size, _ = np.linalg.svd(motions, full_matrices=False)
     return np.asarray(left[:, size > RIGID])
 
@@ -181,7 +182,7 @@ def _joined(cell: ParametricCell, parts: list[ClassAtDesign], face: Interface, s
     fixed = np.concatenate([part.fixed_hz for part in parts])
     return Cell(
         stiffness, mass, np.zeros_like(mass), face, replace(cell.scale, length_m=float(sizes[THICKNESS])),
-        (float(sizes[PITCH]), float(sizes[PITCH]), float(sizes[THICKNESS])),
+        cell.box.panel_m(sizes),
         fixed, np.array([part.signs[:2] for part in parts for _ in part.fixed_hz], dtype=np.int64).reshape(-1, 2),
         min(part.dropped_hz for part in parts), ratio**5 * lost,
         _touch(cell, parts, places, sizes), Expansion.nothing(len(stiffness)), cell.mesh_dof,
@@ -192,11 +193,10 @@ def _touch(
     cell: ParametricCell, parts: list[ClassAtDesign], places: list[FloatArray], sizes: FloatArray | Sizes
 ) -> Expansion:
     """u_z on the touch face of the whole cell, from its quarter's points."""
-    foot = cell.box.foot
-    a0, p0 = foot.reach * cell.reference[SIDE] / 2.0, cell.reference[PITCH] / 2.0
-    a, p = foot.reach * sizes[SIDE] / 2.0, sizes[PITCH] / 2.0
-    points = np.column_stack([across(cell.touch_m, cell.reference, sizes, foot), np.zeros(len(cell.touch_m))])
-    stretch = np.where(cell.touch_m < a0, a / a0, (p - a) / (p0 - a0)).prod(axis=1)
+    was, now = (np.array(plan_lines(each, cell.box)) for each in (cell.reference, sizes))
+    block, beside = (np.diff(now) / np.diff(was)).T
+    points = np.column_stack([across(cell.touch_m, cell.reference, sizes, cell.box), np.zeros(len(cell.touch_m))])
+    stretch = np.where(cell.touch_m < was[:, 1], block, beside).prod(axis=1)
     fields = [(part.touch @ place.T)[:, None] for part, place in zip(parts, places, strict=True)]
     everywhere, matrix = mirrored(points, fields, [dict(enumerate(part.signs[:2])) for part in parts], (0, 1))
     return Expansion(everywhere, matrix, np.tile(cell.touch_weights * stretch, 4))
@@ -216,16 +216,17 @@ def parametric_cell(
     maps over the classes, several at once if it can; the largest comes first.
     """
     work = partial(_reduce, cell, coarse, interface, tuple(designs), tuple(unseen))
-    reduced = list(apply(work, symmetry_of(cell.box.foot.is_alike).classes[::-1]))[::-1]
-    touch_m, weights, from_mesh = fitted_touch(cell.mesh, cell.box.foot, cell.reference)
-    everywhere = cell.stiffness.exponents, cell.mass.exponents
-    alone = (np.zeros((1, 4), dtype=np.int64),) * 2
+    classes = ALIKE.classes if cell.box.is_alike else QUARTERS
+    reduced = list(apply(work, classes[::-1]))[::-1]
+    touch_m, weights, from_mesh = fitted_touch(cell.mesh, plan_lines(cell.reference, cell.box))
+    bare = tuple(bare_block(cell, interface, signs) for signs in classes) if cell.box.panels > 1 else ()
     return tuple(
         ParametricCell(
-            cell.box, cell.reference, cell.scale, interface, *exponents,
-            tuple(replace(block, touch=from_mesh @ block.touch) for block in blocks), touch_m, weights, 4 * cell.mesh.dof,
+            cell.box, cell.reference, cell.scale, interface,
+            (*(replace(block, touch=from_mesh @ block.touch) for block in blocks), *bare), touch_m, weights,
+            4 * cell.mesh.dof,
         )
-        for exponents, blocks in zip([everywhere, *(alone for _ in unseen)], zip(*reduced, strict=True), strict=True)
+        for blocks in zip(*reduced, strict=True)
     )  # fmt: skip
 
 
@@ -248,18 +249,17 @@ def _reduce(
 # u_z on the touch face of a quarter cell: a polynomial on each rectangle that stretches as one.
 
 
-def fitted_touch(mesh: Mesh, foot: Foot, reference: Sizes) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss points (p, 2) in m and weights (p,) of the four rectangles, block or clearance along x and y, and u_z there from
-    that at the points of `face_quadrature`, (p, q).
+def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss points (p, 2) in m and weights (p,) of the four rectangles between lines along x and y, block or clearance, and
+    u_z there from that at the points of `face_quadrature`, (p, q).
 
     The foot lies a plate's thickness away: degree COUNT - 1 each way follows the field, or as much as the points tell.
     """
-    lines = [0.0, foot.reach * reference[SIDE] / 2.0, reference[PITCH] / 2.0]
     rule, (gauss, area) = face_quadrature(mesh, "touch"), gauss_points()
     at = rule.points[:, :2]
     points, weights, rows = [], [], []
     for corner in product((0, 1), repeat=2):
-        low, high = np.array([lines[i] for i in corner]), np.array([lines[i + 1] for i in corner])
+        low, high = (np.array([own[i + end] for own, i in zip(lines, corner, strict=True)]) for end in (0, 1))
         middle, half = (low + high) / 2.0, (high - low) / 2.0
         inside = np.flatnonzero(((at > low) & (at < high)).all(axis=1))
         row = np.zeros((len(gauss), len(at)))

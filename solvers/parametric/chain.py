@@ -1,8 +1,9 @@
 """Modes of one column of cells, its rows condensed one after another from the plate's middle outwards.
 
 The mirror x -> -x followed by conjugation leaves waves of a real wavenumber alone: in the coordinates that it keeps, K and M of
-a row are real. Every step keeps the edge that the next row shares and the modes of what lies behind it, that edge fixed,
-up to REACH times the window's top, so that no eigenvalue problem is larger than some hundred degrees of freedom.
+a row are real. Of two panels in a pitch it exchanges the lines between them. Every step keeps the edge that the next row shares
+and the modes of what lies behind it, that edge fixed, up to REACH times the window's top, so that no eigenvalue problem is
+larger than some hundred degrees of freedom.
 
 Modes beyond that answer as at one eigenvalue s. One of eigenvalue l_i and modal participation p_i is then off by
 p_i (l - s) / l_i at an eigenvalue l, which raises l by sum_i p_i^2 (l - s)^2 / (l_i l) of itself at most, the p_i^2 together
@@ -12,6 +13,7 @@ ends; with the arithmetic mean it has no bound as the lower end falls.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import sqrt
 
@@ -21,9 +23,11 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
+from solvers.superelement.periodic import Periodic
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 
+ROOT = float(np.sqrt(0.5))
 REACH = 9.0  # of the top of the window
 Pair = tuple[FloatArray, FloatArray]
 
@@ -72,37 +76,61 @@ def _is_stiffer(stiffness: FloatArray, mass: FloatArray, eigenvalue: float) -> b
     return True
 
 
-def real_factors(cell: Cell, kx_per_m: float) -> ComplexArray:
-    """Factors of a row's degrees of freedom [lower edge, upper edge, inner] that make its matrices real, (row dof,)."""
-    face = cell.interface
-    half = np.exp(-0.5j * kx_per_m * cell.size_m[0])
-    _, sign = face.mirror(0)
-    vertex, across, beside = (
-        np.where(sign[own] > 0, 1.0, 1.0j) for own in (face.vertex(0), face.side(2), face.side(0))
-    )
-    edge = np.concatenate([half * vertex, across])
-    inner = np.where(cell.fixed_parity[:, 0] >= 0, 1.0, 1.0j)
-    return np.concatenate([edge, edge, half * beside, inner])
+def real_basis(row: Row) -> ComplexArray:
+    """The degrees of freedom [lower edge, upper edge, inner] of a row, (row dof, n), in those that make its matrices real.
+
+    What lies on a panel's middle is its own image, with or without a sign: a factor 1 or i. A line between two panels is
+    the image of the other one: u = r + i t there, and its image sign (r - i t).
+    """
+    face, cells = row.cell.interface, row.periodic.cells
+    count, edge, width = len(cells), row.edge, row.cell.size_m[0]
+    step, sign = edge // count, face.mirror(0)[1]
+    out = np.zeros((row.transform.shape[1],) * 2, dtype=complex)
+    for first, each, own in (
+        (0, step, face.vertex(0)), (edge, step, face.vertex(0)), (2 * edge, face.side_block, face.side(0))
+    ):  # fmt: skip
+        places = first + each * np.arange(count)[:, None] + np.arange(len(own))
+        near, s = np.exp(-0.5j * row.kx * width), sign[own]
+        if count == 1:
+            out[places[0], places[0]] = near * np.where(s > 0, 1.0, 1.0j)
+            continue
+        (one, other), far = places, near.conj()
+        out[one, one], out[one, other] = ROOT * near, 1j * ROOT * near
+        out[other, one], out[other, other] = ROOT * far * s, -1j * ROOT * far * s
+    start = 2 * edge + count * face.side_block
+    for index, cell in enumerate(cells):
+        turn, across = (
+            np.exp(1j * row.kx * width * index),
+            index * step + face.vertex_block + np.arange(face.side_block),
+        )
+        inner = start + np.arange(len(cell.fixed_hz))
+        for places in (across, edge + across):
+            out[places, places] = turn * np.where(sign[face.side(2)] > 0, 1.0, 1.0j)
+        out[inner, inner] = turn * np.where(cell.fixed_parity[:, 0] >= 0, 1.0, 1.0j)
+        start += len(inner)
+    return out
 
 
 def real_row(row: Row) -> Pair:
-    """K and M of a row among the degrees of freedom that `real_factors` turn into its own.
+    """K and M of a row among the degrees of freedom that `real_basis` turns into its own.
 
-    Of the inside only modes of like parity meet: their factors are alike, and drop out.
+    Of a cell's inside only modes of like parity meet: their factors are alike, and drop out.
     """
-    count = row.cell.interface.count
-    width = row.transform.shape[1] - len(row.cell.fixed_hz)
-    turned = row.transform[:count, :width] * real_factors(row.cell, row.kx)[:width]
-    odd = row.cell.fixed_parity[:, 0] < 0
-    alike = odd[:, None] == odd
-    out = []
-    for matrix in (row.cell.stiffness, row.cell.mass):
-        edges = sum(part.T @ matrix[:count, :count] @ part for part in (turned.real, turned.imag))
-        across = np.empty((width, len(odd)))
-        across[:, ~odd], across[:, odd] = (
-            part.T @ matrix[:count, count:][:, own] for part, own in ((turned.real, ~odd), (turned.imag, odd))
-        )
-        out.append(np.block([[edges, across], [across.T, np.where(alike, matrix[count:, count:], 0.0)]]))
+    cells, count = row.periodic.cells, row.cell.interface.count
+    dof = row.transform.shape[1]
+    start = width = dof - sum(len(cell.fixed_hz) for cell in cells)
+    basis, out = real_basis(row)[:width, :width], np.zeros((2, dof, dof))
+    for index, (cell, own) in enumerate(row.periodic.parts(row.transform)):
+        turned = np.exp(-1j * row.kx * cell.size_m[0] * index) * (own[:count, :width] @ basis)
+        odd = cell.fixed_parity[:, 0] < 0
+        inner = start + np.arange(len(odd))
+        for whole, matrix in zip(out, (cell.stiffness, cell.mass), strict=True):
+            whole[:width, :width] += sum(part.T @ matrix[:count, :count] @ part for part in (turned.real, turned.imag))
+            for part, those in ((turned.real, ~odd), (turned.imag, odd)):
+                across = part.T @ matrix[:count, count:][:, those]
+                whole[:width, inner[those]], whole[inner[those], :width] = across, across.T
+            whole[np.ix_(inner, inner)] = np.where(odd[:, None] == odd, matrix[count:, count:], 0.0)
+        start += len(inner)
     return out[0], out[1]
 
 
@@ -124,21 +152,22 @@ def stiff_inside(cell: Cell, top: float, about: float) -> tuple[Cell, FloatArray
 
 @dataclass(frozen=True)
 class CondensedRow:
-    """A row of a cell with a stiff inside, condensed to its two edges; shapes: the degrees of freedom of that cell as motions
-    of the whole one.
+    """A row of cells with a stiff inside, condensed to its two edges; shapes: the degrees of freedom of those cells as motions
+    of the whole ones.
     """
 
     row: Row
     step: Step
-    shapes: FloatArray
+    shapes: list[FloatArray]
 
     def motion(self, own: FloatArray) -> ComplexArray:
-        """Degrees of freedom (row dof, k) of the whole cell's row from [lower edge, upper edge, modes] (n, k)."""
-        cell, edges = self.row.cell, 2 * self.row.edge
-        local = real_factors(cell, self.row.kx)[:, None] * np.vstack([own[:edges], self.step.dropped(own)])
-        boundary = len(local) - len(cell.fixed_hz)
-        inside = self.shapes[cell.interface.count :] @ (self.row.transform @ local)
-        return np.asarray(np.vstack([local[:boundary], inside]))
+        """Degrees of freedom (row dof, k) of the whole cells' row from [lower edge, upper edge, modes] (n, k)."""
+        row, edges = self.row, 2 * self.row.edge
+        local = real_basis(row) @ np.vstack([own[:edges], self.step.dropped(own)])
+        boundary = len(local) - sum(len(cell.fixed_hz) for cell in row.periodic.cells)
+        parts = zip(row.periodic.parts(row.transform), self.shapes, strict=True)
+        inside = [shapes[cell.interface.count :] @ (part @ local) for (cell, part), shapes in parts]
+        return np.asarray(np.vstack([local[:boundary], *inside]))
 
 
 class Condensed:
@@ -146,24 +175,28 @@ class Condensed:
 
     def __init__(self) -> None:
         self.cells: dict[tuple[int, float, float], tuple[Cell, Cell, FloatArray]] = {}
-        self.rows: dict[tuple[int, float, float, float], CondensedRow] = {}
+        self.rows: dict[tuple[tuple[int, ...], float, float, float], CondensedRow] = {}
 
     def clear(self) -> None:
         """Forget all of them."""
         self.cells.clear()
         self.rows.clear()
 
-    def row(self, cell: Cell, kx: float, top: float, about: float) -> CondensedRow:
-        """A cell's row at a wavenumber, condensed."""
-        key = id(cell), kx, top, about
+    def row(self, cells: Sequence[Cell], kx: float, top: float, about: float) -> CondensedRow:
+        """A row of cells at a wavenumber, condensed."""
+        key = tuple(map(id, cells)), kx, top, about
         if key not in self.rows:
-            at = id(cell), top, about
-            if at not in self.cells:
-                self.cells[at] = cell, *stiff_inside(cell, top, about)  # the cell itself, lest another takes its id
-            _, stiff, shapes = self.cells[at]
-            row = Row(stiff, kx)
-            self.rows[key] = CondensedRow(row, condense(real_row(row), 2 * row.edge, top, about), shapes)
+            parts = [self._stiff(cell, top, about) for cell in cells]
+            row = Row(Periodic([stiff for _, stiff, _ in parts]), kx)
+            step = condense(real_row(row), 2 * row.edge, top, about)
+            self.rows[key] = CondensedRow(row, step, [shapes for _, _, shapes in parts])
         return self.rows[key]
+
+    def _stiff(self, cell: Cell, top: float, about: float) -> tuple[Cell, Cell, FloatArray]:
+        at = id(cell), top, about
+        if at not in self.cells:
+            self.cells[at] = cell, *stiff_inside(cell, top, about)  # the cell itself, lest another takes its id
+        return self.cells[at]
 
 
 class Chain:
@@ -175,9 +208,12 @@ class Chain:
         self.edge = column.rows[0].edge
         rows = {id(row): row for row in column.rows}
         with one_thread():
-            self.rows = {key: self.known.row(row.cell, row.kx, self.top, self.about) for key, row in rows.items()}
+            self.rows = {
+                key: self.known.row(row.periodic.cells, row.kx, self.top, self.about) for key, row in rows.items()
+            }
+            self.places = [place for place in column.placed_cells if place.index == 0]
             self.steps: list[Step] = []
-            for place in column.placed_cells:
+            for place in self.places:
                 self._add(self.rows[id(place.row)].step)
 
     def _add(self, row: Step) -> None:
@@ -219,14 +255,14 @@ class Chain:
     @property
     def _end(self) -> IntArray:
         """Unknowns of the last step that move: nothing follows the side of a panel whose foot stands at the plate's edge."""
-        upper = self.column.placed_cells[-1].dofs[self.edge : 2 * self.edge] >= 0
+        upper = self.places[-1].dofs[self.edge : 2 * self.edge] >= 0
         modes = len(self.steps[-1].mass) - self.edge
         return np.flatnonzero(np.concatenate([upper, np.ones(modes, dtype=bool)]))
 
     def _unfolded(self, motion: FloatArray) -> ComplexArray:
         out = np.zeros((self.column.dof, motion.shape[1]), dtype=complex)
         for number in range(len(self.steps) - 1, -1, -1):
-            place, step, e = self.column.placed_cells[number], self.steps[number], self.edge
+            place, step, e = self.places[number], self.steps[number], self.edge
             upper, behind = motion[:e], step.dropped(motion)
             lower = np.zeros((e, motion.shape[1]))
             free = np.arange(e) if number else self._free

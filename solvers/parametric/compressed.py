@@ -20,8 +20,8 @@ from solvers.parametric.reduced_block import RIGID, ReducedBlock, orthonormal, s
 from solvers.parametric.sectors import Sector
 from solvers.threads import one_thread
 
-# of the largest energy of a direction, by whether x and y may be exchanged: twice as large classes make too large a page
-KEPT = {True: 1e-6, False: 1e-5}
+# of the largest energy of a direction, by how many classes there are: larger and more of them make too large a page
+KEPT = {5: 1e-6, 4: 1e-5, 8: 3e-5}
 INSIDE = Inner(8, 8)
 FUNCTION = 1e-6  # of the largest singular value, of the boundary functions
 SHARES = 9
@@ -35,7 +35,7 @@ def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: 
         for sizes in designs:
             parts = cell.parts(sizes, INSIDE, cell.interface)
             for number, block in enumerate(cell.blocks):
-                span = rigid_span(block.parity, cell.interface, sizes)
+                span = rigid_span(block.parity, cell.interface, cell.box, sizes)
                 rigid[number].append(parts[number].shapes[block.functions :, : len(span)] @ span)
             for sector in of:
                 for number, motion in _inside(cell, parts, sector, count):
@@ -64,16 +64,16 @@ def _inside(
 def _block(
     cell: ParametricCell, block: ReducedBlock, rigid: list[FloatArray], moving: list[FloatArray]
 ) -> ReducedBlock:
-    f, foot = block.functions, cell.box.foot
-    low, high = (np.array(edge) for edge in (cell.box.low, cell.box.high))
-    most = high[SIDE] / (foot.widest * high[SIDE] + cell.box.clearance_m)
-    shares = foot.reach * np.linspace(low[SIDE] / high[PITCH], most, SHARES)
+    f, box = block.functions, cell.box
+    low, high = (np.array(edge) for edge in (box.low, box.high))
+    most = high[SIDE] / (box.foot.widest * high[SIDE] + box.clearance_m)
+    shares = box.foot.reach * np.linspace(low[SIDE] / high[PITCH] / box.narrow, most, SHARES)
     left, size, _ = np.linalg.svd(np.hstack([block.boundary(share) for share in shares]), full_matrices=False)
     boundary = left[:, size > FUNCTION * size[0]]
     energy = np.tensordot(np.ones(len(block.stiffness)), block.stiffness, axes=1)[f:, f:]
     known = any(part.size for part in rigid)
     still = orthonormal(np.hstack(rigid), energy, RIGID) if known else np.empty((len(energy), 0))
-    inner = np.hstack([still, _leading(np.hstack(moving), still, energy, KEPT[foot.is_alike])])
+    inner = np.hstack([still, _leading(np.hstack(moving), still, energy, KEPT[len(cell.blocks)])])
     whole = np.zeros((block.stiffness.shape[1], boundary.shape[1] + inner.shape[1]))
     whole[:f, : boundary.shape[1]], whole[f:, boundary.shape[1] :] = boundary, inner
 

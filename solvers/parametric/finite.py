@@ -9,6 +9,7 @@ b = Im psi' K Im psi summed over the column
 
     K_ij = ((a_ij + b_ij) D(k_i - k_j) +- (a_ij - b_ij) D(k_i + k_j)) / 2,    D(k) = sum_c cos(k x_c).
 
+Of two panels in a pitch, as staggered rows have them, the second ones stand between the first ones, one less in a row.
 Columns of pillars make whole cells; what the plate has beyond them at its two ends, or lacks there, are strips of bare panels.
 """
 
@@ -47,7 +48,8 @@ def wavenumbers(design: Design) -> FloatArray:
 class Piece:
     """One cell of the column: y of its middle (m), even and odd part (dof, n) of every trial function; whether it is bare.
 
-    touch: a quadrature over its touch face, parted where the zone and the rows end, with u_z at its own points.
+    index: which panel of its pitch it is; part: 1 in the zone, 2 in the rows, 0 beyond them; touch: a quadrature over its touch
+    face, parted where the zone and the rows end, with u_z at its own points.
     """
 
     cell: Cell
@@ -55,6 +57,8 @@ class Piece:
     even: FloatArray
     odd: FloatArray
     bare: bool
+    index: int
+    part: int
     touch: SurfaceRule
 
 
@@ -68,6 +72,7 @@ class Strip:
     motion: FloatArray
     middle: tuple[float, float]
     weight: float
+    part: int
 
 
 class FinitePlate:
@@ -78,26 +83,28 @@ class FinitePlate:
     ) -> None:
         self.design, self.scale, self.sign = design, columns[0].scale, 1.0 - 2.0 * (design.nodal_lines % 2)
         first = columns[0].strips[0][0]
-        self.pitch_m = first.high[0] - first.low[0]
-        self.x_m = _middles(design, self.pitch_m)
+        self.width_m, self.count = first.high[0] - first.low[0], len(columns[0].strips[0])
+        first_m = _middles(design, self.count * self.width_m)
+        self.x_m = [first_m, first_m[:-1] + self.width_m][: self.count]
         self.kx = np.concatenate([np.full(own.shape[1], one.kx) for one, own in zip(columns, vectors, strict=True)])
         self.pieces = [
             _piece(columns, vectors, number, design.touch_lines_m) for number in range(len(columns[0].placed_cells))
         ]
-        ends = abs(self._beyond_m) > NEGLIGIBLE * self.pitch_m
-        self.strips = [self._strip(piece, about) for piece in self.pieces] if ends else []
+        ends = abs(self._beyond_m) > NEGLIGIBLE * self.width_m
+        at_end = int(self._beyond_m > 0.0) % self.count  # after the last panel the other one follows
+        self.strips = [self._strip(piece, about) for piece in self.pieces if ends and piece.index == at_end]
 
     @property
     def _beyond_m(self) -> float:
         """How far the plate reaches beyond its whole cells at each end, m; less than 0 where it cuts them."""
-        return (self.design.length_m - len(self.x_m) * self.pitch_m) / 2.0
+        return (self.design.length_m - sum(map(len, self.x_m)) * self.width_m) / 2.0
 
     def _strip(self, piece: Piece, about: float) -> Strip:
         """The strip of a piece's row: part of the cell that would follow, or of the last one."""
         beyond, cell = self._beyond_m, piece.cell
-        width = 2.0 * abs(beyond) / self.pitch_m
+        width = 2.0 * abs(beyond) / self.width_m
         follows = beyond > 0.0
-        span, x = (-1.0, -1.0 + width) if follows else (1.0 - width, 1.0), self.x_m[-1] + follows * self.pitch_m
+        span, x = (-1.0, -1.0 + width) if follows else (1.0 - width, 1.0), self.x_m[0][-1] + follows * self.width_m
         even, odd = self._along(self.kx * x)
         moved = even * piece.even + odd * piece.odd
         stiffness, mass, touch = bare_strip(cell.size_m, self.design.stack.material, cell.interface, span)
@@ -106,39 +113,39 @@ class FinitePlate:
                 bare_cell(cell.size_m, self.design.stack.material, cell.interface), moved[: cell.interface.count], about
             )
         rule = _at_quadrature(touch, [line - piece.middle for line in self.design.touch_lines_m])
-        return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if follows else -2.0)
+        return Strip(stiffness, mass, rule, moved, (float(x), piece.middle), 2.0 if follows else -2.0, piece.part)
 
     @cached_property
-    def _kernels(self) -> tuple[FloatArray, FloatArray]:
-        """D(k_i - k_j) and +-D(k_i + k_j), (n, n) each."""
+    def _kernels(self) -> list[tuple[FloatArray, FloatArray]]:
+        """D(k_i - k_j) and +-D(k_i + k_j), (n, n) each, of every panel in a pitch."""
         different, at = np.unique(self.kx, return_inverse=True)
-        grids = (different[:, None] - different, different[:, None] + different)
-        apart, together = (np.cos(np.multiply.outer(k, self.x_m)).sum(axis=2)[np.ix_(at, at)] for k in grids)
-        return apart, self.sign * together
+        grids, out = (different[:, None] - different, different[:, None] + different), []
+        for x_m in self.x_m:
+            apart, together = (np.cos(np.multiply.outer(k, x_m)).sum(axis=2)[np.ix_(at, at)] for k in grids)
+            out.append((apart, self.sign * together))
+        return out
 
-    def _whole(self, even: FloatArray, odd: FloatArray, ends: FloatArray) -> FloatArray:
-        """A form of the whole plate from those of one column and of the strips, (n, n)."""
-        apart, together = self._kernels
-        out = ((even + odd) * apart + (even - odd) * together) / 2.0 + ends
+    def _whole(self, panels: FloatArray, ends: FloatArray) -> FloatArray:
+        """A form of the whole plate from those of one column's panels, even and odd (count, 2, n, n), and of the strips."""
+        out = ends
+        for (even, odd), (apart, together) in zip(panels, self._kernels, strict=True):
+            out = ((even + odd) * apart + (even - odd) * together) / 2.0 + out
         return np.asarray((out + out.T) / 2.0)
 
     def _forms(self, name: str) -> tuple[FloatArray, FloatArray, FloatArray]:
         """A matrix of all cells among the trial functions, that of the zone's and that of the rows' cells, (n, n) each."""
-        parts = np.zeros((3, 3, len(self.kx), len(self.kx)))
-        for number, piece in enumerate(self.pieces):
-            matrix, part = getattr(piece.cell, name), self._part(piece)
-            parts[part, :2] += [half.T @ (matrix @ half) for half in (piece.even, piece.odd)]
-            if self.strips:
-                strip = self.strips[number]
-                parts[part, 2] += strip.weight * (strip.motion.T @ (getattr(strip, name) @ strip.motion))
-        beyond, zone, rows = (self._whole(*part) for part in parts)
+        panels, ends = self._forms_of(3), np.zeros((3, len(self.kx), len(self.kx)))
+        for piece in self.pieces:
+            matrix = getattr(piece.cell, name)
+            panels[piece.part, piece.index] += [half.T @ (matrix @ half) for half in (piece.even, piece.odd)]
+        for strip in self.strips:
+            ends[strip.part] += strip.weight * (strip.motion.T @ (getattr(strip, name) @ strip.motion))
+        beyond, zone, rows = (self._whole(*part) for part in zip(panels, ends, strict=True))
         return beyond + zone + rows, zone, rows
 
-    def _part(self, piece: Piece) -> int:
-        """1 for the zone's panels, 2 for the rows' cells, 0 for the plate beyond them."""
-        if not piece.bare:
-            return 2
-        return 1 if abs(piece.middle) < self.design.width_m / 2.0 else 0
+    def _forms_of(self, parts: int) -> FloatArray:
+        """Nothing yet of so many parts' panels, (parts, count, 2, n, n)."""
+        return np.zeros((parts, self.count, 2, len(self.kx), len(self.kx)))
 
     def modes(self, low_hz: float, high_hz: float) -> FiniteModes:
         """The modes between two frequencies, ascending; from rigid-body motions on if these begin below 0."""
@@ -159,15 +166,14 @@ class FinitePlate:
 
     def profile(self, vector: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """|y| (q,) in m, weights (q,) in m2 and the mean along x of u_z^2 of a mode (n,) at the touch face's points."""
-        phase = np.multiply.outer(self.x_m, self.kx)
-        even_along, odd_along = self._along(phase)
+        along_x = [self._along(np.multiply.outer(x_m, self.kx)) for x_m in self.x_m]
         places, weights, squares = [], [], []
         for piece in self.pieces:
-            touch = piece.touch
+            touch, (even_along, odd_along) = piece.touch, along_x[piece.index]
             halves = ((even_along, piece.even), (odd_along, piece.odd))
             moved = np.sum([along * vector @ (touch.normal @ motion).T for along, motion in halves], axis=0)
             places.append(np.abs(touch.points[:, 1] + piece.middle))
-            weights.append(touch.weights)
+            weights.append(len(self.x_m[piece.index]) / len(self.x_m[0]) * touch.weights)
             squares.append((moved**2).mean(axis=0))
         return np.concatenate(places), np.concatenate(weights), np.concatenate(squares)
 
@@ -187,29 +193,30 @@ class FinitePlate:
 
     def _squares(self, own: Callable[[FloatArray], BoolArray]) -> tuple[FloatArray, float]:
         """The integral of u_z^2 over a part of the touch face as a form (n, n), and the part's area in m2."""
-        (even, odd, ends), area = np.zeros((3, len(self.kx), len(self.kx))), 0.0
+        (panels,), ends, area = self._forms_of(1), np.zeros((len(self.kx), len(self.kx))), 0.0
         for piece in self.pieces:
             _, weights, normal = _inside(piece.touch, piece.middle, own)
-            for out, motion in ((even, piece.even), (odd, piece.odd)):
+            for out, motion in zip(panels[piece.index], (piece.even, piece.odd), strict=True):
                 root = np.sqrt(weights)[:, None] * (normal @ motion)
                 out += root.T @ root
-            area += len(self.x_m) * float(weights.sum())
+            area += len(self.x_m[piece.index]) * float(weights.sum())
         for strip in self.strips:
             _, weights, normal = _inside(strip.touch, strip.middle[1], own)
             root = np.sqrt(weights)[:, None] * (normal @ strip.motion)
             ends += strip.weight * (root.T @ root)
             area += strip.weight * float(weights.sum())
-        return self._whole(even, odd, ends), area
+        return self._whole(panels, ends), area
 
     def _overlap(self, half: float) -> tuple[FloatArray, float]:
         """The integral of every trial function's u_z times the target shape over the zone, (n,), and of the shape's square."""
-        overlap, norm, phase = np.zeros(len(self.kx)), 0.0, np.multiply.outer(self.x_m, self.kx)
-        even_along, odd_along = self._along(phase)
+        overlap, norm = np.zeros(len(self.kx)), 0.0
+        along_x = [self._along(np.multiply.outer(x_m, self.kx)) for x_m in self.x_m]
         for piece in self.pieces:
             at, weights, normal = _inside(piece.touch, piece.middle, lambda y: y < half)
             if not len(at):
                 continue
-            shape = self._shape(piece.touch.points[at], self.x_m, piece.middle)
+            even_along, odd_along = along_x[piece.index]
+            shape = self._shape(piece.touch.points[at], self.x_m[piece.index], piece.middle)
             norm += float((weights * shape**2).sum())
             for along, motion in ((even_along, piece.even), (odd_along, piece.odd)):
                 overlap += np.einsum("cn,cn->n", along, (weights * shape) @ (normal @ motion))
@@ -282,16 +289,18 @@ def _middles(design: Design, pitch_m: float) -> FloatArray:
 
 
 def _piece(columns: Sequence[Column], vectors: Sequence[ComplexArray], number: int, lines_m: Sequence[float]) -> Piece:
-    """The column's cell of a number with its motion in every trial function."""
+    """The column's cell of a number with its motion about its own middle in every trial function."""
     parts = []
     for column, own in zip(columns, vectors, strict=True):
         place = column.placed_cells[number]
-        local = np.where(place.dofs[:, None] >= 0, own[np.maximum(place.dofs, 0)], 0.0)
-        parts.append(place.row.transform @ local)
+        turn = np.exp(-1j * column.kx * place.row.periodic.middles_m[place.index])
+        parts.append(turn * column.cell_vectors(place, own))
     motion, place = np.hstack(parts), columns[0].placed_cells[number]
     even, odd = (np.ascontiguousarray(part) for part in (motion.real, motion.imag))
-    touch = _at_quadrature(place.row.cell.touch, [line - place.middle for line in lines_m])
-    return Piece(place.row.cell, place.middle, even, odd, columns[0].strips[number][0].foot is None, touch)
+    touch = _at_quadrature(place.cell.touch, [line - place.middle for line in lines_m])
+    strip = columns[0].strips[number // len(columns[0].strips[0])]
+    part = 2 if any(panel.foot for panel in strip) else int(abs(place.middle) < columns[0].design.width_m / 2.0)
+    return Piece(place.cell, place.middle, even, odd, strip[place.index].foot is None, place.index, part, touch)
 
 
 def _at_quadrature(touch: Expansion, lines_m: Sequence[float]) -> SurfaceRule:

@@ -95,28 +95,32 @@ def foot_of(pillar: Pillar) -> Foot | None:
     return known.get(pillar.shape)
 
 
-def quarter_mesh(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> tuple[Mesh, IntArray]:
-    """The quarter cell x, y >= 0, z = 0 the touch face, of thickness, height, width and pitch in m; for each element which
-    stretch acts along x, y and z, (e, 3).
+def quarter_mesh(
+    foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh, panel: tuple[float, float] = (1.0, 1.0)
+) -> tuple[Mesh, IntArray]:
+    """The quarter panel x, y >= 0, z = 0 the touch face, of thickness, height, width and pitch in m, the panel's sides in
+    pitches; for each element which stretch acts along x, y and z, (e, 3).
     """
     t, h, _, _ = sizes
     z = np.concatenate(
         [_part(0.0, t, mesh.through, (False, True), mesh), _part(t, t + h, mesh.along, (True, False), mesh)[1:]]
     )
-    patches = list(_plan(foot, sizes, mesh))
+    patches = list(_plan(foot, sizes, panel, mesh))
     own = leaning(joined(patches, z, t, mesh.order).mesh, np.zeros(2), t, h, foot.taper)
     return own, _stretched(patches, z, t)
 
 
-def _plan(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator[Patch]:
-    if not foot.round and not foot.hexagonal:
-        return _bars(foot, sizes, mesh)
+def _plan(
+    foot: Foot, sizes: tuple[float, float, float, float], panel: tuple[float, float], mesh: FixedMesh
+) -> Iterator[Patch]:
     _, _, a, p = sizes
     block = foot.reach * a / 2.0
-    beside_it = _part(block, p / 2.0, mesh.beside, (True, False), mesh)
+    along, across = (_part(block, side * p / 2.0, mesh.beside, (True, False), mesh) for side in panel)
+    if not foot.round and not foot.hexagonal:
+        return _bars(foot, a, (along, across), mesh)
     inner = _part(0.0, 1.0, 1 if foot.round else mesh.under, (False, True), mesh)
     fill = _part(0.0, 1.0, 1, (True, False), mesh, less=1)
-    lines = PlanLines(np.linspace(0.0, 1.0, mesh.under + 1), inner, fill, (beside_it, beside_it))
+    lines = PlanLines(np.linspace(0.0, 1.0, mesh.under + 1), inner, fill, (along, across))
     return (disc if foot.round else hexagon)(a / 2.0, (block, block), lines)
 
 
@@ -125,16 +129,14 @@ def _part(low: float, high: float, count: int, ends: tuple[bool, bool], mesh: Fi
     return grid_lines({low: ends[0], high: ends[1]}, Grading((high - low) / count, layers, mesh.factor))
 
 
-def _bars(foot: Foot, sizes: tuple[float, float, float, float], mesh: FixedMesh) -> Iterator[Patch]:
-    """Square or cross: lines along the axes."""
-    _, _, a, p = sizes
+def _bars(foot: Foot, a: float, around: tuple[FloatArray, FloatArray], mesh: FixedMesh) -> Iterator[Patch]:
+    """Square or cross of width a: lines along the axes."""
     edges = [0.0, foot.arm * a / 2.0, a / 2.0] if foot.arm < 1.0 else [0.0, a / 2.0]
     inner = [_part(low, high, mesh.under, (low > 0.0, True), mesh) for low, high in pairwise(edges)]
     under = np.concatenate([[0.0], *(one[1:] for one in inner)])
     middle = (under[1:] + under[:-1]) / 2.0 < foot.arm * a / 2.0
     yield Patch(under, under, straight, (middle[:, None] | middle).astype(float))
-    around = _part(a / 2.0, p / 2.0, mesh.beside, (True, False), mesh)
-    yield from beside(under, under, (around, around))
+    yield from beside(under, under, around)
 
 
 def _stretched(patches: list[Patch], z: FloatArray, thickness: float) -> IntArray:

@@ -11,14 +11,21 @@ from scipy.linalg import eigh
 
 from geometry.elements import FloatArray, IntArray
 from solvers.fem.surface import face_quadrature
-from solvers.parametric.affine import Sizes
+from solvers.parametric.affine import AffineCell, Sizes
+from solvers.parametric.bare import bare_forms, bare_parity
 from solvers.parametric.block import Block
+from solvers.parametric.sectors import Signs
+from solvers.superelement.interface import Interface
 
 MODES = 12  # clamped modes of every sampled design
 NOVEL = 10.0  # times KEPT, beside a snapshot's unit energy: less than that a design does not add
 RIGID = 1e-12  # of the largest energy of a rigid motion's inside: less is rounding
 ALL = 1e-12  # of the energy: every function of a single design
 KEPT = 1e-5  # of the largest: share of the snapshots' energy that a function must bring
+ONCE = np.zeros((1, 6), dtype=np.int64)  # exponents of one design's own matrix
+# of a bare panel's, whose stretches are the thickness and the pitch: by the derivatives across the plate, 0, 1 and 2
+BARE_STIFFNESS = np.array([[1, 0, 0, 0, 0, 0], [0, 0, 0, 0, 0, 1], [-1, 0, 0, 0, 0, 2]])
+BARE_MASS = np.array([[1, 0, 0, 0, 0, 2]])
 ASKED = 6  # clamped modes of a design that may be chosen, beside its answers to the boundary
 
 
@@ -26,9 +33,9 @@ ASKED = 6  # clamped modes of a design that may be chosen, beside its answers to
 class ReducedBlock:
     """One class: signs under x -> -x, y -> -y, x <-> y; the first `functions` of n basis functions live on the boundary.
 
-    stiffness (q, n, n), mass (r, n, n): the affine matrices; touch (p, n): u_z at points of the touch face; shares (k,),
-    coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the pitch, themselves polynomials of that
-    ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
+    stiffness (q, n, n), mass (r, n, n): the affine matrices, and the exponents of their stretches; touch (p, n): u_z at points
+    of the touch face; shares (k,), coordinates (k, f, m): the boundary polynomials at ratios of the block's width to the
+    panel's, themselves polynomials of that ratio of degree below k; parity (boundary, m): the polynomials among the cell's own.
     """
 
     signs: IntArray
@@ -39,9 +46,11 @@ class ReducedBlock:
     shares: FloatArray
     coordinates: FloatArray
     parity: FloatArray
+    stiffness_exponents: IntArray
+    mass_exponents: IntArray
 
     def boundary(self, share: float) -> FloatArray:
-        """The boundary polynomials at a ratio of the block's width to the pitch among the boundary functions, (f, m)."""
+        """The boundary polynomials at a ratio of the block's width to the panel's among the boundary functions, (f, m)."""
         apart = share - self.shares
         others = ~np.eye(len(apart), dtype=bool)
         steps = self.shares[:, None] - self.shares
@@ -55,17 +64,22 @@ def reduced_block(block: Block, designs: Iterable[Sizes], everywhere: Iterable[S
     The rigid-body modes of the designs `everywhere` are among the functions, too.
     """
     basis = inner_basis(block, designs, KEPT, everywhere)
-    return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"))
+    exponents = block.cell.stiffness.exponents, block.cell.mass.exponents
+    return _block(block, basis, block.forms.each("stiffness"), block.forms.each("mass"), exponents)
 
 
 def block_alone(block: Block, sizes: Sizes) -> ReducedBlock:
     """The class at one design, all that its inside does there kept: one matrix of each kind, whose exponents are zero."""
     stiffness, mass = block.stretched(sizes)
-    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass])
+    return _block(block, inner_basis(block, [sizes], ALL), [stiffness], [mass], (ONCE, ONCE))
 
 
 def _block(
-    block: Block, inner: FloatArray, stiffness: Iterable[sp.csc_array], mass: Iterable[sp.csc_array]
+    block: Block,
+    inner: FloatArray,
+    stiffness: Iterable[sp.csc_array],
+    mass: Iterable[sp.csc_array],
+    exponents: tuple[IntArray, IntArray],
 ) -> ReducedBlock:
     whole = np.zeros((block.forms.dof, block.functions.shape[1] + inner.shape[1]))
     whole[block.on_boundary, : block.functions.shape[1]] = block.functions
@@ -81,7 +95,23 @@ def _block(
         block.shares,
         np.array([block.functions.T @ block.traces(block.of_share(share)) for share in block.shares]),
         block.parity,
+        *exponents,
     )
+
+
+def bare_block(cell: AffineCell, interface: Interface, signs: Signs) -> ReducedBlock:
+    """A class of the bare panel beside the pillar's: its polynomials, whose stretches are those of thickness and pitch."""
+    forms, mass = bare_forms(cell.box.panel_m(cell.reference), cell.plate, interface)
+    own = bare_parity(interface, signs)
+    b, parity = interface.count, interface.parity_basis({0: signs[0], 1: signs[1]})
+    basis = np.zeros((len(mass), parity.shape[1] + len(own)))
+    basis[:b, : parity.shape[1]], basis[b + own, parity.shape[1] + np.arange(len(own))] = parity, 1.0
+    stiffness = np.array([basis.T @ form @ basis for form in forms])
+    return ReducedBlock(
+        np.array(signs), parity.shape[1], symmetric(stiffness) / 4.0, symmetric((basis.T @ mass @ basis)[None]) / 4.0,
+        np.empty((0, basis.shape[1])), np.array([0.5]), np.eye(parity.shape[1])[None], parity,
+        BARE_STIFFNESS, BARE_MASS,
+    )  # fmt: skip
 
 
 def inner_basis(block: Block, designs: Iterable[Sizes], kept: float, everywhere: Iterable[Sizes] = ()) -> FloatArray:

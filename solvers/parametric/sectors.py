@@ -1,20 +1,25 @@
-"""Bloch's condition in the classes' own coordinates: for each wavevector of a path real bases of two mirror sectors.
+"""Bloch's condition in the classes' own coordinates: for each wavevector of a path real bases of its mirror sectors.
 
 The half turn about the middle followed by conjugation leaves the waves at k among themselves, so that classes even under
 that turn have real coordinates and the others imaginary ones (wigner1932); a mirror that leaves k alone parts the waves
-into even and odd. Neither the phases nor the bases know the design.
+into even and odd. A bare panel beside the pillar's has its coordinates about its own middle, times the phase there. Neither
+the phases nor the bases know the design.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from geometry.elements import ComplexArray, FloatArray, IntArray
+from geometry.lattice import Lattice
 from solvers.errors import SolverError
+from solvers.parametric.affine import IN_LINE
 from solvers.superelement.interface import Interface, Ties
 
 ROOT = float(np.sqrt(0.5))
@@ -26,12 +31,14 @@ Member = tuple[int, float]  # a class among a symmetry's members and its factor 
 @dataclass(frozen=True)
 class Symmetry:
     """Classes of a cell that are reduced, members (those and their images), and the even and odd sector of each line of the
-    zone: GX and YM under y -> -y, XM and GY under x -> -x, GM under x <-> y.
+    zone: GX and YM under y -> -y, XM and GY under x -> -x, GM under x <-> y; all waves together elsewhere, where allowed.
+
+    Of two panels the second one's classes come last.
     """
 
     classes: tuple[Signs, ...]
     members: tuple[Signs, ...]
-    sectors: dict[str, tuple[tuple[Member, ...], tuple[Member, ...]]]
+    sectors: Mapping[str, tuple[tuple[Member, ...], tuple[Member, ...]]]
 
 
 ALIKE = Symmetry(
@@ -45,25 +52,41 @@ ALIKE = Symmetry(
 )  # x and y may be exchanged: (-, +) is (+, -) turned over
 QUARTERS: tuple[Signs, ...] = ((1, 1, 0), (1, -1, 0), (-1, 1, 0), (-1, -1, 0))
 EVEN_X, EVEN_Y = ((((0, 1.0), (1, 1.0)), ((2, 1.0), (3, 1.0))), (((0, 1.0), (2, 1.0)), ((1, 1.0), (3, 1.0))))
-UNLIKE = Symmetry(QUARTERS, QUARTERS, {"GX": EVEN_Y, "XM": EVEN_X, "YM": EVEN_Y, "GY": EVEN_X})
+LINES = {"GX": EVEN_Y, "XM": EVEN_X, "YM": EVEN_Y, "GY": EVEN_X}
+UNLIKE = Symmetry(QUARTERS, QUARTERS, LINES)
+INSIDE = ""  # name of no line
 
 
-def symmetry_of(is_alike: bool) -> Symmetry:
-    """The symmetry of a cell that is, or is not, its own image with x and y exchanged."""
-    return ALIKE if is_alike else UNLIKE
+def _twice(members: tuple[Member, ...]) -> tuple[Member, ...]:
+    """The classes of both panels, which a mirror leaves where they are."""
+    return members + tuple((number + len(QUARTERS), factor) for number, factor in members)
 
 
-def line_of(fraction: FloatArray) -> str:
-    """The line of the zone's border that a wavevector in units of pi / pitch lies on, by its ends.
+STAGGERED = Symmetry(
+    2 * QUARTERS,
+    2 * QUARTERS,
+    {name: (_twice(even), _twice(odd)) for name, (even, odd) in LINES.items()}
+    | {INSIDE: (_twice(tuple((number, 1.0) for number in range(len(QUARTERS)))), ())},
+)  # the zone's oblique sides are left alone by no mirror
 
-    SolverError for a wavevector inside the irreducible Brillouin zone: paths run along its sides.
+
+def symmetry_of(lattice: Lattice, is_alike: bool) -> Symmetry:
+    """The symmetry of rows in line whose cell is, or is not, its own image with x and y exchanged, or of staggered rows."""
+    return STAGGERED if lattice.is_centred else ALIKE if is_alike else UNLIKE
+
+
+def line_of(fraction: FloatArray, lattice: Lattice, symmetry: Symmetry) -> str:
+    """The line of the zone that a wavevector in units of pi / pitch lies on and that a mirror leaves alone, by its ends.
+
+    SolverError for any other wavevector of rows in line: paths run along the sides of the irreducible Brillouin zone.
     """
-    x, y = np.round(fraction, 12)
-    on = {"GX": y == 0.0, "XM": x == 1.0, "GM": x == y, "YM": y == 1.0, "GY": x == 0.0}
+    (x, y), (end_x, end_y) = np.round(fraction, 12), np.round(np.diag(lattice.reciprocal_per_m) / (2.0 * np.pi), 12)
+    end_x = end_x * (1 + lattice.is_centred)
+    on = {"GX": y == 0.0, "XM": x == end_x, "GM": x == y, "YM": y == end_y, "GY": x == 0.0, INSIDE: True}
     for name, is_on in on.items():
-        if is_on:
+        if is_on and name in symmetry.sectors:
             return name
-    raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror leaves it alone")
+    raise SolverError(f"wavevector {x:g}, {y:g} pi/pitch: no mirror of the cell leaves it alone")
 
 
 @dataclass(frozen=True)
@@ -87,26 +110,30 @@ def parities(face: Interface, symmetry: Symmetry) -> tuple[FloatArray, ...]:
 
 
 def sectors(
-    face: Interface, fractions: Sequence[Sequence[float]] | FloatArray, symmetry: Symmetry = ALIKE
+    face: Interface,
+    fractions: Sequence[Sequence[float]] | FloatArray,
+    lattice: Lattice = IN_LINE,
+    is_alike: bool = True,
 ) -> tuple[Sector, ...]:
     """Every sector of a path's wavevectors (k, 2) in units of pi / pitch.
 
-    SolverError for a wavevector that none of the cell's mirrors leaves alone.
+    SolverError for a wavevector of rows in line that none of the cell's mirrors leaves alone.
     """
-    return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), symmetry is ALIKE)
+    return _sectors(face, tuple((float(x), float(y)) for x, y in fractions), lattice, is_alike)
 
 
 @lru_cache(maxsize=8)
-def _sectors(face: Interface, fractions: tuple[tuple[float, float], ...], is_alike: bool) -> tuple[Sector, ...]:
-    symmetry = symmetry_of(is_alike)
-    lines = np.array([line_of(np.array(fraction)) for fraction in fractions])
-    if not set(lines) <= set(symmetry.sectors):
-        raise SolverError("wavevectors along the diagonal: the cell is no image of itself with x and y exchanged")
+def _sectors(
+    face: Interface, fractions: tuple[tuple[float, float], ...], lattice: Lattice, is_alike: bool
+) -> tuple[Sector, ...]:
+    symmetry = symmetry_of(lattice, is_alike)
+    lines = np.array([line_of(np.array(fraction), lattice, symmetry) for fraction in fractions])
     classes, out = parities(face, symmetry), []
     for name, pair in symmetry.sectors.items():
         points = np.flatnonzero(lines == name)
+        phases = [lattice.phases(np.pi * np.array(fractions[point])) for point in points]
         for members in pair:
-            bases = [_basis(face, symmetry, classes, members, np.pi * np.array(fractions[point])) for point in points]
+            bases = [_basis(face, symmetry, classes, members, phase) for phase in phases if members]
             if bases:
                 out.append(Sector(points, _stored(members, symmetry), np.array(bases)))
     return tuple(out)
@@ -121,13 +148,32 @@ def _stored(members: tuple[Member, ...], symmetry: Symmetry) -> tuple[int, ...]:
 def _basis(
     face: Interface, symmetry: Symmetry, classes: tuple[FloatArray, ...], members: tuple[Member, ...], phase: FloatArray
 ) -> FloatArray:
-    """An orthonormal real basis of the boundary motions that keep Bloch's condition in a sector, (rows, m)."""
-    waves = Ties(face, [0]).closed(phase)
+    """An orthonormal real basis of the boundary motions that keep Bloch's condition in a sector, (rows, m).
+
+    phase (2,): of the lattice vectors.
+    """
+    count = 1 + (symmetry is STAGGERED)
+    panels = np.split(Ties(face, [0] * count, count - 1).closed(phase), count)
     pieces: dict[int, ComplexArray] = {}
     for number, factor in members:
-        turn = 1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j
+        panel = number // len(QUARTERS) if count > 1 else 0
+        turn = np.exp(-1j * phase[0] * panel / count)
+        turn = turn * (1.0 if symmetry.members[number][0] == symmetry.members[number][1] else -1j)
         stored = min(number, len(symmetry.classes) - 1)
-        pieces[stored] = pieces.get(stored, 0.0) + factor * turn * (classes[number].T @ waves)
+        pieces[stored] = pieces.get(stored, 0.0) + factor * turn * (classes[number].T @ panels[panel])
     whole = np.vstack(list(pieces.values()))
-    left, size, _ = np.linalg.svd(np.hstack([whole.real, whole.imag]), full_matrices=False)
-    return np.asarray(left[:, size > RANK * size[0]])
+    return _range(np.hstack([whole.real, whole.imag]), apart=count > 1)
+
+
+def _range(whole: FloatArray, apart: bool) -> FloatArray:
+    """An orthonormal basis of a matrix's range; apart: of each set of rows that no column ties to others, mostly zeros."""
+    moved = np.where(np.abs(whole) > RANK, 1.0, 0.0) if apart else np.ones_like(whole)
+    count, label = connected_components(csr_array(moved @ moved.T))
+    found = []
+    for rows in (np.flatnonzero(label == number) for number in range(count)):
+        left, size, _ = np.linalg.svd(whole[rows], full_matrices=False)
+        basis = np.zeros((len(whole), len(size)))
+        basis[rows] = left
+        found.append((basis, size))
+    basis, size = np.hstack([each for each, _ in found]), np.concatenate([each for _, each in found])
+    return np.asarray(basis[:, size > RANK * size.max()])

@@ -247,12 +247,12 @@ class _PlacedCell:
 
 class Column:
     """The panels of one pitch along x, assembled at a wavenumber along x in rad/m: with y >= 0 of a plate of one zone, all with
-    several.
+    several. panels: how many there are in a pitch; by default as few as the rows allow.
     """
 
-    def __init__(self, design: Design, reductions: Reductions, kx_per_m: float) -> None:
+    def __init__(self, design: Design, reductions: Reductions, kx_per_m: float, panels: int | None = None) -> None:
         self.design, self.kx = design, kx_per_m
-        self.strips = column_strips(design, reductions.reduction.max_edge_m)
+        self.strips = column_strips(design, reductions.reduction.max_edge_m, panels)
         alike = [tuple(map(_centred, strip)) for strip in self.strips]
         rows = {strip: Row(Periodic(list(map(reductions.cell, strip))), kx_per_m) for strip in dict.fromkeys(alike)}
         self.rows = [rows[strip] for strip in alike]
@@ -376,13 +376,13 @@ def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:
     return np.where(live, start - 1 + np.cumsum(live), -1), start + int(np.count_nonzero(live))
 
 
-def column_strips(design: Design, max_edge_m: float) -> list[tuple[Panel, ...]]:
+def column_strips(design: Design, max_edge_m: float, panels: int | None = None) -> list[tuple[Panel, ...]]:
     """The panels of one column along y, of one zone from its middle outwards, side by side those of one pitch along x.
 
     Of staggered rows a pitch holds two, a pillar in the first or in the second. SolverError unless they part at y = 0.
     """
     width = max_edge_m if isnan(design.pitch_x_m) or not design.rows else design.pitch_x_m
-    count = 1 + design.is_staggered
+    count = (panels or 1 + design.is_staggered) if design.rows else 1
     lines, one = tile(design, max_edge_m).y.tolist(), design.zones == 1
     if one:
         lines = [y for y in lines if y > -(10.0**-DIGITS)]

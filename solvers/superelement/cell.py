@@ -32,13 +32,15 @@ KNOWN = 0.5  # of the lowest eigenvalue left out: up to here h is known within a
 
 @dataclass(frozen=True)
 class ResidualModes:
-    """The modes left out, none below the scaled eigenvalue `edge`."""
+    """The modes left out, none below the scaled eigenvalue `edge`; infinite where all are kept."""
 
     edge: float
 
     def growth(self, eigenvalue: FloatArray | float) -> FloatArray:
         """L / (L - l) at eigenvalues l (k,); infinite from L on."""
         values = np.asarray(eigenvalue, dtype=float)
+        if np.isinf(self.edge):
+            return np.ones_like(values)
         below = values < self.edge
         return np.where(below, self.edge / np.where(below, self.edge - values, 1.0), np.inf)
 

@@ -257,9 +257,9 @@ def _line_motion(cells: Periodic, dofs: ComplexArray) -> tuple[FloatArray, Float
     return np.concatenate(points), np.concatenate(weights), np.concatenate(motion)
 
 
-def line_gram(face: Interface) -> FloatArray:
-    """The mean along a square cell's sides of the products of boundary functions of layer 0, (m, m)."""
-    _, weights, values = _lines(face, (1.0, 1.0))
+def line_gram(face: Interface, size: tuple[float, float] = (1.0, 1.0)) -> FloatArray:
+    """The mean along the sides of a cell so wide and deep of the products of boundary functions of layer 0, (m, m)."""
+    _, weights, values = _lines(face, size)
     return np.asarray(values.T @ (weights[:, None] * values))
 
 

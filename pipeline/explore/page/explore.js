@@ -199,11 +199,10 @@ function curve(svg, name, at, xs, ys) {
   if (path) put(svg, "path", { class: name, d: path });
 }
 // the path in units of pi over the pitch, so that designs of different pitch share the axis
-const CORNERS = { G: [0, 0], X: [1, 0], M: [1, 1], Y: [0, 1] };
 function arc(labels) {
   const at = labels.flatMap((text, i) => text ? [i] : []), xs = [0];
   for (let s = 0; s + 1 < at.length; s++) {
-    const [from, to] = [CORNERS[labels[at[s]]], CORNERS[labels[at[s + 1]]]];
+    const [from, to] = [state.corners[labels[at[s]]], state.corners[labels[at[s + 1]]]];
     const step = Math.hypot(to[0] - from[0], to[1] - from[1]) / (at[s + 1] - at[s]);
     for (let i = at[s]; i < at[s + 1]; i++) xs.push(xs[i] + step);
   }
@@ -384,6 +383,7 @@ async function start() {
     const scene = await answer("scene");
     $("name").textContent = scene.name;
     state.limits = scene.limits;
+    state.corners = scene.corners;
     cloud.batch = scene.batch;
     state.design = fromAddress(scene.design);
   } catch (fault) { say(fault.message, true); return; }

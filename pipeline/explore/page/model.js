@@ -179,8 +179,8 @@ function symmetricPencil(k, m, withVectors) {
 const firstColumns = (x, count) => block(x, 0, x.n, 0, count);
 
 // ---- the cell at a design: solvers/parametric/cell.py ----
-function theta(exponents, sizes, reference, reach) {
-  const stretch = ([t, h, a, p]) => [t, h, a, p - reach * a], now = stretch(sizes), then = stretch(reference);
+function theta(data, exponents, sizes) {
+  const [x, y] = data.box.panel, { reach } = data.foot, stretch = ([t, h, a, p]) => [t, h, a, x * p - reach * a, y * p - reach * a, p], now = stretch(sizes), then = stretch(data.reference);
   return exponents.map((row) => row.reduce((v, power, axis) => v * (now[axis] / then[axis]) ** power, 1));
 }
 function summed(triangles, weights, n) {
@@ -208,13 +208,12 @@ function lowestModes(k, factor, m, count) { // inverse iteration of a few vector
   }
   return { values: values.slice(0, count), modes: firstColumns(x, count) };
 }
-function prepared(data, sizes, modes = data.bands_inner.modes) { // what both uses of a design share: matrices of every class, its inside factorised
-  const [tk, tm] = [data.stiffness_exponents, data.mass_exponents].map((rows) => theta(rows, sizes, data.reference, data.foot.reach));
-  return data.blocks.map((own) => {
-    const n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
+function prepared(data, sizes, modes = data.bands_inner.modes, blocks = data.blocks) { // what both uses of a design share: matrices of every class, its inside factorised
+  return blocks.map((own) => {
+    const [tk, tm] = [own.stiffness_exponents, own.mass_exponents].map((rows) => theta(data, rows, sizes)), n = own.size, f = own.functions, k = summed(own.stiffness, tk, n), m = summed(own.mass, tm, n);
     const inner = { k: block(k, f, n, f, n), m: block(m, f, n, f, n) }, factor = cholesky(inner.k);
     const lowest = lowestModes(inner.k, factor, inner.m, modes);
-    return { own, f, n, k, m, inner, factor, lowest, beside: data.constants.beside, boundary: boundaryAt(own, data.foot.reach * sizes[2] / sizes[3]) };
+    return { own, f, n, k, m, inner, factor, lowest, beside: data.constants.beside, boundary: boundaryAt(own, data.foot.reach * sizes[2] / (data.box.narrow * sizes[3])) };
   });
 }
 function rigidSpan(rigid, ratio) { // orthonormal columns, by Gram and Schmidt
@@ -315,7 +314,7 @@ function bandsOf(data, ready, sizes) {
   return { frequency_hz: frequency, error, mesh_error: mesh, as_meshed: mesh && mesh.map((v, band) => v + high[band]), labels: data.labels, gaps: gapsOf(frequency, error, mesh, smallest) };
 }
 function unitOf(data, sizes) { // solvers/parametric/affine.py
-  const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2], least = Math.max(box.low[3] - side, box.clearance);
+  const box = data.box, unit = sizes.map((v, i) => Math.log(v / box.low[i]) / Math.log(box.high[i] / box.low[i])), side = data.foot.widest * sizes[2] / box.narrow, least = Math.max(box.low[3] - side, box.clearance / box.narrow);
   unit[3] = Math.log((sizes[3] - side) / least) / Math.log((box.high[3] - side) / least);
   return unit.map((u) => Math.min(Math.max(u, 0), 1));
 }
@@ -342,12 +341,13 @@ function gapsOf(table, error, mesh, smallest) {
 }
 
 // ---- cells of rows and column, among boundary functions and what lies inside: real, in units of the thickness ----
+const pillarBlocks = (data, blocks) => blocks.slice(0, data.blocks.length / data.box.panels); // a bare panel's come last
 function joinedCell(data, ready, sizes) {
   const face = data.face, b = face.count, counts = data.face_inner;
-  const stored = ready.map((one, number) => classAt(one, sizes, data.blocks[number].low, counts, true));
+  const stored = pillarBlocks(data, ready).map((one, number) => classAt(one, sizes, data.blocks[number].low, counts, true));
   const parts = stored.map((part, number) => ({ ...part, parity: data.blocks[number].low.parity, signs: data.blocks[number].signs }));
   const last = parts[parts.length - 1];
-  if (data.foot.is_alike) parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
+  if (data.box.is_alike) parts.push({ ...last, signs: [last.signs[1], last.signs[0]], parity: picked(last.parity, face.diagonal, range(0, last.parity.m)),
     touch: picked(last.touch, data.turned, range(0, last.touch.m)) });
   const each = counts.modes + counts.residual, n = b + parts.length * each, k = mat(n, n), m = mat(n, n), dropped = mat(b, b), ratio = data.reference[0] / sizes[0];
   const touch = mat(4 * data.touch_m.length, n), images = [[1, 1], [1, -1], [-1, 1], [-1, -1]];
@@ -371,13 +371,13 @@ function joinedCell(data, ready, sizes) {
     });
   });
   const odd = parts.flatMap((part) => Array(each).fill(part.signs[0] < 0));
-  return { k, m, dropped, edge: Math.min(...parts.map((part) => part.last)) / ratio ** 2, odd, width: sizes[3], ...touchPlaces(data, sizes, images), touch };
+  return { k, m, dropped, edge: Math.min(...parts.map((part) => part.last)) / ratio ** 2, odd, width: sizes[3] * data.box.panel[0], ...touchPlaces(data, sizes, images), touch };
 }
 function touchPlaces(data, sizes, images) {
-  const { reach } = data.foot, a0 = reach * data.reference[2] / 2, p0 = data.reference[3] / 2, a = reach * sizes[2] / 2, p = sizes[3] / 2;
-  const moved = (v) => v < a0 ? v * a / a0 : a + (v - a0) * (p - a) / (p0 - a0), stretch = (v) => v < a0 ? a / a0 : (p - a) / (p0 - a0);
-  const points = images.flatMap(([x, y]) => data.touch_m.map((at) => [x * moved(at[0]), y * moved(at[1])]));
-  const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0]) * stretch(at[1]));
+  const { reach } = data.foot, a0 = reach * data.reference[2] / 2, a = reach * sizes[2] / 2, ends = data.box.panel.map((side) => [side * data.reference[3] / 2, side * sizes[3] / 2]);
+  const beyond = ends.map(([p0, p]) => (p - a) / (p0 - a0)), moved = (v, axis) => v < a0 ? v * a / a0 : a + (v - a0) * beyond[axis], stretch = (v, axis) => v < a0 ? a / a0 : beyond[axis];
+  const points = images.flatMap(([x, y]) => data.touch_m.map((at) => [x * moved(at[0], 0), y * moved(at[1], 1)]));
+  const own = data.touch_m.map((at, i) => data.touch_weights[i] * stretch(at[0], 0) * stretch(at[1], 1));
   return { points, weights: images.flatMap(() => own) };
 }
 function polynomials(rows, s) { // values and slopes at a place, by Horner; a row: coefficients of rising powers
@@ -443,27 +443,50 @@ function stiffInside(data, whole, top, about) { // modes of its inside beyond `t
   return { ...among(whole, shapes), odd: parts.flatMap(({ odd, modes }) => Array(modes.m).fill(odd)), shapes };
 }
 function among(cell, shapes) { return { ...cell, k: congruent(cell.k, shapes), m: congruent(cell.m, shapes), touch: mul(cell.touch, shapes) }; }
-function realRow(data, cell, kx) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
-  const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cell.width / 2;
+function realRow(data, cells, kx, across = false) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
+  const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cells[0].width / 2, two = cells.length > 1;
   const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
-  const rows = [], put = (...entries) => rows.push(entries.map(([at, [re, im]]) => [at, re, im]));
-  for (const [a, b, along] of [[0, 1, 2], [2, 3, 3]]) {
-    vertex[a].forEach((at, i) => put([at, turn(near, vertexOdd[i])], [vertex[b][i], turn(far, vertexOdd[i])]));
-    side[along].forEach((at, i) => put([at, turn([1, 0], acrossOdd[i])]));
-  }
-  side[0].forEach((at, i) => put([at, turn(near, besideOdd[i])], [side[1][i], turn(far, besideOdd[i])]));
-  cell.odd.forEach((odd, i) => put([count + i, turn([1, 0], odd)]));
-  const n = rows.length, among = (x) => {
+  let rows = []; // an unknown's parts: cell, degree of freedom there, real and imaginary factor about the cell's middle
+  const put = (...entries) => rows.push(entries.map(([cell, at, [re, im]]) => [cell, at, re, im]));
+  const line = (cell, left, right, odd) => left.forEach((at, i) => { // of two panels each line is the other one's image: r + i t and sign (r - i t)
+    if (!two) return put([0, at, turn(near, odd[i])], [0, right[i], turn(far, odd[i])]);
+    const s = (odd[i] ? -1 : 1) * Math.SQRT1_2, [a, b] = cell ? [turn([Math.SQRT1_2, 0], true), turn([-s, 0], true)] : [[Math.SQRT1_2, 0], [s, 0]];
+    put([0, at, times(near, a)], [0, right[i], times(far, b)], [1, at, times(near, b)], [1, right[i], times(far, a)]);
+  });
+  for (const [a, b, along] of [[0, 1, 2], [2, 3, 3]])
+    cells.forEach((_, cell) => { line(cell, vertex[a], vertex[b], vertexOdd); side[along].forEach((at, i) => put([cell, at, turn([1, 0], acrossOdd[i])])); });
+  cells.forEach((_, cell) => line(cell, side[0], side[1], besideOdd));
+  cells.forEach(({ odd }, cell) => odd.forEach((own, i) => put([cell, count + i, turn([1, 0], own)])));
+  const e = data.face.edge * cells.length, sign = range(0, e).map((i) => i % 3 === 1 ? -1 : 1);
+  if (across && two) rows = shifted(data, rows, sign);
+  const n = rows.length, among = (name) => {
     const out = mat(n, n);
     for (let r = 0; r < n; r++)
       for (let c = 0; c <= r; c++) {
         let v = 0;
-        for (const [i, a, b] of rows[r]) for (const [j, p, q] of rows[c]) if (i < x.n && j < x.n) v += (a * p + b * q) * x.a[i * x.n + j];
+        for (const [one, i, a, b] of rows[r]) for (const [other, j, p, q] of rows[c]) { const x = cells[one][name]; if (one === other && x && i < x.n && j < x.n) v += (a * p + b * q) * x.a[i * x.n + j]; }
         out.a[r * n + c] = out.a[c * n + r] = v;
       }
     return out;
   };
-  return { k: among(cell.k), m: among(cell.m), among, rows, cell };
+  return { k: among("k"), m: among("m"), among, rows, cells, e, sign };
+}
+function shifted(data, rows, sign) { // the upper edge in the order of the next row's lower one, half a pitch on, both in what the mirror y -> -y keeps after that shift
+  const { edge, vertexOdd, vertex } = data.face, lines = vertex[0].length, out = rows.slice();
+  const sum = (one, other, a, b) => [...one.map(([c, at, x, y]) => [c, at, a * x, a * y]), ...other.map(([c, at, x, y]) => [c, at, b * x, b * y])];
+  for (let i = 0; i < edge; i++) {
+    const [lower, upper] = [0, 2 * edge].map((start) => [rows[start + i], rows[start + edge + i]]);
+    if (i < lines) {
+      const s = vertexOdd[i] ? -1 : 1;
+      out[2 * edge + i] = sum(upper[0], [], s, 0); out[3 * edge + i] = sum(upper[1], [], -s, 0);
+      sign[i] *= s; sign[edge + i] *= -s;
+      continue;
+    }
+    out[i] = sum(...lower, Math.SQRT1_2, Math.SQRT1_2); out[edge + i] = sum(...lower, Math.SQRT1_2, -Math.SQRT1_2);
+    out[2 * edge + i] = sum(...upper, Math.SQRT1_2, Math.SQRT1_2); out[3 * edge + i] = sum(...upper, -Math.SQRT1_2, Math.SQRT1_2);
+    sign[edge + i] *= -1;
+  }
+  return out;
 }
 function condense(k, m, kept, top, about) {
   const n = k.n, ki = block(k, kept, n, kept, n), mi = block(m, kept, n, kept, n), pull = plus(block(k, kept, n, 0, kept), block(m, kept, n, 0, kept), -about);
@@ -481,34 +504,36 @@ function condense(k, m, kept, top, about) {
   return { still, modes, k: congruent(k, shapes), m: congruent(m, shapes), inside };
 }
 function columnPanels(data, design) { // solvers/plates/column.py and geometry/tiling.py, in m
-  const { pitch, thickness, rows, extension } = design, side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
+  const { thickness, rows, extension } = design, pitch = design.pitch * data.box.panel[1], side = data.foot.footprint * design.side, half = data.zone_width / 2, longest = data.panel * thickness, lines = [0], feet = [];
+  const count = rows ? data.box.panels : 1, none = Array(count).fill(false);
+  const ofRow = (row) => none.map((_, i) => i === row % count); // of staggered rows a pillar stands in the first or in the second panel
   const bare = (to, even) => {
     const from = lines[lines.length - 1];
     let count = Math.max(1, Math.ceil((even ? 2 : 1) * (to - from) / longest - 1e-9));
     if (even) count = Math.ceil(count / 2);
-    for (let i = 1; i <= count; i++) { lines.push(from + (to - from) * i / count); feet.push(false); }
+    for (let i = 1; i <= count; i++) { lines.push(from + (to - from) * i / count); feet.push(none); }
   };
   if (!rows) { bare(half, true); if (extension > 1e-9) bare(half + extension, false); return { lines, feet, end: half + extension }; }
   const first = half + side / 2, end = first + (rows - 1) * pitch + side / 2 + extension;
   if (first - pitch / 2 <= half / 4) throw new Error(said(data, "middle"));
   if (extension < (pitch - side) / 2 - 1e-9) throw new Error(said(data, "cut", { least: (500 * (pitch - side)).toFixed(2) }));
   bare(first - pitch / 2, true);
-  for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(true); }
+  for (let row = 0; row < rows; row++) { lines.push(first + (row + 0.5) * pitch); feet.push(ofRow(row)); }
   if (end - lines[lines.length - 1] > 1e-9) bare(end, false);
   return { lines, feet, end };
 }
 function columnOf(data, pillarCell, design, window, kx, cells = new Map(), within = window) { // cells: kept from one wavenumber to the next
   const { lines, feet, end } = columnPanels(data, design), angular = data.angular * data.reference[0] / design.thickness, value = (hz) => (2 * Math.PI * hz / angular) ** 2;
-  const top = value(data.reach * window[1]), about = value(Math.sqrt(window[0] * window[1])), e = data.face.edge, known = new Map();
-  const width = design.rows ? design.pitch : data.panel * design.thickness;
-  const places = feet.map((foot, i) => {
-    const depth = lines[i + 1] - lines[i], key = foot ? "foot" : depth.toFixed(10);
-    if (!cells.has(key)) cells.set(key, stiffInside(data, foot ? pillarCell() : bareCell(data, width, depth, design.thickness), top, about));
+  const top = value(data.reach * window[1]), about = value(Math.sqrt(window[0] * window[1])), e = data.face.edge * feet[0].length, known = new Map();
+  const width = design.rows ? design.pitch * data.box.panel[0] : data.panel * design.thickness;
+  const places = feet.map((own, i) => {
+    const depth = lines[i + 1] - lines[i], keys = own.map((foot) => foot ? "foot" : depth.toFixed(10)), key = keys.join();
+    keys.forEach((each, at) => { if (!cells.has(each)) cells.set(each, stiffInside(data, own[at] ? pillarCell() : bareCell(data, width, depth, design.thickness), top, about)); });
     if (!known.has(key)) {
-      const row = realRow(data, cells.get(key), kx);
+      const row = realRow(data, keys.map((each) => cells.get(each)), kx);
       known.set(key, { row, short: condense(row.k, row.m, 2 * e, top, about) });
     }
-    return { ...known.get(key), foot, depth, middle: (lines[i] + lines[i + 1]) / 2 };
+    return { ...known.get(key), feet: own, depth, middle: (lines[i] + lines[i + 1]) / 2 };
   });
   const free = range(0, e).filter((i) => i % 3 !== 1), steps = [];
   places.forEach(({ short }, number) => {
@@ -528,18 +553,19 @@ function columnOf(data, pillarCell, design, window, kx, cells = new Map(), withi
   return { frequency, motions: motionsOf(data, places, steps, picked(vectors, range(0, vectors.n), inside), free), half_span: end, width, angular };
 }
 function motionsOf(data, places, steps, motion, free) { // of every cell, the outermost first: real and imaginary part (dof, modes)
-  const e = data.face.edge, out = [];
+  const out = [];
   for (let number = places.length - 1; number >= 0; number--) {
-    const { row, short, middle } = places[number], step = steps[number], count = motion.m, upper = block(motion, 0, e, 0, count), behind = mul(step.inside, motion);
-    const lower = mat(e, count), own = number ? range(0, e) : free, modes = short.k.n - 2 * e;
-    own.forEach((at, i) => lower.a.set(behind.a.subarray(i * count, (i + 1) * count), at * count));
-    const local = below(below(lower, upper), block(behind, own.length, own.length + modes, 0, count)), whole = below(block(local, 0, 2 * e, 0, count), mul(short.inside, local));
-    const re = mat(row.cell.k.n, count), im = mat(row.cell.k.n, count);
-    row.rows.forEach((entries, r) => entries.forEach(([at, a, b]) => {
+    const { row, short, middle, depth, feet } = places[number], { e, cells } = row, step = steps[number], count = motion.m, upper = block(motion, 0, e, 0, count), behind = mul(step.inside, motion);
+    const lower = mat(e, count), unknowns = number ? range(0, e) : free, modes = short.k.n - 2 * e;
+    unknowns.forEach((at, i) => lower.a.set(behind.a.subarray(i * count, (i + 1) * count), at * count));
+    const local = below(below(lower, upper), block(behind, unknowns.length, unknowns.length + modes, 0, count)), whole = below(block(local, 0, 2 * e, 0, count), mul(short.inside, local));
+    const own = cells.map((cell, index) => ({ cell, index, foot: feet[index], inRow: feet.includes(true), depth, middle, re: mat(cell.k.n, count), im: mat(cell.k.n, count) }));
+    row.rows.forEach((entries, r) => entries.forEach(([cell, at, a, b]) => {
+      const { re, im } = own[cell];
       for (let c = 0; c < count; c++) { const v = whole.a[r * count + c]; re.a[at * count + c] += a * v; im.a[at * count + c] += b * v; }
     }));
-    out.push({ cell: row.cell, foot: places[number].foot, depth: places[number].depth, middle, re, im });
-    motion = below(lower, block(behind, own.length + modes, behind.n, 0, count));
+    out.push(...own);
+    motion = below(lower, block(behind, unknowns.length + modes, behind.n, 0, count));
   }
   return out;
 }
@@ -610,27 +636,30 @@ function middlesOf(data, design, pitch) {
 function finitePlate(data, pillarCell, design, window) {
   const { lines, known, wavenumbers: every, tried, independent, still } = data.finite, cells = new Map();
   const columns = every.map((kx, i) => columnOf(data, pillarCell, design, window, kx, cells, [-1, tried[i] * window[1]]));
-  const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, pitch = columns[0].width, xs = middlesOf(data, design, pitch), odd = lines % 2;
+  const kx = columns.flatMap((one, i) => one.frequency.map(() => every[i])), n = kx.length, { width } = columns[0], panels = design.rows ? data.box.panels : 1, first = middlesOf(data, design, panels * width), odd = lines % 2;
+  const xs = [first, first.slice(0, -1).map((x) => x + width)].slice(0, panels); // the second panels of a pitch stand between the first ones
   const { angular } = columns[0], value = (hz) => (2 * Math.PI * hz / angular) ** 2, about = value(Math.sqrt(window[0] * window[1])), half = data.zone_width / 2;
   const along = (k, x) => odd ? [Math.sin(k * x), Math.cos(k * x)] : [Math.cos(k * x), -Math.sin(k * x)];
   const pieces = columns[0].motions.map((place, number) => ({ ...place, cell: parted(data, place.cell, linesOf(data, design, columns[0].half_span, place.middle)), even: columns.map((one) => one.motions[number].re).reduce(beside), odd: columns.map((one) => one.motions[number].im).reduce(beside),
-    part: place.foot ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
-  const over = (data.zone_length - xs.length * pitch) / 2, wide = 2 * Math.abs(over) / pitch, last = xs[xs.length - 1];
-  const stripCells = new Map(), strips = Math.abs(over) <= 1e-9 * pitch ? null : pieces.map((piece) => stripOf(data, design, piece, pitch, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], over > 0 ? last + pitch : last, about, linesOf(data, design, columns[0].half_span, piece.middle), stripCells));
-  const weight = over > 0 ? 2 : -2, kernels = kernelsOf(kx, xs, odd);
-  const whole = (parts) => { // a form of the plate from even and odd ones of the column and that of the strips
+    part: place.inRow ? 2 : Math.abs(place.middle) < half ? 1 : 0 }));
+  const over = (data.zone_length - xs.reduce((sum, own) => sum + own.length, 0) * width) / 2, wide = 2 * Math.abs(over) / width, last = first[first.length - 1] + (over > 0 ? width : 0);
+  const stripCells = new Map(), atEnd = over > 0 ? panels - 1 : 0, strips = pieces.map((piece) => Math.abs(over) <= 1e-9 * width || piece.index !== atEnd ? null
+    : stripOf(data, design, piece, width, kx, along, over > 0 ? [-1, -1 + wide] : [1 - wide, 1], last, about, linesOf(data, design, columns[0].half_span, piece.middle), stripCells));
+  const weight = over > 0 ? 2 : -2, kernels = xs.map((own) => kernelsOf(kx, own, odd));
+  const whole = (forms, ends) => { // a form of the plate from even and odd ones of the column's panels and that of the strips
     const out = mat(n, n);
-    for (let i = 0; i < n * n; i++) out.a[i] = ((parts[0].a[i] + parts[1].a[i]) * kernels.apart[i] + (parts[0].a[i] - parts[1].a[i]) * kernels.together[i]) / 2 + parts[2].a[i];
+    out.a.set(ends.a);
+    forms.forEach(([even, odd_], index) => { const { apart, together } = kernels[index]; for (let i = 0; i < n * n; i++) out.a[i] += ((even.a[i] + odd_.a[i]) * apart[i] + (even.a[i] - odd_.a[i]) * together[i]) / 2; });
     return halfSum(out);
   };
   const form = (chosen, of) => { // of(cell) acts on degrees of freedom
-    const parts = [mat(n, n), mat(n, n), mat(n, n)], add = (to, more, factor) => { for (let i = 0; i < n * n; i++) to.a[i] += factor * more.a[i]; };
+    const forms = xs.map(() => [mat(n, n), mat(n, n)]), ends = mat(n, n), add = (to, more, factor) => { for (let i = 0; i < n * n; i++) to.a[i] += factor * more.a[i]; };
     pieces.forEach((piece, number) => {
       if (!chosen(piece)) return;
-      add(parts[0], of(piece.cell, piece.even, piece.middle), 1); add(parts[1], of(piece.cell, piece.odd, piece.middle), 1);
-      if (strips) add(parts[2], of(strips[number].cell, strips[number].motion, piece.middle), weight);
+      [piece.even, piece.odd].forEach((half, at) => add(forms[piece.index][at], of(piece.cell, half, piece.middle), 1));
+      if (strips[number]) add(ends, of(strips[number].cell, strips[number].motion, piece.middle), weight);
     });
-    return whole(parts);
+    return whole(forms, ends);
   };
   const stiff = [0, 1, 2].map((part) => form((piece) => piece.part === part, (cell, u) => congruent(cell.k, u)));
   const k = plus(plus(stiff[0], stiff[1]), stiff[2]), m = form(() => true, (cell, u) => congruent(cell.m, u));
@@ -641,7 +670,7 @@ function finitePlate(data, pillarCell, design, window) {
   for (let i = 0; i < n; i++) for (let j = 0; j < basis.m; j++) basis.a[i * basis.m + j] *= size[i];
   const own = symmetricEigen(congruent(k, basis), true), inside = range(0, own.values.length).filter((i) => own.values[i] <= value(known * window[1]));
   const vectors = mul(basis, picked(own.vectors, range(0, basis.m), inside)), among = (x) => congruent(x, vectors);
-  const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last: over > 0 ? last + pitch : last, beyond: end - design.extension });
+  const end = columns[0].half_span, faces = facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, last, beyond: end - design.extension });
   return { values: inside.map((i) => own.values[i]), zone: among(stiff[1]), rows: among(stiff[2]), vectors, pieces, xs, kx, along, end, angular,
     faces: { ...faces, forms: faces.forms.map(among), overlap: mulT({ n, m: 1, a: faces.overlap }, vectors).a } };
 }
@@ -692,8 +721,8 @@ function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, la
     }
   };
   pieces.forEach((piece, number) => {
-    gather(piece.cell, piece.middle, [piece.even, piece.odd], xs, 1);
-    if (strips) gather(strips[number].cell, piece.middle, [strips[number].motion], [last], weight);
+    gather(piece.cell, piece.middle, [piece.even, piece.odd], xs[piece.index], 1);
+    if (strips[number]) gather(strips[number].cell, piece.middle, [strips[number].motion], [last], weight);
   });
   return { forms, areas, overlap, norm, factor: 1 / design.thickness ** 2 };
 }
@@ -772,13 +801,13 @@ function plateOf(data, pillarCell, design, meshError) {
     status: single ? "single" : "split", near_hz: rival, others: candidates, rivals: found.rivals, warnings, profile: shapeOf(data, plate, mul(plate.vectors, block(vectors, 0, vectors.n, found.index, found.index + 1)).a), half_width_mm: 500 * data.zone_width, half_span_mm: 1e3 * plate.end };
 }
 function shapeOf(data, plate, mode) { // the root mean square of u_z along x over the distance from the middle, the largest 1
-  const slots = data.profile, area = zeros(slots), square = zeros(slots), { pieces, xs, kx, along, end } = plate, phases = xs.map((x) => kx.map((k, i) => { const [even, odd] = along(k, x); return [even * mode[i], odd * mode[i]]; }));
-  for (const { cell, middle, even, odd } of pieces) {
-    const e = mul(cell.touch, even), o = mul(cell.touch, odd), n = kx.length;
+  const slots = data.profile, area = zeros(slots), square = zeros(slots), { pieces, xs, kx, along, end } = plate, every = xs.map((own) => own.map((x) => kx.map((k, i) => { const [even, odd] = along(k, x); return [even * mode[i], odd * mode[i]]; })));
+  for (const { cell, index, middle, even, odd } of pieces) {
+    const phases = every[index], share = phases.length / xs[0].length, e = mul(cell.touch, even), o = mul(cell.touch, odd), n = kx.length;
     cell.points.forEach((point, i) => {
       const slot = Math.min(Math.floor(Math.abs(point[1] + middle) / end * slots), slots - 1);
-      const mean = phases.reduce((sum, row) => { let u = 0; for (let c = 0; c < n; c++) u += row[c][0] * e.a[i * n + c] + row[c][1] * o.a[i * n + c]; return sum + u * u; }, 0) / xs.length;
-      area[slot] += cell.weights[i]; square[slot] += cell.weights[i] * mean;
+      const mean = phases.reduce((sum, row) => { let u = 0; for (let c = 0; c < n; c++) u += row[c][0] * e.a[i * n + c] + row[c][1] * o.a[i * n + c]; return sum + u * u; }, 0) / phases.length;
+      area[slot] += share * cell.weights[i]; square[slot] += share * cell.weights[i] * mean;
     });
   }
   const full = range(0, slots).filter((i) => area[i] > 0), level = full.map((i) => Math.sqrt(square[i] / area[i])), high = Math.max(...level);
@@ -788,7 +817,8 @@ function shapeOf(data, plate, mode) { // the root mean square of u_z along x ove
 // ---- decay per row: solvers/waves/complex_bands.py, branches.py ----
 function decayOf(data, pillarCell, design, window) {
   if (data.kx > Math.PI / design.pitch) return { frequency_hz: [], db_per_row: [], kx_per_m: data.kx };
-  const whole = realRow(data, pillarCell(), data.kx), row = { ...whole, dropped: whole.among(whole.cell.dropped) };
+  const pillar = pillarCell(), bare = range(1, data.box.panels).map(() => bareCell(data, pillar.width, design.pitch * data.box.panel[1], design.thickness));
+  const whole = realRow(data, [pillar, ...bare], data.kx, true), row = { ...whole, dropped: whole.among("dropped") };
   const hz = range(0, data.decay_points).map((i) => window[0] + (window[1] - window[0]) * i / (data.decay_points - 1));
   const angular = data.angular * data.reference[0] / design.thickness;
   return { frequency_hz: hz, db_per_row: hz.map((f) => flexuralDb(data, row, (2 * Math.PI * f / angular) ** 2)), kx_per_m: data.kx };
@@ -798,10 +828,10 @@ function softening(data, edge, eigenvalue) { // of what the inner functions left
   return known ** 2 * (1 + edge / (edge - known)) / 2;
 }
 function flexuralDb(data, row, eigenvalue) {
-  const { steepest_db, propagating, felt, tiny } = data.constants, e = data.face.edge, n = row.k.n, d = plus(plus(row.k, row.m, -eigenvalue), row.dropped, -softening(data, row.cell.edge, eigenvalue)), side = 2 * e;
+  const { steepest_db, propagating, felt, tiny } = data.constants, { e, sign } = row, n = row.k.n, d = plus(plus(row.k, row.m, -eigenvalue), row.dropped, -softening(data, row.cells[0].edge, eigenvalue)), side = 2 * e;
   const follow = linear(block(d, side, n, side, n), block(d, side, n, 0, side)); // the inside is minus this times the edges
   const edges = halfSum(plus(block(d, 0, side, 0, side), mul(block(d, 0, side, side, n), follow), -1));
-  const sign = range(0, e).map((i) => i % 3 === 1 ? -1 : 1), even = range(0, e).filter((i) => sign[i] > 0), odd = range(0, e).filter((i) => sign[i] < 0);
+  const even = range(0, e).filter((i) => sign[i] > 0), odd = range(0, e).filter((i) => sign[i] < 0);
   const bb = block(edges, 0, e, 0, e), bt = scaledColumns(block(edges, 0, e, e, side), sign), together = plus(bb, bt), apart = plus(bb, bt, -1);
   const g = plus(picked(apart, even, odd), picked(together, even, odd), -1), minus = plus(mat(g.n, g.m), g, -1), a = even.length, b = odd.length;
   const left = below(beside(picked(together, even, even), minus), beside(mat(b, a), picked(apart, odd, odd)));
@@ -858,13 +888,13 @@ function linear(x, y) { // x^-1 y by Gauss with row exchanges
   return out;
 }
 function flexuralShare(data, row, motion) { // of <|u_z|^2> in <|u|^2>, means through the thickness along the cell's sides
-  const { layers, count } = data.face, lines = data.lines, n = lines.n, flat = [0, 1, 2].map(() => range(0, n).map(() => [0, 0]));
-  row.rows.forEach((entries, r) => entries.forEach(([at, a, b]) => {
+  const { layers, count } = data.face, lines = data.lines, n = lines.n, flat = row.cells.map(() => [0, 1, 2].map(() => range(0, n).map(() => [0, 0])));
+  row.rows.forEach((entries, r) => entries.forEach(([cell, at, a, b]) => {
     if (at >= count || Math.floor(at / 3) % layers) return;
-    const v = flat[at % 3][Math.floor(at / 3) / layers], p = times([a, b], motion[r]);
+    const v = flat[cell][at % 3][Math.floor(at / 3) / layers], p = times([a, b], motion[r]);
     v[0] += p[0]; v[1] += p[1];
   }));
-  const squares = flat.map((u) => { let s = 0; for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) s += lines.a[i * n + j] * (u[i][0] * u[j][0] + u[i][1] * u[j][1]); return s; });
+  const squares = [0, 1, 2].map((axis) => flat.reduce((sum, own) => { const u = own[axis]; let s = 0; for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) s += lines.a[i * n + j] * (u[i][0] * u[j][0] + u[i][1] * u[j][1]); return sum + s; }, 0));
   return squares[2] / Math.max(squares[0] + squares[1] + squares[2], Number.MIN_VALUE);
 }
 
@@ -885,8 +915,9 @@ function faultsOf(data, given) {
     const value = given[name], [low, high] = [1e3 * data.box.low[i], 1e3 * data.box.high[i]];
     if (!(value >= low * (1 - 1e-9) && value <= high * (1 + 1e-9))) out.push(said(data, "outside", { name, value, low, high }));
   });
-  const gap = 1e3 * data.box.clearance, { side, pitch } = given;
-  if (!(pitch - data.foot.widest * side >= gap * (1 - 1e-9))) out.push(said(data, "tight", { side, pitch, gap }));
+  const gap = 1e3 * data.box.clearance, { side, pitch } = given, { narrow } = data.box;
+  if (!(narrow * pitch - data.foot.widest * side >= gap * (1 - 1e-9))) out.push(said(data, "tight", { side, pitch, gap, narrow }));
+  if (!out.length && data.box.panels > 1 && given.rows > 1 && 1e3 * data.zone_length < pitch + data.foot.footprint * side) out.push(said(data, "shifted", { least: pitch + data.foot.footprint * side }));
   if (!out.length && given.rows && data.zone_width < 2e-3 * side) out.push(said(data, "narrow", { side }));
   return out;
 }
@@ -894,14 +925,14 @@ function warningsOf(data, design) {
   const out = [], edge = Math.PI / design.pitch;
   if (data.kx > edge) out.push(said(data, "beyond", { kx: figure(data.kx), edge: figure(edge) }));
   if (data.half_wave < data.constants.short * design.thickness) out.push(said(data, "short_wave"));
-  if (design.rows * design.pitch + design.extension > data.constants.wide_m) out.push(said(data, "wide"));
+  if (design.rows * design.pitch * data.box.panel[1] + design.extension > data.constants.wide_m) out.push(said(data, "wide"));
   return out;
 }
 const inMetres = (given) => Object.fromEntries(Object.entries(given).map(([name, value]) => [name, name === "rows" ? value : value / 1e3]));
 function cloudOf(data, first) {
   let last = null; // plates with the same cell come one after another
   const cellOf = (sizes) => () => {
-    if (!last || last.key !== sizes.join()) last = { key: sizes.join(), cell: joinedCell(data, prepared(data, sizes, data.face_inner.modes), sizes) };
+    if (!last || last.key !== sizes.join()) last = { key: sizes.join(), cell: joinedCell(data, prepared(data, sizes, data.face_inner.modes, pillarBlocks(data, data.blocks)), sizes) };
     return last.cell;
   };
   return data.cloud.slice(first, first + data.batch).map(({ mass_g, ...given }) => {

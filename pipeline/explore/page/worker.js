@@ -15,12 +15,12 @@ function placed(value, numbers) {
   return Object.fromEntries(Object.entries(value).map(([name, each]) => [name, placed(each, numbers)]));
 }
 function answered(path, body) {
-  if (path === "scene") return { name: model.name, limits: model.limits, design: model.design, batch: model.batch };
+  if (path === "scene") return { name: model.name, limits: model.limits, design: model.design, batch: model.batch, corners: model.corners };
   if (path === "answer") return answerOf(model, body);
   if (path === "cloud") return cloudOf(model, body.first);
   const faults = faultsOf(model, body);
   if (faults.length) throw new Error(faults.join("; "));
-  const every = { ...body, ...Object.fromEntries(Object.entries(model.following).map(([name, ratio]) => [name, +(ratio * body.side).toPrecision(12)])) };
+  const every = { ...body, ...Object.fromEntries(Object.entries(model.following).map(([name, [of, ratio]]) => [name, +(ratio * body[of]).toPrecision(12)])) };
   return Object.entries(every).reduce((text, [name, value]) => text.replace(`"@${name}@"`, name === "rows" ? value.toFixed(0) : String(value)), model.case_template);
 }
 if (typeof self !== "undefined") self.onmessage = async ({ data: { id, path, body, document, numbers } }) => {

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import eigh
+from solvers.superelement.periodic import Periodic
 
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
@@ -18,7 +19,7 @@ from pipeline.planning.mesh_rules import search_window_hz
 from solvers.measures.confinement import measure_profile
 from solvers.parametric import chain
 from solvers.parametric.bare import bare_cell
-from solvers.parametric.chain import Chain, real_factors
+from solvers.parametric.chain import Chain, real_basis, real_row
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column
 from solvers.superelement.cell import rigid_boundary
@@ -61,12 +62,17 @@ def test_a_bare_panel_is_that_of_a_fine_mesh() -> None:
     assert ours == pytest.approx(theirs, rel=1e-2)
 
 
-def test_a_rows_matrices_are_real_in_their_coordinates() -> None:
-    row = Row(bare_cell(SIZE, ALUMINIUM, FACE), 200.0)
-    turned = row.transform * real_factors(row.cell, row.kx)
-    for matrix in (row.cell.stiffness, row.cell.mass):
-        projected = turned.conj().T @ matrix @ turned
-        assert np.abs(projected.imag).max() < 1e-12 * np.abs(projected).max()
+@pytest.mark.parametrize("pillars", [(), (True,), (True, False), (False, True)])
+def test_a_rows_matrices_are_real_in_their_coordinates(pillars: tuple[bool, ...]) -> None:
+    """Also of two panels in a pitch, a pillar in the first or in the second."""
+    bare, half = bare_cell(SIZE, ALUMINIUM, FACE), (SIZE[0] / 2.0, SIZE[1] / 2.0)
+    own = reductions().cell(Panel((-half[0], -half[1]), half, (0.0, 0.0), (0, 1)))
+    row = Row(Periodic([own if each else bare for each in pillars or (False,)]), 200.0)
+    basis = real_basis(row)
+    assert basis.conj().T @ basis == pytest.approx(np.eye(len(basis)), abs=1e-12)
+    for matrix, real in zip((row.stiffness, row.mass), real_row(row), strict=True):
+        projected = basis.conj().T @ matrix @ basis
+        assert np.abs(projected - real).max() < 1e-9 * np.abs(projected).max()
 
 
 def test_the_condensed_column_has_the_columns_modes() -> None:
@@ -112,6 +118,17 @@ def test_condensed_modes_keep_their_bound_however_wide_the_window() -> None:
     low_hz, high_hz = 3e3, 60e3
     off = too_high(THICK, 1.0, low_hz, high_hz)
     assert len(off) > 10 and off.max() < (1.0 - low_hz / high_hz) ** 2 / chain.REACH**2 / 2.0
+
+
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_the_condensed_column_of_staggered_rows_has_the_columns_modes(rows: int) -> None:
+    design = replace(DESIGN, pitch_x_m=6e-3, rows=rows, stagger=True)
+    column = Column(design, reductions(design=design), 7.5 * np.pi / design.length_m, panels=2)
+    target_hz, target = column.solve(*WINDOW)
+    condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
+    assert len(target_hz) and condensed_hz == pytest.approx(target_hz, rel=5e-3)
+    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (target, condensed)]
+    assert levels[1] == pytest.approx(levels[0], abs=0.1)
 
 
 @pytest.mark.parametrize("extension_mm", [0.0, 0.5, 1.0])

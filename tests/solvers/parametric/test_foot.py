@@ -21,7 +21,7 @@ from pipeline.planning.model_choice import cell_model_choice
 from solvers.accuracy.reduction import reduction_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
-from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between
+from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between, plan_lines
 from solvers.parametric.cell import APART, fitted_touch
 from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
 from solvers.plates.assembled import Reductions
@@ -75,7 +75,7 @@ def test_a_touch_face_follows_what_its_elements_do(foot: Foot, mesh: FixedMesh) 
     """
     layers = min(mesh.layers, 1) if foot.arm < 1.0 else mesh.layers
     quarter, _ = quarter_mesh(foot, SIZES, replace(mesh, layers=layers))
-    points, weights, rows = fitted_touch(quarter, foot, SIZES)
+    points, weights, rows = fitted_touch(quarter, plan_lines(SIZES, DesignBox(foot=foot)))
     at, half = face_quadrature(quarter, "touch").points[:, :2], SIZES[3] / 2.0
 
     def moved(places: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solvers.superelement.periodic import Periodic
 
 from geometry.lattice import Lattice
 from geometry.materials import Material
@@ -13,6 +14,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
 from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
 from solvers.parametric.bands import BandBases, band_bases, bands, own_error
+from solvers.parametric.bare import bare_cell
 from solvers.parametric.block import Block
 from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
 from solvers.parametric.foot import FixedMesh, Foot
@@ -157,14 +159,13 @@ def test_fewer_boundary_polynomials_lie_above(cells: tuple[ParametricCell, ...])
 def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> None:
     """A hexagon is no image of itself with x and y exchanged: four classes, and a path around a quarter of the zone."""
     from solvers.parametric.bands import INNER, _eigenvalues, _merged
-    from solvers.parametric.sectors import sectors
 
     box = replace(BOX, foot=Foot(hexagonal=True))
     sizes = as_sizes(box.sample(between(1, seed=5)))[0]
     affine = AffineCell(box, MESH, ALUMINIUM, STEEL)
     (cell,) = parametric_cell(affine, FACE, [sizes])
     fractions = Lattice.of_rows(1.0, 1.0).path("GXMYG", 2).wavevectors / np.pi
-    of = sectors(FACE, fractions, cell.symmetry)
+    of = cell.sectors(fractions)
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(fractions), COUNT)
     own = ReducedLattice(cell.at(sizes, INNER))
     mesh = replace(affine.mesh, nodes=affine.plan(affine.mesh.nodes, sizes), spans=None)
@@ -174,8 +175,34 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
         target, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
         assert computed_hz == pytest.approx(target, rel=1e-7, abs=1e-3 * target[-1])
         assert computed_hz == pytest.approx(apart, rel=3e-3, abs=1e-3 * apart[-1])
-    with pytest.raises(SolverError, match="diagonal"):
-        sectors(FACE, ((0.5, 0.5),), cell.symmetry)
+    with pytest.raises(SolverError, match="no mirror of the cell"):
+        cell.sectors(((0.5, 0.5),))
+
+
+LATTICES = [Lattice.of_rows(1.0, aspect, True) for aspect in (0.5, 0.7, 1.0)] + [Lattice.of_rows(1.0, 0.8)]
+
+
+@pytest.mark.parametrize("lattice", LATTICES, ids=["centred square", "closer rows", "wider rows", "in line"])
+def test_bands_of_oblong_and_staggered_cells_are_those_of_their_own_meshes(lattice: Lattice) -> None:
+    """Along the whole border of the zone, where no mirror parts the waves, too: above each own mesh, within the bar."""
+    box = DesignBox((1.5e-3, 4e-3, 1.2e-3, 5e-3), (2.5e-3, 6e-3, 1.6e-3, 7e-3), lattice=lattice)
+    affine = AffineCell(box, MESH, ALUMINIUM, STEEL)
+    unseen = as_sizes(box.sample(between(3, seed=5)))
+    designs = box.spread(2)[::2]
+    cell, *alone = parametric_cell(affine, FACE, designs, unseen[:1])
+    path = box.path(2)
+    fractions, labels = path.wavevectors / np.pi, tuple(label or "" for label in path.labels)
+    assert sum(map(bool, labels)) == (5 if lattice.cell_m == (1.0, 0.5) or not lattice.is_centred else 6)
+    bases = band_bases(cell, fractions, labels, COUNT, designs, own_error(cell, alone, unseen[:1], COUNT))
+    for sizes in unseen:
+        plain = reduce_cell(stretched(affine, sizes), FACE, 4e6, (0, 1))
+        row = Periodic(
+            [plain, *[bare_cell(plain.size_m, ALUMINIUM, FACE)] * lattice.is_centred], int(lattice.is_centred)
+        )
+        target = np.array([row.frequencies(k / sizes[3], COUNT) for k in path.wavevectors])
+        result, moving = bands(cell, bases, sizes), target > 1e-3 * target.max()
+        excess = np.where(moving, result.frequency_hz / np.where(moving, target, 1.0) - 1.0, 0.0)
+        assert excess.min() > -5e-4 and (excess.max(axis=0) <= result.error + 1e-4).all() and excess.max() < 3e-3
 
 
 @pytest.mark.slow
