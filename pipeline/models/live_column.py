@@ -8,7 +8,6 @@ from math import hypot, pi
 from typing import NamedTuple
 
 import numpy as np
-from solvers.superelement.periodic import Periodic
 
 from geometry.elements import FloatArray
 from geometry.hex.panels import CLEAR, has_room
@@ -31,6 +30,7 @@ from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Periodic
 
 FACE, INNER = (
     Interface(3, 2),

@@ -23,7 +23,7 @@ from scipy.linalg import cho_factor, cho_solve, eigh
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell
-from solvers.superelement.periodic import Periodic
+from solvers.superelement.lattice import Periodic
 from solvers.threads import one_thread
 from solvers.waves.complex_bands import Row
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from solvers.superelement.periodic import Periodic
 
 from pipeline.case.model import load_case
 from pipeline.explore import alike
@@ -31,6 +30,7 @@ from solvers.measures.confinement import measure, target_symmetry
 from solvers.parametric.affine import DesignBox
 from solvers.parametric.bare import bare_cell
 from solvers.plates.assembled import PlateModel
+from solvers.superelement.lattice import Periodic
 from solvers.waves.complex_bands import Row
 from studies.live import BesidePlate
 from tests.helpers.exploring import OFFLINE, SMALL, small_explorer

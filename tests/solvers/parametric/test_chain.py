@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.linalg import eigh
-from solvers.superelement.periodic import Periodic
 
 from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings
@@ -24,6 +23,7 @@ from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column
 from solvers.superelement.cell import rigid_boundary
 from solvers.superelement.interface import Interface, ReductionSettings
+from solvers.superelement.lattice import Periodic
 from solvers.waves.complex_bands import Row
 
 ALUMINIUM = Material.isotropic("aluminium", 70e9, 2700.0, 0.34)

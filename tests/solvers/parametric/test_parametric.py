@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from solvers.superelement.periodic import Periodic
 
 from geometry.lattice import Lattice
 from geometry.materials import Material
@@ -21,7 +20,7 @@ from solvers.parametric.foot import FixedMesh, Foot
 from solvers.parametric.reduced_block import KEPT, NOVEL, chosen
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
-from solvers.superelement.lattice import ReducedLattice
+from solvers.superelement.lattice import Periodic, ReducedLattice
 from solvers.superelement.reduction import reduce_cell
 
 ALUMINIUM = Material.isotropic("aluminium", 70e9, 2700.0, 0.34)
