@@ -40,7 +40,11 @@ from tests.pipeline.explore.test_explore import coarse_error
 STAGGERED = ("array.stagger=true", "array.pitch_x_mm=6", "array.pitch_y_mm=4", "array.rows=2")
 WIDE = replace(OFFLINE, box=DesignBox((1.8e-3, 6e-3, 1.8e-3, 5.5e-3), (2.2e-3, 7e-3, 2.2e-3, 7e-3)))
 SYMMETRY = wanted_symmetry(4)  # of examples/small.toml
-CHANGES: tuple[dict[str, float], ...] = ({}, {"rows": 1.0, "pitch": 5.6}, {"rows": 3.0, "extension": 8.0, "height": 6.6})
+CHANGES: tuple[dict[str, float], ...] = (
+    {},
+    {"rows": 1.0, "pitch": 5.6},
+    {"rows": 3.0, "extension": 8.0, "height": 6.6},
+)
 
 
 @pytest.fixture(scope="module")
