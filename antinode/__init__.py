@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.case.tables import Array, BandPath, Damping, Finger, Patches, Pillar, Scatter, Solve, Tip, Zone
     from pipeline.errors import InputError
     from pipeline.models.mode_parts import ModeRecord as Mode
-    from pipeline.models.mode_parts import WantedRecord as Wanted
+    from pipeline.models.mode_parts import TargetRecord as Target
     from pipeline.questions.attenuation import AttenuationResult as Attenuation
     from pipeline.questions.bands import BandsResult as Bands
     from pipeline.questions.broadband import BroadbandResult as Broadband
@@ -44,7 +44,7 @@ HOMES = {  # where each public name stands, and by which name
     **dict.fromkeys(("SweepTable", "open", "sweep"), "antinode.sweeps"),
     **dict.fromkeys(TABLES, "pipeline.case.tables"),
     **{name: f"pipeline.questions.{name.lower()}:{name}Result" for name in ANSWERS},
-    **{name: f"pipeline.models.mode_parts:{name}Record" for name in ("Mode", "Wanted")},
+    **{name: f"pipeline.models.mode_parts:{name}Record" for name in ("Mode", "Target")},
     "InputError": "pipeline.errors",
     "SolverError": "solvers.errors",
 }
@@ -55,7 +55,7 @@ __all__ = [
     "Plate",
     "SolverError",
     "SweepTable",
-    "Wanted",
+    "Target",
     "__version__",
     "load",
     "open",

@@ -288,13 +288,13 @@ class Caution(UserWarning):
 
 
 class _Log(TerminalLog):
-    """Progress on standard error where it is wanted; warnings as Python's own."""
+    """Progress on standard error where it is asked for; warnings as Python's own."""
 
     def warning(self, id: str, text: str) -> None:
         warnings.warn(f"{id}: {text}", Caution, stacklevel=2)
 
 
 def log_of(progress: bool | None) -> TerminalLog:
-    """A log that is quiet unless progress is wanted; None: wanted in a terminal or a notebook."""
-    wanted = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
-    return _Log(quiet=not wanted)
+    """A log that is quiet unless progress is asked for; None: shown in a terminal or a notebook."""
+    shown = sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
+    return _Log(quiet=not shown)

@@ -1,4 +1,4 @@
-"""The steps of the command line from Python, in a script or a notebook: size, solve, look at the wanted mode."""
+"""The steps of the command line from Python, in a script or a notebook: size, solve, look at the target mode."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ import antinode
 
 plate = antinode.load(Path(__file__).parent / "small.toml", rows=2)
 print(f"zone by plate theory: {plate.predesign().zone_hz:.0f} Hz")
-wanted = plate.modes().wanted
-print(f"wanted mode: {wanted.frequency_hz:.0f} Hz, MAC {wanted.mac:.2f}, {wanted.confinement_db:.1f} dB")
+target = plate.modes().target
+print(f"target mode: {target.frequency_hz:.0f} Hz, MAC {target.mac:.2f}, {target.confinement_db:.1f} dB")
 bands = plate.bands()
 print("gaps:", [(round(gap.lower_hz), round(gap.upper_hz)) for gap in bands.gaps])

@@ -70,12 +70,12 @@ PROGRAMMERS = (
 
 def chosen_programmer(name: str | None) -> tuple[Programmer, list[str]]:
     """The programmer named, or the first that is here, and how to call it. Raises FlashError when there is none."""
-    wanted = [one for one in PROGRAMMERS if name in (None, one.name)]
-    for one in wanted:
+    matching = [one for one in PROGRAMMERS if name in (None, one.name)]
+    for one in matching:
         call = one.call()
         if call is not None:
             return one, call
-    offers = "; ".join(f"{one.name} ({one.install})" for one in wanted)
+    offers = "; ".join(f"{one.name} ({one.install})" for one in matching)
     raise FlashError(f"no programmer is here: install {offers}; or copy the .bin onto the drive that a Nucleo shows", 5)
 
 

@@ -41,7 +41,7 @@ HEADER = np.dtype(
         ("shape_bytes", "<u2"),
         ("actuator_count", "u1"),
         ("sensor_count", "u1"),
-        ("wanted", "<u2"),
+        ("target", "<u2"),
         ("sample_rate_hz", "<f4"),
         ("flags", "<u4"),
         ("design_hash", "V16"),
@@ -134,7 +134,7 @@ class Mode:
 
 @dataclass(frozen=True)
 class Pattern:
-    """A wanted motion of a six-channel plate: one complex sensor target per sensor, relative to the largest."""
+    """A pattern of a six-channel plate: one complex sensor target per sensor, relative to the largest."""
 
     name: str
     targets: tuple[complex, ...]
@@ -159,14 +159,14 @@ class Shape:
 class ModeTable:
     """Everything the firmware reads: modes, shaping, and where they come from.
 
-    sample_rate_hz in Hz; design_hash, 16 bytes that name the design and code which made the table; wanted, the index of
+    sample_rate_hz in Hz; design_hash, 16 bytes that name the design and code which made the table; target, the index of
     the mode to be controlled; senses_displacement tells a strain-like sensor from a velocity-like one.
     """
 
     sample_rate_hz: float
     design_hash: bytes
     modes: tuple[Mode, ...] = ()
-    wanted: int = 0
+    target: int = 0
     shapes: tuple[Shape, ...] = ()
     senses_displacement: bool = True
 
@@ -190,12 +190,12 @@ def to_bytes(table: ModeTable) -> bytes:
     """The table as a file: little-endian, versioned, lengths given, CRC-32 (zlib) behind. Raises TableError."""
     if len(table.design_hash) != 16:
         raise TableError(f"table: design_hash has {len(table.design_hash)} bytes, allowed 16")
-    _check_counts(len(table.modes), len(table.shapes), table.wanted)
+    _check_counts(len(table.modes), len(table.shapes), table.target)
     header, modes, shapes = np.zeros(1, HEADER), np.zeros(len(table.modes), MODE), np.zeros(len(table.shapes), SHAPE)
     sizes = HEADER.itemsize, HEADER.itemsize + modes.nbytes + shapes.nbytes + CRC_BYTES
     header[0] = (
         *(MAGIC, VERSION, *sizes, len(modes), MODE.itemsize, len(shapes), SHAPE.itemsize, *table.channel_counts),
-        *(table.wanted, table.sample_rate_hz, SENSES_DISPLACEMENT * table.senses_displacement, table.design_hash),
+        *(table.target, table.sample_rate_hz, SENSES_DISPLACEMENT * table.senses_displacement, table.design_hash),
     )
     for row, mode in zip(modes, table.modes, strict=True):
         _pack_mode(row, mode)
@@ -218,7 +218,7 @@ def from_bytes(data: bytes) -> ModeTable:
         sample_rate_hz=float(header["sample_rate_hz"]),
         design_hash=header["design_hash"].tobytes(),
         modes=tuple(_unpack_mode(row, *channels) for row in modes),
-        wanted=int(header["wanted"]),
+        target=int(header["target"]),
         shapes=tuple(_unpack_shape(row, *channels) for row in shapes),
         senses_displacement=bool(header["flags"] & SENSES_DISPLACEMENT),
     )
@@ -258,18 +258,18 @@ def _whole_header(data: bytes) -> Any:
     return header
 
 
-def _check_counts(modes: int, shapes: int, wanted: int) -> None:
+def _check_counts(modes: int, shapes: int, target: int) -> None:
     if modes > MAX_MODES or shapes > MAX_SHAPES:
         raise TableError(f"table: {modes} modes and {shapes} shapes, allowed at most {MAX_MODES} and {MAX_SHAPES}")
     if not modes + shapes:
         raise TableError("table: holds neither a mode nor a shape")
-    if not 0 <= wanted < max(modes, 1):
-        raise TableError(f"table: wanted is {wanted}, allowed 0 to {max(modes, 1) - 1}")
+    if not 0 <= target < max(modes, 1):
+        raise TableError(f"table: target is {target}, allowed 0 to {max(modes, 1) - 1}")
 
 
 def _check_values(header: Any, modes: NDArray[np.void], shapes: NDArray[np.void]) -> None:
     """Raises TableError for the first value out of range, naming where it stands and what is allowed."""
-    _check_counts(len(modes), len(shapes), int(header["wanted"]))
+    _check_counts(len(modes), len(shapes), int(header["target"]))
     _check_numbers("table", header, ALLOWED)
     _known_flags("mode table", header, SENSES_DISPLACEMENT)
     actuators, sensors = int(header["actuator_count"]), int(header["sensor_count"])
@@ -403,7 +403,7 @@ def hold(frequency_hz: float, sample_rate_hz: float) -> complex:
 
 def refusal(table: ModeTable, build: str) -> str:
     """Why a build ("single" or "six") does not take a sound table; empty when it does."""
-    played, what = (table.modes[table.wanted :][:1], "mode") if build == "single" else (table.shapes, "shape")
+    played, what = (table.modes[table.target :][:1], "mode") if build == "single" else (table.shapes, "shape")
     if not played or table.sample_rate_hz != RATE_HZ[build]:
         return f"no {what} at {RATE_HZ[build]:g} samples a second"
     lowest = min(np.float32(one.frequency_hz) for one in played)
@@ -460,7 +460,7 @@ def describe(table: ModeTable) -> str:
     ]
     if refused := why_not_played(table):
         lines.append(f"no board plays it: {refused}")
-    lines += [_describe_mode(index, mode, wanted=index == table.wanted) for index, mode in enumerate(table.modes)]
+    lines += [_describe_mode(index, mode, target=index == table.target) for index, mode in enumerate(table.modes)]
     for index, shape in enumerate(table.shapes):
         matrix = "unidentified" if shape.matrix is None else "identified"
         names = ", ".join(pattern.name for pattern in shape.patterns)
@@ -468,13 +468,13 @@ def describe(table: ModeTable) -> str:
     return "\n".join(lines)
 
 
-def _describe_mode(index: int, mode: Mode, wanted: bool) -> str:
+def _describe_mode(index: int, mode: Mode, target: bool) -> str:
     frequency = "measured" if mode.frequency_identified else "computed"
     tau = "identified" if mode.tau_identified else "assumed"
     gain = "unidentified: found by a sweep before the drive is used"
     if mode.gain is not None:
         gain = f"{abs(mode.gain):.6g} at {math.degrees(cmath.phase(mode.gain)):.2f} deg"
-    mark = " (wanted)" if wanted else ""
+    mark = " (target)" if target else ""
     return (
         f"mode {index}{mark}: {mode.frequency_hz:.3f} Hz ({frequency}), tau {mode.tau_s * 1e3:.4g} ms, "
         f"Q {mode.quality_factor:.4g} ({tau}), gain {gain}, delay {mode.delay_s * 1e6:.3g} us, "

@@ -273,17 +273,17 @@ class Design:
 
     @property
     def half_wavelength_m(self) -> float | None:
-        """Half a wave of the wanted mode along the zone, m; None for rigid shapes."""
+        """Half a wave of the target mode along the zone, m; None for rigid shapes."""
         return half_wavelength_m(self.length_m, self.nodal_lines)
 
     @property
     def line_spacing_m(self) -> float:
-        """The zone's length for each nodal line of the wanted mode, L/N, m; its width for rigid shapes."""
+        """The zone's length for each nodal line of the target mode, L/N, m; its width for rigid shapes."""
         return self.length_m / self.nodal_lines if self.nodal_lines > 1 else self.width_m
 
     @property
     def is_short_wave(self) -> bool:
-        """Whether half a wave of the wanted mode is shorter than SHORT thicknesses: no plate theory describes it."""
+        """Whether half a wave of the target mode is shorter than SHORT thicknesses: no plate theory describes it."""
         return (self.half_wavelength_m or self.width_m) < SHORT * self.thickness_m
 
     @property

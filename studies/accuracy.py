@@ -51,7 +51,7 @@ NAMES = {
     "pillar": "Lone pillar, first bending",
     "second bending": "Lone pillar, second bending",
     "third bending": "Lone pillar, third bending",
-    "plate": "Plate of one row and 5 mm, wanted mode",
+    "plate": "Plate of one row and 5 mm, target mode",
     "bending at M": "Cell, pillars' bending at M",
     "bending at G": "Cell, bands 4 and 5 at Γ",
     "first at X": "Cell, first band at X",
@@ -207,7 +207,7 @@ def _confinement_section(records: list[dict[str, Any]], reference: tuple[float, 
             value = record["values"][CONFINEMENT]
             rows.append([name(mesh_level), value, value - reference[0], record["values"]["plate"]])
     words = f"Reference {reference[0]:.3f} dB, uncertain by {reference[1]:.3f} dB."
-    headings = ("model", "confinement (dB)", "error (dB)", "wanted mode (Hz)")
+    headings = ("model", "confinement (dB)", "error (dB)", "target mode (Hz)")
     return Section("Plate of one row and 5 mm, confinement", (words,), [Table("confinement", headings, rows)])
 
 

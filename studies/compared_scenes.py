@@ -271,7 +271,7 @@ def _plate_modes(design: Design, level: mesh_rules.MeshLevel, shrunk: float) -> 
     mesh = mesh_rules.cell_mesh(design, level)
     bare_m = mesh_rules.bare_size_m(design, mesh.order)
     assert bare_m
-    settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.wanted_window_hz(design)[1])
+    settings = mesh_rules.plate_reduction(design, ROUGHLY, mesh_rules.target_window_hz(design)[1])
     settings = replace(settings, hexahedra=mesh, bare_size_m=shrunk * bare_m)
     model = PlateModel(design, Reductions(design.stack, design.pillar, settings))
     tones, bars = [], []

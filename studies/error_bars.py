@@ -36,8 +36,8 @@ SEED = 10  # another one than those by which the constants of hexahedra were cho
 
 def compare(counts: dict[str, int], folder: Path | None = None, seed: int = SEED) -> list[Compared]:
     """Every scene of every part, so many of each, a progress bar meanwhile; those in `folder` are taken from there."""
-    wanted = [(part, i, scene) for part, count in counts.items() for i, scene in enumerate(scenes(part, count, seed))]
-    return [_kept(part, scene, folder and folder / f"{part}-{i}.npz") for part, i, scene in track(wanted, "scenes")]
+    drawn = [(part, i, scene) for part, count in counts.items() for i, scene in enumerate(scenes(part, count, seed))]
+    return [_kept(part, scene, folder and folder / f"{part}-{i}.npz") for part, i, scene in track(drawn, "scenes")]
 
 
 def _kept(part: str, scene: Any, file: Path | None) -> Compared:

@@ -261,7 +261,7 @@ def free(order: int) -> Result:
 
 
 def on_eigenvalue(order: int) -> Result:
-    """The wanted frequency falls exactly on a computed eigenvalue: the shift is moved, the mode found all the same."""
+    """The frequency sought falls exactly on a computed eigenvalue: the shift is moved, the mode found all the same."""
     pencil = supported(box((PLATE_M, PLATE_M, 0.01), (3, 3, 1), order), ALUMINIUM)
     exact = supported_plate_hz(1, 1, (PLATE_M, PLATE_M), 0.01, ALUMINIUM)
     first = float(modes_near(pencil, exact, 1).frequency_hz[0])
@@ -320,7 +320,7 @@ SCENES: dict[str, tuple[Callable[..., Result], str, str, tuple[float, ...]]] = {
     ),
     "cluster": (cluster, "Equal modes: all found, all counted", "copies", (2, 4, 100)),
     "free": (free, "Free body: K is singular", "order", (2,)),
-    "on_eigenvalue": (on_eigenvalue, "Wanted frequency exactly on an eigenvalue", "order", (3,)),
+    "on_eigenvalue": (on_eigenvalue, "Frequency exactly on an eigenvalue", "order", (3,)),
     "one_element": (one_element, "One element (against dense algebra)", "order", (1, 4)),
     "mixed_units": (mixed_units, "A thickness typed in another unit", "thickness_mm", (0.002, 2000.0)),
 }

@@ -23,16 +23,16 @@ from solvers.analytic.predesign import pillar_frequencies_hz, predesign
 from solvers.fem.assembly import System, assemble
 from solvers.fem.eigen import modes_in_band, modes_near
 from solvers.fem.solid import CLASSES, SolidModel, constrain, free_mask
-from solvers.measures.confinement import measure, wanted_symmetry
+from solvers.measures.confinement import measure, target_symmetry
 from solvers.measures.mode_mixing import Overlaps
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.superelement.interface import Interface, ReductionSettings
 from solvers.superelement.lattice import ReducedLattice
 from solvers.waves.bloch import BlochCell
 
-WINDOW_HZ = (30e3, 38e3)  # where the wanted mode of the plate is looked for
+WINDOW_HZ = (30e3, 38e3)  # where the target mode of the plate is looked for
 SMALL = 1e-6  # an error to which a confinement answers in proportion
-ZONE = {"zone": 0, "zone two lines up": 2, "zone four lines up": 4}  # nodal lines beyond the wanted mode's
+ZONE = {"zone": 0, "zone two lines up": 2, "zone four lines up": 4}  # nodal lines beyond the target mode's
 EXTRAPOLATED = "extrapolated"  # the model of a superelement that coarser meshes take most of its mesh's error from
 ALIKE = 0.5  # modal assurance of a mode with the shape it is called after: a coarse mesh may have none
 BENDING = ("pillar", "second bending", "third bending")
@@ -93,7 +93,7 @@ def zone(mesh_level: dict[str, Any]) -> tuple[Values, int]:
     else:
         mesh = hex_mesh(zone_boxes(d, settings(mesh_level)), mesh_level["order"])
     model = SolidModel(check(mesh), materials(), ("y+",), True)
-    pencil = model.pencil(wanted_symmetry(d.nodal_lines))
+    pencil = model.pencil(target_symmetry(d.nodal_lines))
     modes = modes_near(pencil, 50e3, 6)
     touch = model.touch("SS", modes.vectors)
     like = [measure(touch, replace(d, nodal_lines=d.nodal_lines + more), "SS").mac for more in ZONE.values()]
@@ -210,10 +210,10 @@ def _classes_of_quantities() -> dict[str, tuple[str, str, int]]:
 
 
 def plate(mesh_level: dict[str, Any]) -> tuple[Values, int]:
-    """One row and 5 mm: the wanted mode, how well it is confined (dB), and what an error may change of that, dB over
+    """One row and 5 mm: the target mode, how well it is confined (dB), and what an error may change of that, dB over
     the error.
     """
-    d, symmetry = plate_design(), wanted_symmetry(design().nodal_lines)
+    d, symmetry = plate_design(), target_symmetry(design().nodal_lines)
     if mesh_level["model"] == "analytic":
         return {"plate": float(getattr(predesign(d).zone, mesh_level["theory"]))}, 0
     if mesh_level["model"] in ("superelement", EXTRAPOLATED):

@@ -162,8 +162,8 @@ def package(name: str, versions: dict[str, str]) -> Package:
     distribution = _distribution(name)
     about = distribution.metadata
     if about["Version"] != versions.get(name):
-        wanted = f"locks {versions[name]}" if name in versions else "does not lock it"
-        raise OtherVersion(f"{name} {about['Version']} is installed, constraints.txt {wanted}")
+        locked = f"locks {versions[name]}" if name in versions else "does not lock it"
+        raise OtherVersion(f"{name} {about['Version']} is installed, constraints.txt {locked}")
     licence, files = declared(about), files_of(distribution)
     texts = {file: Path(str(distribution.locate_file(file))) for file in files if _is_licence(file)}
     return Package(name, versions[name], licence, (*_libraries(files), *_texts(texts, family(licence))))

@@ -36,7 +36,7 @@ from solvers.parametric.bands import FLAT
 
 ACCURACY, GOAL = 0.001, 0.003
 FRAMES, PICTURE = 25, ROOT / "docs" / "pictures" / "explore.gif"
-SPARE = 3  # designs of the cloud for each one asked for: some have no wanted mode
+SPARE = 3  # designs of the cloud for each one asked for: some have no target mode
 EVERY = 5  # wavevectors that the plain reduction solves
 DRAW = 7  # seed of the drawn designs
 PLATE = 0.01  # accuracy of assembled plates: their own bars count beside the live ones
@@ -63,10 +63,10 @@ def compare(case: Case, model: CellModel, sizes: Sizes) -> Compared:
     varied = with_sizes(case, sizes, ACCURACY, BANDS)
     frequencies = _plain(varied, chosen)
     reduced_s = time.perf_counter() - begin
-    wanted = np.array([frequencies(k, BANDS) for k in chosen])
+    reference = np.array([frequencies(k, BANDS) for k in chosen])
     plain_s = reduced_s + EVERY * (time.perf_counter() - begin - reduced_s)
-    moving = wanted > FLAT * wanted.max()
-    difference = np.where(moving, live.frequency_hz[::EVERY] / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+    moving = reference > FLAT * reference.max()
+    difference = np.where(moving, live.frequency_hz[::EVERY] / np.where(moving, reference, 1.0) - 1.0, 0.0)
     by_mesh = model.by_mesh(sizes)
     return Compared(sizes, difference, live.error + (0.0 if by_mesh is None else by_mesh), live_s, plain_s)
 
@@ -242,7 +242,7 @@ def picture(path: str) -> None:
             axes[1].axvspan(0, plate["half_width_mm"], color="#cfe3f1")
             axes[1].plot(plate["profile"]["y_mm"], plate["profile"]["level"], color="#8f3f77")
             level, hz = plate["confinement_db"], plate["frequency_hz"] / KHZ
-            axes[1].set_title(f"wanted mode {hz:.1f} kHz, {level:.1f} dB", fontsize=10)
+            axes[1].set_title(f"target mode {hz:.1f} kHz, {level:.1f} dB", fontsize=10)
 
     frames = [*range(FRAMES), *range(FRAMES - 2, 0, -1)]
     FuncAnimation(figure, draw, frames).save(PICTURE, PillowWriter(fps=8), dpi=80)

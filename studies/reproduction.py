@@ -136,13 +136,13 @@ def heights_mm(record: Record) -> tuple[float, ...]:
 
 def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
     """A design's line; `others` holds it with every height off by as much."""
-    broad, wanted, own = record.of(BroadbandResult), record.wanted, heights_mm(record)
+    broad, target, own = record.of(BroadbandResult), record.target, heights_mm(record)
     if broad is None:
         return None
     levels = {
-        off: held.taken_db(wanted.frequency_hz)
+        off: held.taken_db(target.frequency_hz)
         for other in others
-        if wanted and (held := other.of(BroadbandResult)) and (off := _off_mm(heights_mm(other), own)) is not None
+        if target and (held := other.of(BroadbandResult)) and (off := _off_mm(heights_mm(other), own)) is not None
     }
     both_ends = levels and min(levels) < 0.02 - OFF_MM and max(levels) > OFF_MM - 0.02
     band = broad.stopped_hz
@@ -152,7 +152,7 @@ def _of_graded(record: Record, others: list[Record]) -> tuple[str, ...] | None:
         f"{band[0] / 1e3:.1f} to {band[1] / 1e3:.1f} kHz, {(band[1] - band[0]) / 1e3:.1f} kHz wide" if band else "none",
         f"{min(inner):.1f} dB" if inner else "none",
         f"{broad.taken_db(CENTRE_HZ):.1f} dB",
-        f"{wanted.frequency_hz / 1e3:.2f} kHz, {wanted.confinement_db:.1f} dB" if wanted else "none",
+        f"{target.frequency_hz / 1e3:.2f} kHz, {target.confinement_db:.1f} dB" if target else "none",
         f"{min(levels.values()):.1f} to {max(levels.values()):.1f} dB" if both_ends else "not stored",
     )
 
@@ -232,11 +232,11 @@ def _of_glass(record: Record) -> tuple[str, ...] | None:
 
 
 def _mode(record: Record) -> tuple[str, str]:
-    """The wanted mode's frequency and how it stands, and its confinement with its bar."""
-    wanted = record.wanted
-    bar = f" +- {wanted.confinement_error_db:.1f}" if wanted and wanted.confinement_error_db is not None else ""
+    """The target mode's frequency and how it stands, and its confinement with its bar."""
+    target = record.target
+    bar = f" +- {target.confinement_error_db:.1f}" if target and target.confinement_error_db is not None else ""
     return (
-        f"{wanted.frequency_hz / 1e3:.2f} kHz, {wanted.status}" if wanted else "none",
+        f"{target.frequency_hz / 1e3:.2f} kHz, {target.status}" if target else "none",
         "none" if record.confinement_db is None else f"{record.confinement_db:.1f}{bar} dB",
     )
 
@@ -304,14 +304,14 @@ def _faces(record: Record) -> str:
 
 
 def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record]], Figure]:
-    """Draws the wanted mode's confinement over the rows, with its bars, kind by kind."""
+    """Draws the target mode's confinement over the rows, with its bars, kind by kind."""
 
     def draw(records: list[Record]) -> Figure:
         figure, axes = style.panels(3.0)
-        known = [record for record in records if record.confinement_db is not None and record.design and record.wanted]
+        known = [record for record in records if record.confinement_db is not None and record.design and record.target]
         for number, (name, marker) in enumerate(zip(dict.fromkeys(map(kind, known)), "os^", strict=False)):
             own = [record for record in known if kind(record) == name]
-            bars = [(record.wanted and record.wanted.confinement_error_db) or 0.0 for record in own]
+            bars = [(record.target and record.target.confinement_error_db) or 0.0 for record in own]
             rows = [(record.design.rows if record.design else 0) + 0.04 * number for record in own]
             levels = [record.confinement_db for record in own]
             axes.errorbar(rows, levels, bars, fmt=marker, capsize=3, color=style.CYCLE[number], label=name)
@@ -325,17 +325,17 @@ def _by_rows(title: str, kind: Callable[[Record], str]) -> Callable[[list[Record
 
 def _of_hybrid(record: Record) -> tuple[str, ...] | None:
     hybrid = record.of(HybridResult)
-    if hybrid is None or hybrid.wanted_hz is None:
+    if hybrid is None or hybrid.target_hz is None:
         return None
 
     def level(method: str, values: str = "confinement_db", unit: str = "dB") -> str:
-        figure = hybrid.at_wanted(method, values) if hybrid else None
+        figure = hybrid.at_target(method, values) if hybrid else None
         return "none" if figure is None else f"{figure:.3g} {unit}"
 
     off = [level("rows", "rows_off_db"), level("patches", "off_db"), level("both", "rows_off_db")]
     volts = [level(method, "volts_per_um", "V") for method in ("rows", "patches", "both")]
     levels = [level(method) for method in ("neither", "rows", "patches", "both")]
-    return f"{record.design.rows if record.design else '?'}", f"{hybrid.wanted_hz / 1e3:.2f} kHz", *levels, *off, *volts
+    return f"{record.design.rows if record.design else '?'}", f"{hybrid.target_hz / 1e3:.2f} kHz", *levels, *off, *volts
 
 
 def _of_travel(record: Record) -> tuple[str, ...] | None:
@@ -393,12 +393,12 @@ WISHES = (
         "broadband rows",
         "The thesis wishes for a passive confinement over more than a narrow band. Three rows that differ in height "
         "(`[array] heights_mm`) against three alike, same footprint and pitch, 25 mm of plate beyond: what they take from a "
-        "flexural wave at the wanted wavenumber, and how the wanted mode fares on the finite plate and where all heights are "
+        "flexural wave at the target wavenumber, and how the target mode fares on the finite plate and where all heights are "
         "off by the same, as the study graded-heights has them",
         (
-            *("heights from the zone outwards (mm)", "10 dB taken from a wave about the wanted mode"),
-            *("least taken there, off its ends", "taken at 34.6 kHz", "wanted mode, finite plate"),
-            "taken at the wanted mode, heights -0.4 to +0.4 mm",
+            *("heights from the zone outwards (mm)", "10 dB taken from a wave about the target mode"),
+            *("least taken there, off its ends", "taken at 34.6 kHz", "target mode, finite plate"),
+            "taken at the target mode, heights -0.4 to +0.4 mm",
         ),
         _of_graded,
         _by_frequency,
@@ -422,14 +422,14 @@ WISHES = (
         "`antinode search` was asked for the best confinement above 25 kHz, once of plain pillars, once of pillars below a "
         "heavy tip; its case is studies/glass-plate.toml. A level stands with its own bar; "
         '"split" is a shape that several modes share',
-        ("rows", "pillars", "heavy tips", "zone's width", "wanted mode", "confinement"),
+        ("rows", "pillars", "heavy tips", "zone's width", "target mode", "confinement"),
         _of_glass,
         _by_rows("rows of", _pillars),
     ),
     Wish(
         "hybrid",
         "rows and patches together",
-        "The thesis wishes for passive and active confinement together. At the peak of the wanted mode: patches inside the "
+        "The thesis wishes for passive and active confinement together. At the peak of the target mode: patches inside the "
         "zone in phase (neither, rows), or all with voltages shaped for contrast, those behind the rows too (patches, both); "
         "with the pillars' resonances off by 2 % (every resonance where there are no rows); the largest voltage for 1 um rms",
         (
@@ -462,8 +462,8 @@ WISHES = (
         "pillars on both faces",
         "More places for mass: every pillar of the thesis' plate with its mirror image on the touch face beside the zone, "
         "25 mm of plate beyond, heights as before. What a wave loses is that of the rows alone; the confinement is the whole "
-        "plate's, with the wanted mode where it then lies. A level stands with its own bar",
-        ("rows", "pillars on", "10 dB taken from a wave about the wanted mode", "wanted mode", "confinement"),
+        "plate's, with the target mode where it then lies. A level stands with its own bar",
+        ("rows", "pillars on", "10 dB taken from a wave about the target mode", "target mode", "confinement"),
         _of_faces,
         _by_rows("pillars on", _faces),
     ),
@@ -472,7 +472,7 @@ WISHES = (
         "rows shifted by half a pitch",
         "Every other row stands half a pitch further along the zone, at a pitch of 5 mm and 25 mm of plate beyond. The gap is "
         'the first complete one of the lattice. A level stands with its own bar; "split" is a shape that several modes share',
-        ("rows", "stand", "gap", "wanted mode", "confinement"),
+        ("rows", "stand", "gap", "target mode", "confinement"),
         _of_staggered,
         _by_rows("rows stand", _stand),
     ),

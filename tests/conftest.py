@@ -14,7 +14,7 @@ import pytest
 from pipeline.workers import limit_threads
 
 LONGEST = """
-    test_forced test_runner test_active test_tetmesh test_six test_piezo_beam test_report test_library test_wanted_mode
+    test_forced test_runner test_active test_tetmesh test_six test_piezo_beam test_report test_library test_target_mode
     test_bands test_plan test_interfaces test_lattice test_static test_hybrid test_travel test_emulated_board
     test_scipy_alone test_offline_model test_varied test_search test_nested test_parts test_docstrings
 """.split()  # noqa: SIM905 eight seconds and more, not a line each

@@ -96,8 +96,8 @@ def confinement(figure: Any) -> None:
     for rows, colour in ((0, style.GREY), (1, style.ORANGE), (3, style.BLUE)):
         other = plate.with_(rows=rows, extension_mm=20.0 - 4.0 * rows)
         modes = other.modes(symmetry="SS")
-        wanted = modes.wanted
-        at = wanted.frequency_hz if wanted and wanted.frequency_hz else modes[0].frequency_hz
+        target = modes.target
+        at = target.frequency_hz if target and target.frequency_hz else modes[0].frequency_hz
         mode = min(modes, key=lambda each: abs(each.frequency_hz - at))
         y, level = _across(mode.to_pyvista())
         axes.plot(y, level, color=colour, label=f"{rows} rows: {mode.confinement_db:.1f} dB")
@@ -109,13 +109,13 @@ def confinement(figure: Any) -> None:
 
 
 def before_and_after(figure: Any) -> None:
-    """The same plate without rows and with three: the touch face in the mode that carries most of the wanted shape."""
+    """The same plate without rows and with three: the touch face in the mode that carries most of the target shape."""
     plate = antinode.load("studies/three-rows.toml", accuracy=0.03)
     design = plate.case.design
     bare = plate.with_(rows=0, extension_mm=1e3 * (design.half_span_m - design.width_m / 2.0))
     sides = figure.subplots(1, 2, sharey=True)
     for axes, each, words in zip(sides, (bare, plate), ("no pillars", "three rows a side"), strict=True):
-        modes = each.modes(symmetry=plate.case.symmetry_wanted)
+        modes = each.modes(symmetry=plate.case.target_symmetry)
         number = max(range(len(modes)), key=lambda i: modes[i].strength or 0.0)
         surface = modes.to_pyvista(number)
         face = np.abs(surface.points[:, 2]) < 1e-9

@@ -28,7 +28,7 @@ STEPS = " ▁▂▃▄▅▆▇█"
 
 
 def start(client: Client, text: argparse.Namespace) -> None:
-    """Drives the wanted mode and holds it."""
+    """Drives the target mode and holds it."""
     client.start(text.reference, text.detuning)
     keep_running(client, "start")
 

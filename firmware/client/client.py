@@ -123,7 +123,7 @@ class Client:
         return status.choice[0] if isinstance(status, SixStatus) else 0
 
     def start(self, reference: float = 0.0, detuning_hz: float = 0.0) -> None:
-        """Drives the wanted mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
+        """Drives the target mode; 0 asks for the lowest useful level. From then on talk at least twice a second."""
         self._drive(Kind.START, struct.pack("<ff", reference, detuning_hz))
 
     def stop(self) -> None:

@@ -138,7 +138,7 @@ ACTIONS = {
     ),
     "identify": Action("measure the plate again, then rest", actions.identify),
     "start": Action(
-        "drive the wanted mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
+        "drive the target mode and hold it (without REFERENCE: the lowest useful level) until Ctrl-C",
         actions.start,
         (ANY_LEVEL, DETUNING),
     ),

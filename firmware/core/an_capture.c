@@ -15,13 +15,13 @@ bool an_capture_begin(an_capture *capture, uint32_t every)
     if (every == 0u || every > AN_CAPTURE_EVERY_MAX) {
         return false;
     }
-    volatile uint32_t *wanted = &capture->every;
-    *wanted = 0u;
+    volatile uint32_t *requested = &capture->every;
+    *requested = 0u;
     atomic_signal_fence(memory_order_seq_cst);
     capture->used = 0u;
     capture->waited = every - 1u;
     atomic_signal_fence(memory_order_seq_cst);
-    *wanted = every;
+    *requested = every;
     return true;
 }
 

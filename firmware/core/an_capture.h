@@ -10,7 +10,7 @@ typedef struct {
     uint32_t row;     /* words: the channels' inputs, then their outputs */
     uint32_t total;   /* words of all rows that there is room for */
     uint32_t used;    /* so far; written by the interrupt once it runs */
-    uint32_t every;   /* samples a row, 0: nothing is wanted */
+    uint32_t every;   /* samples a row, 0: no capture */
     uint32_t waited;
     uint16_t words[AN_CAPTURE_ROOM];
 } an_capture;

@@ -24,7 +24,7 @@ static an_result begin_upload(an_link *link, const an_message *request)
     if (length == 0u || length > AN_TABLE_MAX_BYTES) {
         return AN_BAD_VALUE;
     }
-    link->staged_wanted = length;
+    link->staged_target = length;
     link->staged_length = 0u;
     return AN_OK;
 }
@@ -37,7 +37,7 @@ static an_result take_piece(an_link *link, const an_message *request)
     }
     const uint32_t offset = an_get32(request->payload);
     const uint32_t length = request->length - 4u;
-    if (offset > link->staged_length || length > link->staged_wanted || offset > link->staged_wanted - length) {
+    if (offset > link->staged_length || length > link->staged_target || offset > link->staged_target - length) {
         return AN_BAD_VALUE;
     }
     for (uint32_t i = 0u; i < length; i++) {
@@ -56,7 +56,7 @@ static an_table_result check_staged(an_link *link, an_table *table)
 
 static an_result end_upload(an_link *link, const an_message *request, an_message *reply)
 {
-    if (link->staged_wanted == 0u || link->staged_length != link->staged_wanted) {
+    if (link->staged_target == 0u || link->staged_length != link->staged_target) {
         return AN_BAD_VALUE;
     }
     an_table table;
@@ -66,7 +66,7 @@ static an_result end_upload(an_link *link, const an_message *request, an_message
     }
     const an_result allowed = an_application_handle_request(link->app, link->build, request, &table, reply);
     if (allowed == AN_OK) {
-        link->store_wanted = true;
+        link->store_target = true;
         link->store_sequence = request->sequence;
     }
     return allowed;
@@ -212,7 +212,7 @@ void an_link_feed(an_link *link, uint8_t byte)
     }
     remember(link, &request);
     const an_result result = answer(link, &request, &reply);
-    if (!link->store_wanted) {
+    if (!link->store_target) {
         send_and_keep(link, &reply, request.kind, request.sequence, result);
     }
 }
@@ -221,8 +221,8 @@ void an_link_stored(an_link *link, bool done)
 {
     an_message reply;
     reply.length = 1u;
-    link->store_wanted = false;
-    link->staged_wanted = 0u;
+    link->store_target = false;
+    link->staged_target = 0u;
     send_and_keep(link, &reply, AN_UPLOAD_END, link->store_sequence, done ? AN_OK : AN_STORE_FAILED);
 }
 

@@ -34,10 +34,10 @@ typedef struct {
     uint32_t out_length; /* bytes the board shall send next; it sets 0 when it took them */
     uint8_t staged[AN_TABLE_MAX_BYTES];
     uint32_t staged_length;
-    uint32_t staged_wanted;
+    uint32_t staged_target;
     an_last_request last;
     uint32_t health[AN_HEALTH_WORDS];
-    bool store_wanted; /* the board shall store staged, then call an_link_stored */
+    bool store_target; /* the board shall store staged, then call an_link_stored */
     uint8_t store_sequence;
     uint32_t log_every; /* windows a record; 0: none */
     uint32_t log_waited;

@@ -6,7 +6,7 @@
 
 /* Offsets within the header, a mode and a shape. */
 enum { AT_VERSION = 4, AT_HEADER_BYTES = 6, AT_TOTAL = 8, AT_MODES = 12, AT_MODE_BYTES = 14 };
-enum { AT_SHAPES = 16, AT_SHAPE_BYTES = 18, AT_ACTUATORS = 20, AT_SENSORS = 21, AT_WANTED = 22, AT_RATE = 24 };
+enum { AT_SHAPES = 16, AT_SHAPE_BYTES = 18, AT_ACTUATORS = 20, AT_SENSORS = 21, AT_TARGET = 22, AT_RATE = 24 };
 enum { AT_FLAGS = 28 };
 enum { MODE_FREQUENCY = 0, MODE_TAU = 4, MODE_GAIN = 8, MODE_DELAY = 16, MODE_DRIVE = 20, MODE_AMPLITUDE = 24 };
 enum { MODE_FLAGS = 28, MODE_ACTUATORS = 32, MODE_SENSORS = 80 };
@@ -148,7 +148,7 @@ static void read_header(an_table *table, const uint8_t *data)
     table->shape_count = an_get16(data + AT_SHAPES);
     table->actuator_count = data[AT_ACTUATORS];
     table->sensor_count = data[AT_SENSORS];
-    table->wanted = an_get16(data + AT_WANTED);
+    table->target = an_get16(data + AT_TARGET);
     table->flags = an_get32(data + AT_FLAGS);
     table->sample_rate_hz = an_get_float(data + AT_RATE);
 }
@@ -157,7 +157,7 @@ static bool header_in_range(const an_table *table)
 {
     const uint32_t entries = table->mode_count > 0u ? table->mode_count : 1u;
     return table->actuator_count >= 1u && table->actuator_count <= AN_CHANNELS && table->sensor_count >= 1u &&
-           table->sensor_count <= AN_CHANNELS && table->wanted < entries && table->flags <= AN_SENSES_DISPLACEMENT &&
+           table->sensor_count <= AN_CHANNELS && table->target < entries && table->flags <= AN_SENSES_DISPLACEMENT &&
            table->mode_count + table->shape_count > 0u && within(table->data + AT_RATE, 1e3f, 1e6f);
 }
 

@@ -46,7 +46,7 @@ typedef struct {
     uint32_t shape_count;
     uint32_t actuator_count;
     uint32_t sensor_count;
-    uint32_t wanted;
+    uint32_t target;
     uint32_t flags;
     float sample_rate_hz;
 } an_table;

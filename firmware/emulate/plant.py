@@ -43,12 +43,12 @@ class Plate:
 
 @dataclass(frozen=True)
 class Assumed:
-    """What a table may leave open: gains of the wanted mode and of the others, and how far the real plate is off.
+    """What a table may leave open: gains of the target mode and of the others, and how far the real plate is off.
 
     Gains without unit; scale multiplies every frequency, for no plate is quite the one that was computed.
     """
 
-    wanted_gain: float = 0.8
+    target_gain: float = 0.8
     other_gain: float = 0.04
     scale: float = 1.002
 
@@ -59,14 +59,14 @@ def plate_from_table(data: bytes, assumed: Assumed | None = None, **imperfection
     plate = Plate(
         tuple(_resonance(table, index, assumed or Assumed()) for index in range(len(table.modes))),
         displacement=table.senses_displacement,
-        delay_s=max(table.modes[table.wanted].delay_s - 0.5 / table.sample_rate_hz, 0.0),
+        delay_s=max(table.modes[table.target].delay_s - 0.5 / table.sample_rate_hz, 0.0),
         sample_rate_hz=table.sample_rate_hz,
     )
     return replace(plate, **imperfections)
 
 
 def _resonance(table: ModeTable, index: int, assumed: Assumed) -> Resonance:
-    mode, gain = table.modes[index], assumed.wanted_gain if index == table.wanted else assumed.other_gain
+    mode, gain = table.modes[index], assumed.target_gain if index == table.target else assumed.other_gain
     if mode.gain is not None:
         turned = mode.gain * (1j if table.senses_displacement else 1.0)  # real
         gain = math.copysign(abs(turned), turned.real) / abs(hold(mode.frequency_hz, table.sample_rate_hz))

@@ -368,8 +368,8 @@ def _ends(panel: Panel) -> tuple[dict[int, float], dict[int, float]]:
 
 def _block(half: float, rim: tuple[float, float], ends: tuple[float, float]) -> tuple[float, float]:
     """Half-widths of the block about a foot: as far as the panel goes where little lies beyond."""
-    wanted = [wide * half + ROOM * half for wide in rim]
-    x, y = (end if end <= want + SLIVER * half else want for want, end in zip(wanted, ends, strict=True))
+    nominal = [wide * half + ROOM * half for wide in rim]
+    x, y = (end if end <= want + SLIVER * half else want for want, end in zip(nominal, ends, strict=True))
     return x, y
 
 

@@ -22,7 +22,7 @@ from solvers.thesis.loop_design import DqData
 if TYPE_CHECKING:
     from solvers.control.identification import Sensor
 
-WANTED_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where nothing was identified
+TARGET_GAIN, OTHER_GAIN = 0.8, 0.04  # sensor over drive, full scales: where nothing was identified
 
 
 def read_table(path: str) -> ModeTable:
@@ -41,26 +41,26 @@ def of_case(case: Case, log: Log) -> ModePlant:
     if zone is None:
         raise InputError(f"{case.name}: [plate], [zone]: too little is given to size the zone")
     log.info(
-        f"mode by predesign, {frequency(zone.frequency_hz)}; gain {WANTED_GAIN} assumed; --table takes computed modes"
+        f"mode by predesign, {frequency(zone.frequency_hz)}; gain {TARGET_GAIN} assumed; --table takes computed modes"
     )
-    return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, WANTED_GAIN)
+    return ModePlant.from_quality_factor(zone.frequency_hz, case.quality_factor, TARGET_GAIN)
 
 
 def of_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     if not table.modes:
         raise InputError("--table: it holds shapes only, no mode")
     sensor: Sensor = "displacement" if table.senses_displacement else "velocity"
-    mode = table.modes[table.wanted]
+    mode = table.modes[table.target]
     unknown = sum(one.gain is None for one in table.modes)
     if unknown:
-        log.info(f"{unknown} gains of the table are not identified: {WANTED_GAIN} and {OTHER_GAIN} are assumed")
-    plants = [plant_of(one, i == table.wanted, sensor) for i, one in enumerate(table.modes)]
+        log.info(f"{unknown} gains of the table are not identified: {TARGET_GAIN} and {OTHER_GAIN} are assumed")
+    plants = [plant_of(one, i == table.target, sensor) for i, one in enumerate(table.modes)]
     late = mode.delay_s - 0.5 / table.sample_rate_hz
     known = late > 0.0
     return replace(
         data,
-        wanted=plants[table.wanted],
-        neighbours=tuple(plant for i, plant in enumerate(plants) if i != table.wanted),
+        target=plants[table.target],
+        neighbours=tuple(plant for i, plant in enumerate(plants) if i != table.target),
         sensor=sensor,
         drive_limit=mode.drive_limit,
         amplitude_limit=mode.amplitude_limit,
@@ -70,9 +70,9 @@ def of_table(data: DqData, table: ModeTable, log: Log) -> DqData:
     )
 
 
-def plant_of(mode: mode_table.Mode, wanted: bool, sensor: Sensor) -> ModePlant:
+def plant_of(mode: mode_table.Mode, target: bool, sensor: Sensor) -> ModePlant:
     if mode.gain is None:
-        return ModePlant(mode.frequency_hz, mode.tau_s, WANTED_GAIN if wanted else OTHER_GAIN)
+        return ModePlant(mode.frequency_hz, mode.tau_s, TARGET_GAIN if target else OTHER_GAIN)
     return velocity_of(ModePlant(mode.frequency_hz, mode.tau_s, mode.gain), sensor)
 
 
@@ -83,10 +83,10 @@ def velocity_of(plant: ModePlant, sensor: Sensor) -> ModePlant:
 
 
 def write_table(table: ModeTable, identified: Identified, folder: Path | None, log: Log) -> None:
-    """Write the table with its wanted mode as measured into a folder, as binary and as header of the same bytes."""
+    """Write the table with its target mode as measured into a folder, as binary and as header of the same bytes."""
     plant = identified.plant
     mode = replace(
-        table.modes[table.wanted],
+        table.modes[table.target],
         frequency_hz=plant.frequency_hz,
         tau_s=plant.tau_s,
         gain=plant.gain,
@@ -94,7 +94,7 @@ def write_table(table: ModeTable, identified: Identified, folder: Path | None, l
         tau_identified=True,
         frequency_identified=True,
     )
-    modes = tuple(mode if i == table.wanted else one for i, one in enumerate(table.modes))
+    modes = tuple(mode if i == table.target else one for i, one in enumerate(table.modes))
     try:
         made = replace(table, modes=modes)
         data = mode_table.to_bytes(made)

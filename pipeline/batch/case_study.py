@@ -25,12 +25,12 @@ def jobs_of(study: StudyFile, all_fields: bool = False) -> list[Job]:
     """The cases of a study, with every mode's field on demand; every fault of every case is raised before any is computed."""
     faults: list[str] = []
     jobs: list[Job] = []
-    wanted: list[tuple[str, list[tuple[str, Any]], tuple[str, ...]]] = []
+    requested: list[tuple[str, list[tuple[str, Any]], tuple[str, ...]]] = []
     if study.base_measure:
-        wanted.append(("base", [], study.base_measure))
-    wanted += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
+        requested.append(("base", [], study.base_measure))
+    requested += [(case_id, overrides, study.measure) for case_id, overrides in study.cases()]
     raw = read_case(study.case_path)
-    for case_id, overrides, query in wanted:
+    for case_id, overrides, query in requested:
         try:
             case = case_from_dict(raw, study.case_path, overrides)
             asked.check(case, query)

@@ -1,4 +1,4 @@
-"""The wanted mode and its neighbours as a mode table for the firmware: binary and C header with the same bytes.
+"""The target mode and its neighbours as a mode table for the firmware: binary and C header with the same bytes.
 
 Its gains from drive patches to sensor patches are modal residues. Sensors are open: with E = C + R_ss (clamped capacitance
 and quasi-static residual), modes r of the plate with closed circuits, gains g_rp = phi_r' theta_p and
@@ -47,17 +47,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ModalGains:
-    """m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); wanted, the index of the wanted one.
+    """m modes with open sensors, ascending: frequency_hz (m,), tau_s (m,); target, the index of the target mode.
 
     parts (m, drivers, sensors): G of each driver alone, driven by +1 V, at the mode's resonance, V/V, exp(i w t);
-    signs (drivers,): with these all drivers push the wanted mode the same way.
+    signs (drivers,): with these all drivers push the target mode the same way.
     """
 
     frequency_hz: FloatArray
     tau_s: FloatArray
     parts: ComplexArray
     signs: FloatArray
-    wanted: int
+    target: int
 
     @property
     def gain(self) -> ComplexArray:
@@ -72,9 +72,9 @@ def can_be_computed(case: Case) -> bool:
 
 
 def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains:
-    """Modes and gains of a plate with open sensors, the quasi-static residual taken at the wanted mode.
+    """Modes and gains of a plate with open sensors, the quasi-static residual taken at the target mode.
 
-    Without a wanted mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
+    Without a target mode, the one nearest to `near_hz` stands for it; SolverError where that is not given either. Modes that
     no driver moves or no sensor hears (|G| of every pair below 1e-6 V/V) are left out.
     """
     from solvers.piezo.forced import in_phase_signs
@@ -82,9 +82,9 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     values = np.concatenate([basis.eigenvalue for basis in forced.modes])
     gain = np.concatenate([basis.gain for basis in forced.modes])
     scale = forced.plate.scale.eigenvalue(1.0)
-    tone = near_hz if forced.wanted_place() is None else forced.wanted_hz()
+    tone = near_hz if forced.target_place() is None else forced.target_hz()
     if tone is None:
-        raise SolverError("no mode of the plate with its patches has the wanted shape: there is none to drive")
+        raise SolverError("no mode of the plate with its patches has the target shape: there is none to drive")
     start = int(np.argmin(np.abs(values - scale * tone**2)))
     residual = sum(one.residual_gain[0] + (values[start] - one.middle) * one.residual_gain[1] for one in forced.modes)
     d, s = forced.drivers, forced.sensors
@@ -99,13 +99,13 @@ def modal_gains(forced: ForcedPlate, near_hz: float | None = None) -> ModalGains
     parts = residues / (1j * mu.imag)[:, None, None]
     heard = np.abs(parts).max(axis=(1, 2)) >= GAIN[0]
     order = [k for k in np.argsort(mu.real) if heard[k]]
-    wanted = int(np.argmax(np.abs(vectors[start])))
+    target = int(np.argmax(np.abs(vectors[start])))
     return ModalGains(
         frequency_hz=np.sqrt(mu.real[order] / scale),
         tau_s=1.0 / (2.0 * pi * root.imag[order]),
         parts=parts[order],
         signs=in_phase_signs(gain[start], d)[d],
-        wanted=order.index(wanted),
+        target=order.index(target),
     )
 
 
@@ -113,26 +113,26 @@ SAMPLE_RATE_HZ = RATE_HZ["single"]
 HOLD_S = 0.5 / SAMPLE_RATE_HZ  # half a sample: all of the delay that is known before filters are chosen
 DRIVE_LIMIT = 0.85  # the DAC's buffer does not reach the rails
 NEIGHBOURS = 6
-ABOUT = 0.2  # of the wanted mode's frequency: the band of its table where the plate was solved for another
+ABOUT = 0.2  # of the target mode's frequency: the band of its table where the plate was solved for another
 
 
-def table_of(case: Case, frequencies_hz: list[float], wanted: int) -> ModeTable:
-    """Wanted mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
-    kept = _nearest(frequencies_hz, wanted)
+def table_of(case: Case, frequencies_hz: list[float], target: int) -> ModeTable:
+    """Target mode and nearest neighbours, ascending; time constants from the case's quality factor, gains unidentified."""
+    kept = _nearest(frequencies_hz, target)
     modes = tuple(
         Mode.from_quality_factor(frequencies_hz[i], case.quality_factor, delay_s=HOLD_S, drive_limit=DRIVE_LIMIT)
         for i in kept
     )
-    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(wanted))
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(target))
 
 
 def table_with_gains(case: Case, gains: ModalGains) -> ModeTable:
     """The same of the patched plate, sensors open: gains in V/V at the patches, that is, for an amplifier and a conditioner
     of one together; the hold's droop is in them, its delay beside them. Actuators: PA4 with the patches that push as they
     are, PA5, which gives the inverse, with the others."""
-    kept = _nearest(gains.frequency_hz.tolist(), gains.wanted)
+    kept = _nearest(gains.frequency_hz.tolist(), gains.target)
     modes = tuple(_patched_mode(gains, i) for i in kept)
-    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(gains.wanted))
+    return ModeTable(SAMPLE_RATE_HZ, design_hash(case.to_dict()), modes, kept.index(gains.target))
 
 
 def _patched_mode(gains: ModalGains, index: int) -> Mode:
@@ -158,8 +158,8 @@ def _weights(values: np.ndarray) -> tuple[complex, ...]:
     return tuple(turned.tolist())
 
 
-def _nearest(frequencies_hz: list[float], wanted: int) -> list[int]:
-    by_distance = sorted(range(len(frequencies_hz)), key=lambda i: abs(frequencies_hz[i] - frequencies_hz[wanted]))
+def _nearest(frequencies_hz: list[float], target: int) -> list[int]:
+    by_distance = sorted(range(len(frequencies_hz)), key=lambda i: abs(frequencies_hz[i] - frequencies_hz[target]))
     return sorted(by_distance[: NEIGHBOURS + 1])
 
 
@@ -169,7 +169,7 @@ def design_hash(about: object) -> bytes:
 
 
 def write_table(
-    case: Case, part_modes: PartModes, wanted: int, folder: Path, stem: str = "mode_table", log: Log | None = None
+    case: Case, part_modes: PartModes, target: int, folder: Path, stem: str = "mode_table", log: Log | None = None
 ) -> list[Path]:
     """Write STEM.bin and STEM.h; both hold the same bytes.
 
@@ -178,9 +178,9 @@ def write_table(
     """
     if log is not None:
         if can_be_computed(case):
-            return write_gains(case, folder, log, stem, near_hz=part_modes.rows[wanted].frequency_hz)
+            return write_gains(case, folder, log, stem, near_hz=part_modes.rows[target].frequency_hz)
         log.info("mode table: gains unidentified, no patch drives while another listens; the board finds them")
-    return write(table_of(case, [row.frequency_hz for row in part_modes.rows], wanted), folder, stem)
+    return write(table_of(case, [row.frequency_hz for row in part_modes.rows], target), folder, stem)
 
 
 def write_gains(
@@ -194,13 +194,13 @@ def write_gains(
     """Write STEM.bin and STEM.h of the patched plate with computed gains, and log the gains and the wiring.
 
     `forced`: the plate that a response has solved already; near_hz: where the mode lies that is driven where the patched
-    plate has no wanted one.
+    plate has no target mode.
     """
     from pipeline.models.forced import forced_plate
 
     plate = forced or forced_plate(case, log)
     if near_hz is None or not plate.band_hz[0] < near_hz < plate.band_hz[1]:
-        plate = _about_wanted(case, plate, log)
+        plate = _about_target(case, plate, log)
     gains = modal_gains(plate, near_hz)
     table = table_with_gains(case, gains)
     _log_summary(case, gains, table, log)
@@ -208,25 +208,25 @@ def write_gains(
 
 
 def write_patched(case: Case, forced: ForcedPlate, folder: Path, log: Log, stem: str = "mode_table") -> list[Path]:
-    """Write STEM.bin and STEM.h of a patched plate that was solved and has a wanted mode: with gains where a patch drives and
+    """Write STEM.bin and STEM.h of a patched plate that was solved and has a target mode: with gains where a patch drives and
     another listens, else its resonances as wired, gains unidentified.
     """
     from solvers.piezo.responses import driven_hz, resonances_hz
 
     if can_be_computed(case):
         return write_gains(case, folder, log, stem, forced)
-    plate = _about_wanted(case, forced, log)
+    plate = _about_target(case, forced, log)
     tone, resonances = driven_hz(plate), resonances_hz(plate)
     assert tone is not None
-    wanted = int(np.argmin(np.abs(resonances - tone)))
-    return write(table_of(case, resonances.tolist(), wanted), folder, stem)
+    target = int(np.argmin(np.abs(resonances - tone)))
+    return write(table_of(case, resonances.tolist(), target), folder, stem)
 
 
-def _about_wanted(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
-    """The plate, solved anew about its wanted mode where that lies outside its band."""
+def _about_target(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
+    """The plate, solved anew about its target mode where that lies outside its band."""
     from pipeline.models.forced import forced_plate
 
-    tone, (low, high) = forced.wanted_hz(), forced.band_hz
+    tone, (low, high) = forced.target_hz(), forced.band_hz
     if tone is None or low < tone < high:
         return forced
     return forced_plate(case, log, ((1.0 - ABOUT) * tone, (1.0 + ABOUT) * tone))
@@ -234,9 +234,9 @@ def _about_wanted(case: Case, forced: ForcedPlate, log: Log) -> ForcedPlate:
 
 def _log_summary(case: Case, gains: ModalGains, table: ModeTable, log: Log) -> None:
     assert case.patches is not None
-    mode = table.modes[table.wanted]
+    mode = table.modes[table.target]
     if mode.gain is None:
-        log.info("mode table: gain unidentified, the sensor does not hear the wanted mode")
+        log.info("mode table: gain unidentified, the sensor does not hear the target mode")
     else:
         angle = figure(float(np.degrees(np.angle(mode.gain))))
         log.info(

@@ -103,9 +103,9 @@ def _played(wave: Travelling, table: ModeTable, log: Log) -> list[PlayedPattern]
 def patterns_of(wave: Travelling, drives: np.ndarray) -> list[PlayedPattern]:
     """The wave that each pattern's drives (patterns, 6) make on the plate, beside the one asked for."""
     results = []
-    for (name, wanted_volts), row in zip(wave.drives.items(), drives, strict=True):
-        volts = row[: len(wanted_volts)]
-        scale = np.vdot(wanted_volts, volts) / np.vdot(wanted_volts, wanted_volts)
-        error = float(np.linalg.norm(volts - scale * wanted_volts) / np.linalg.norm(volts))
-        results.append(PlayedPattern(name=name, twr=wave.twr(volts), twr_target=wave.twr(wanted_volts), error=error))
+    for (name, target_volts), row in zip(wave.drives.items(), drives, strict=True):
+        volts = row[: len(target_volts)]
+        scale = np.vdot(target_volts, volts) / np.vdot(target_volts, target_volts)
+        error = float(np.linalg.norm(volts - scale * target_volts) / np.linalg.norm(volts))
+        results.append(PlayedPattern(name=name, twr=wave.twr(volts), twr_target=wave.twr(target_volts), error=error))
     return results

@@ -197,7 +197,7 @@ def _fingertip(values: CaseValues) -> Fingertip:
 
 
 def _middle_antinode_m(design: Design) -> float:
-    """x of the wanted mode's antinode nearest the plate's centre; the centre for a rigid motion."""
+    """x of the target mode's antinode nearest the plate's centre; the centre for a rigid motion."""
     lines = design.nodal_lines
     if lines < 2:
         return 0.0

@@ -169,7 +169,7 @@ def check_pillar_on_plate(file: Tables, form: PillarShape | None) -> Iterator[Di
 
 
 def check_nodal_lines(file: Tables, form: PillarShape | None) -> Iterator[Diagnostic]:
-    """The wanted mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
+    """The target mode's flexural wave is longer than the plate is thick: a shorter one is two separate surface waves."""
     lines, length, thickness = (file.zone.nodal_lines, file.zone.length_mm, file.plate.thickness_mm)
     if lines and length and thickness and lines > 1 and 2.0 * length / lines < thickness:
         most = max(1, int(2.0 * length / thickness))

@@ -42,7 +42,7 @@ GAP_UM: Range = (0.7, 100.0)
 MAX_WAVENUMBER = 3e6
 """rad/m: pi over the shortest length of a case."""
 MAX_NODAL_LINES = 1000
-"""Of the wanted mode along its zone."""
+"""Of the target mode along its zone."""
 MAX_ZONES = 20
 """Each is a plate more to assemble."""
 MAX_PATCHES = 2000
@@ -98,14 +98,14 @@ def warn_of_doubts(design: Design, log: Log) -> None:
 
 
 def short_wave(design: Design) -> str | None:
-    """Warn of a wanted mode whose half-wavelength is short beside the thickness; None where it is not."""
+    """Warn of a target mode whose half-wavelength is short beside the thickness; None where it is not."""
     from geometry.layout import SHORT
 
     if not design.is_short_wave:
         return None
     half = design.half_wavelength_m or design.width_m
     return (
-        f"half a wave of the wanted (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
+        f"half a wave of the target (0, {design.nodal_lines}) mode is {figure(1e3 * half)} mm long, less than "
         f"{SHORT:g} thicknesses ({1e3 * design.thickness_m:g} mm each): plate theory, the pre-design and windows chosen by "
         "them mean little; lower zone.nodal_lines or plate.thickness_mm"
     )

@@ -21,7 +21,7 @@ from pipeline.case.reading import CaseValues as Values
 from pipeline.case.schema import BandsTable, SolveTable, Table, Tables, ToleranceTable
 from pipeline.errors import InputError
 from pipeline.units import MM
-from solvers.measures.confinement import wanted_symmetry
+from solvers.measures.confinement import target_symmetry
 
 Override = str | tuple[str, Any]
 
@@ -71,18 +71,18 @@ class Case:
     overrides: tuple[Override, ...] = field(default=(), repr=False, compare=False)
 
     @property
-    def symmetry_wanted(self) -> str | None:
-        """Mirror signs of u_z in the wanted mode, x then y: N nodes are even when N is.
+    def target_symmetry(self) -> str | None:
+        """Mirror signs of u_z in the target mode, x then y: N nodes are even when N is.
 
         None without a zone, and where the plate is not its own mirror image: its modes have no such signs.
         """
         if "zone" not in self.given or not self.design.is_mirrored:
             return None
-        return wanted_symmetry(self.design.nodal_lines)
+        return target_symmetry(self.design.nodal_lines)
 
     @property
-    def kx_wanted_per_m(self) -> float:
-        """Wavenumber along the zone of the wanted mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
+    def target_kx_per_m(self) -> float:
+        """Wavenumber along the zone of the target mode, (N - 1/2) pi / L, rad/m; 0 for the rigid shapes N = 0, 1."""
         half = self.design.half_wavelength_m
         return pi / half if half else 0.0
 

@@ -10,7 +10,7 @@ Material = str | dict[str, float]  # a name, or young_GPa, density_kg_m3 and poi
 
 
 class Zone(TypedDict, total=False):
-    """The active zone: a strip length_mm along x and width_mm across; the wanted mode has nodal_lines nodes along x.
+    """The active zone: a strip length_mm along x and width_mm across; the target mode has nodal_lines nodes along x.
 
     >>> from antinode import Zone
     >>> Zone(length_mm=115.5, width_mm=20.0, nodal_lines=8)["width_mm"]

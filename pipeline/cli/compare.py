@@ -251,13 +251,13 @@ def _of_case(place: Path, solve: bool, quiet: bool) -> Design:
 
 
 def _solved(case: Case, log: TerminalLog) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """The wanted mode and the gaps of a case, and its bands where it has one cell."""
+    """The target mode and the gaps of a case, and its bands where it has one cell."""
     from pipeline.models.modes import solve_modes
     from pipeline.planning.model_choice import of_case as request_of
 
-    found = solve_modes(case, request_of(case), log).wanted_part()
-    wanted = found.to_dict() if found else {}
-    quantities = {"wanted": {key: value for key, value in wanted.items() if not isinstance(value, list)}}
+    found = solve_modes(case, request_of(case), log).target_part()
+    target = found.to_dict() if found else {}
+    quantities = {"target": {key: value for key, value in target.items() if not isinstance(value, list)}}
     if "array.pitch_mm" not in case.given or case.design.is_graded:
         return quantities, None
     bands = ask(case, Bands(), Run(log, detailed=False))

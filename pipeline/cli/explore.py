@@ -61,7 +61,7 @@ def export(explorer: Explorer, path: Path, log: Log) -> None:
 
 
 def opened(address: str, browser: bool, quiet: bool = False) -> None:
-    """Say the address on standard output; open it in a browser where one is wanted."""
+    """Say the address on standard output; open it in a browser where one is asked for."""
     print(address, flush=True)
     if not quiet:
         print("press Ctrl-C to end; the address answers on this machine only", file=sys.stderr)

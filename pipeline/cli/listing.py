@@ -96,7 +96,7 @@ def _table(arguments: Namespace) -> int:
             table = from_bytes(file.read(MAX_BYTES + 1))
     except (OSError, TableError) as error:
         raise InputError(f"{arguments.file}: {reason(error)}") from error
-    document: dict[str, Any] = {"version": VERSION, "modes": len(table.modes), "wanted": table.wanted}
+    document: dict[str, Any] = {"version": VERSION, "modes": len(table.modes), "target": table.target}
     document["frequencies_hz"] = [mode.frequency_hz for mode in table.modes]
     return emit(arguments, "table", Answer(document, [describe(table)]))
 
@@ -147,9 +147,9 @@ def glossary(arguments: Namespace) -> int:
         if line.startswith("| ") and len(cells) == 2 and cells[0] != "word":
             entries[cells[0]] = re.sub(r" ?\[[^]]*\]\([^)]*\)\.?", "", cells[1])  # links lead nowhere in a terminal
     names = {words: [name.strip() for name in words.split(",")] for words in entries}
-    wanted = arguments.word and arguments.word.lower()
+    word = arguments.word and arguments.word.lower()
     chosen = {
-        words: text for words, text in entries.items() if wanted is None or wanted in map(str.lower, names[words])
+        words: text for words, text in entries.items() if word is None or word in map(str.lower, names[words])
     }
     if not chosen:
         known = [name for each in names.values() for name in each]

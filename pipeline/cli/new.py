@@ -9,7 +9,7 @@ from typing import Any
 
 WISHES = {
     "material": ("aluminium", "material of plate and pillars"),
-    "frequency": ("32kHz", "frequency of the wanted mode"),
+    "frequency": ("32kHz", "frequency of the target mode"),
     "thickness": (2.0, "thickness of the plate, mm"),
     "half_wavelength": (15.0, "largest half-wavelength along the zone, mm"),
     "length": (115.5, "length of the zone, mm"),

@@ -29,7 +29,7 @@ from pipeline.records.record import DesignRecord
 from pipeline.records.study import StoredCase, read_study
 from pipeline.units import MM
 
-MAX_SHAPES = 7  # of a plate: the wanted mode and its neighbours
+MAX_SHAPES = 7  # of a plate: the target mode and its neighbours
 DRAWN = 0.4  # of the pillars' height (of the thickness without any): the largest displacement as first drawn
 PERIOD_MS, FRAME_MS = 1600, 40
 KEYS = "space plays and pauses, n takes the next shape, up and down the amplitude"
@@ -140,7 +140,7 @@ def of_study(target: str, case_id: str | None = None, results: str | None = None
         raise InputError(f"--case = {case_id}: must be one of {', '.join(names[:12])}")
     case = study.cases[names.index(case_id)] if case_id else text.best_case(study)
     if case is None:
-        raise InputError(f"{target}: no case of it has a wanted mode")
+        raise InputError(f"{target}: no case of it has a target mode")
     return _stored(case)
 
 
@@ -159,7 +159,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
     kept, triangles = closed_surface(points, facets, design.thickness_m if design else None)
     tones = arrays.get("surface_frequency_hz", np.zeros(len(arrays["surface_u"])))
     shapes = [
-        (f"{frequency(float(tone))}{', wanted' if number == 0 else ''}", np.asarray(shape[kept], dtype=float))
+        (f"{frequency(float(tone))}{', target' if number == 0 else ''}", np.asarray(shape[kept], dtype=float))
         for number, (tone, shape) in enumerate(zip(tones, arrays["surface_u"], strict=True))
     ]
     tall = MM if design is None else design.pillar.top_m if design.pillar else design.thickness_m
@@ -167,7 +167,7 @@ def of_arrays(title: str, arrays: dict[str, Any], design: DesignRecord | None) -
 
 
 def of_case(arguments: Namespace) -> Scene:
-    """The plate of a case file as CAD builds it; with --solve its wanted mode and neighbours."""
+    """The plate of a case file as CAD builds it; with --solve its target mode and neighbours."""
     from pipeline.case.limits import warn_of_doubts
     from pipeline.case.model import load_case
     from pipeline.models import mode_fields, modes
@@ -178,11 +178,11 @@ def of_case(arguments: Namespace) -> Scene:
     case.require_plate(command="view", several=not arguments.solve)
     if not arguments.solve:
         return _solid(case, log)
-    part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), log)
+    part_modes = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), log)
     part_modes = part_modes.whole_window
-    index = part_modes.index(part_modes.wanted.row) if part_modes.wanted else None
+    index = part_modes.index(part_modes.target.row) if part_modes.target else None
     if index is None:
-        raise InputError(f"{case.name}: no mode of the plate has the wanted shape; antinode modes tells what is there")
+        raise InputError(f"{case.name}: no mode of the plate has the target shape; antinode modes tells what is there")
     arrays = mode_fields.plate_arrays(part_modes, nearest_rows(part_modes, index)[:MAX_SHAPES])
     return of_arrays(case.name, arrays, DesignRecord.of_design(case.design))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
-from pipeline.models.wanted import verdict_text
+from pipeline.models.target import verdict_text
 from pipeline.records import outputs
 
 CAD = ("stl", "step", "3mf")
@@ -34,7 +34,7 @@ WORDS = {".s1p": ".s1p (Touchstone)"}
 def write(case: Case, form: str, output: str | None, log: Log, part: str = "plate", force: bool = False) -> list[Path]:
     """Write one format; returns the files written. Parts other than the plate go to finite-element programs only.
 
-    `force`: a mode table even where no mode is the wanted one.
+    `force`: a mode table even where no mode is the target mode.
     """
     if form not in SOLVER_FILES and part != "plate":
         raise InputError(f"export {form} --part {part}: must be plate; {' and '.join(SOLVER_FILES)} take any part")
@@ -97,20 +97,20 @@ def _cad(case: Case, form: str, path: Path, log: Log) -> Path:
 
 
 def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
-    """The solid quarter of the plate and its wanted mode."""
+    """The solid quarter of the plate and its target mode."""
     from dataclasses import replace
 
     from geometry.formats.vtk import write_vtu
     from geometry.mesh import Mesh
     from pipeline.models.modes import Request, solve_modes
-    from pipeline.models.wanted import warn_of_wanted
+    from pipeline.models.target import warn_of_target
     from solvers.fem.solid import SolidModel
 
     solid = replace(case, solve=case.solve.but(model="solid", accuracy=max(case.solve.accuracy, 0.02)))
-    part_modes = solve_modes(solid, Request("plate", symmetry=case.symmetry_wanted), log)
-    assert isinstance(part_modes.model, SolidModel) and part_modes.wanted
-    warn_of_wanted(part_modes.wanted, case, log)
-    data, row = {}, part_modes.wanted.row
+    part_modes = solve_modes(solid, Request("plate", symmetry=case.target_symmetry), log)
+    assert isinstance(part_modes.model, SolidModel) and part_modes.target
+    warn_of_target(part_modes.target, case, log)
+    data, row = {}, part_modes.target.row
     if row is not None:
         vectors = part_modes.vectors[row.symmetry][:, [row.column]]
         data["displacement"] = part_modes.model.field(row.symmetry, vectors)[:, :, 0]
@@ -121,21 +121,21 @@ def _vtu(case: Case, path: Path, log: Log) -> list[Path]:
 
 
 def _table(case: Case, path: Path, log: Log, force: bool) -> list[Path]:
-    """Mode table of the wanted mode and its neighbours; `force` takes the most similar mode where none is the wanted one."""
+    """Mode table of the target mode and its neighbours; `force` takes the most similar mode where none is the target mode."""
     from pipeline.board.export import write_table
     from pipeline.models.modes import solve_modes
-    from pipeline.models.wanted import warn_of_wanted
+    from pipeline.models.target import warn_of_target
     from pipeline.planning.model_choice import of_case
 
     part_modes = solve_modes(case, of_case(case), log).whole_window
-    assert part_modes.wanted
-    index = part_modes.index(part_modes.wanted.row)
+    assert part_modes.target
+    index = part_modes.index(part_modes.target.row)
     if index is not None or force:
-        warn_of_wanted(part_modes.wanted, case, log)
+        warn_of_target(part_modes.target, case, log)
     if index is None and force and part_modes.rows:
         index = max(range(len(part_modes.rows)), key=lambda i: part_modes.rows[i].mac or 0.0)
     if index is None:
-        (said,) = verdict_text(part_modes.wanted, case.design)
+        (said,) = verdict_text(part_modes.target, case.design)
         raise InputError(
             f"{case.name}: {said} A table would drive another mode: change the design or solve.band_kHz, or take the most "
             "similar mode with --force"

@@ -107,7 +107,7 @@ REAL_LENGTH = 80
 
 
 def uff(case: Case, path: Path, log: Log) -> Path:
-    """Compute the response about the wanted peak on a grid of the touch face and write it, u_z in m per volt."""
+    """Compute the response about the target peak on a grid of the touch face and write it, u_z in m per volt."""
     import pyuff
 
     from pipeline.measured.synthetic import grid, tones

@@ -51,7 +51,7 @@ def solve(case: Case, log: Log) -> tuple[SampleRecord, list[SampleRecord], float
         answer = explorer.document(case, {})
         nominal = _sample(answer["plate"])
     if nominal.peak_hz is None:
-        raise InputError(f"{case.name}: tolerance --alike: {answer['plate'].get('why_not', 'no wanted mode')}")
+        raise InputError(f"{case.name}: tolerance --alike: {answer['plate'].get('why_not', 'no target mode')}")
     for text in answer["warnings"]:
         log.warning("LIVE", text)
     samples = []

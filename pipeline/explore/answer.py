@@ -1,4 +1,4 @@
-"""One design answered at once: bands and gaps, decay per row, and the wanted mode of one column of cells."""
+"""One design answered at once: bands and gaps, decay per row, and the target mode of one column of cells."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from solvers.waves.gaps import complete_gaps
 POINTS = 25  # frequencies of the decay per row
 STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve the wave
 PROFILE = 121  # places across the plate
-WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the wanted one
+WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
 
 
@@ -63,13 +63,13 @@ WORDS = {
     "number": "{key} must be a number",
     "limit": "{key} = {value:g}: the model answers from {low:g} to {high:g} {unit}",
     "whole": "{key} = {value:g}: must be a whole number",
-    "beyond": "the wanted wavenumber {kx} rad/m lies beyond the zone's edge {edge} rad/m",
-    "short_wave": "half a wave of the wanted mode is shorter than two thicknesses: its window is a guess",
-    "wide": "a wide passive part carries many modes near the wanted one: the column may pick another than the plate",
-    "no_mode": "no mode of the wanted shape in the window",
-    "near": "a mode of the passive plate at {hz} lies near the wanted one, whose frequency is known to {error}: "
+    "beyond": "the target wavenumber {kx} rad/m lies beyond the zone's edge {edge} rad/m",
+    "short_wave": "half a wave of the target mode is shorter than two thicknesses: its window is a guess",
+    "wide": "a wide passive part carries many modes near the target mode: the column may pick another than the plate",
+    "no_mode": "no mode of the target shape in the window",
+    "near": "a mode of the passive plate at {hz} lies near the target mode, whose frequency is known to {error}: "
     "the confinement may lie between {least} and {most}",
-    "split": "the wanted shape is split among several modes: the plate may show another one of them",
+    "split": "the target shape is split among several modes: the plate may show another one of them",
 }
 LIMITS = {
     "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
@@ -219,7 +219,7 @@ class Explorer:
         if faults:
             raise InputError(faults)
         document: Document = {"design": given, "warnings": self._warnings(case), "bands": self._bands(sizes)}
-        window = mesh_rules.wanted_window_hz(design)
+        window = mesh_rules.target_window_hz(design)
         document["rows"] = self._decay(case, sizes, window)
         lowest_hz = np.min(document["bands"]["frequency_hz"], axis=0)
         document["plate"] = self.plate(case, lambda hz: self._mesh_at(sizes, lowest_hz <= hz))
@@ -246,7 +246,7 @@ class Explorer:
 
     @one_thread()
     def cloud(self, first: int, count: int) -> list[Document]:
-        """Frequency, confinement and mass of some of those designs; None where one has no wanted mode in its window."""
+        """Frequency, confinement and mass of some of those designs; None where one has no target mode in its window."""
         out = []
         for design in self.cloud_designs[first : first + min(count, BATCH)]:
             case = self.scene.at(design)
@@ -256,8 +256,8 @@ class Explorer:
     def _warnings(self, case: Case) -> list[str]:
         said, design = [], case.design
         edge = np.pi / design.pitch_x_m
-        if case.kx_wanted_per_m > edge:
-            said.append(WORDS["beyond"].format(kx=figure(case.kx_wanted_per_m), edge=figure(edge)))
+        if case.target_kx_per_m > edge:
+            said.append(WORDS["beyond"].format(kx=figure(case.target_kx_per_m), edge=figure(edge)))
         if design.is_short_wave:
             said.append(WORDS["short_wave"])
         if design.rows * design.pitch_y_m + design.extension_m > WIDE_M:
@@ -291,8 +291,8 @@ class Explorer:
         return 0.0 if by_mesh is None else float(np.max(by_mesh[reaching], initial=0.0))
 
     def _decay(self, case: Case, sizes: Sizes, window: tuple[float, float]) -> Document:
-        """dB per row of the flexural wave that decays least at the wanted wavenumber, None where all are too steep."""
-        kx = case.kx_wanted_per_m
+        """dB per row of the flexural wave that decays least at the target wavenumber, None where all are too steep."""
+        kx = case.target_kx_per_m
         if kx > np.pi / sizes[3]:
             return {"frequency_hz": [], "db_per_row": [], "kx_per_m": kx}
         row = Row(self._live.row(sizes, case.design.stack.material), kx)
@@ -305,9 +305,9 @@ class Explorer:
 
     @one_thread()
     def plate(self, case: Case, mesh_error: Callable[[float], float] = lambda hz: 0.0) -> Document:
-        """The wanted mode of a case's plate with its bars, or `why_not`; mesh_error: of the cells at a frequency, relative."""
+        """The target mode of a case's plate with its bars, or `why_not`; mesh_error: of the cells at a frequency, relative."""
         try:
-            return self._plate(case, mesh_rules.wanted_window_hz(case.design), mesh_error)
+            return self._plate(case, mesh_rules.target_window_hz(case.design), mesh_error)
         except (SolverError, InputError) as fault:
             return {"why_not": " ".join(str(fault).split())}
 
@@ -347,12 +347,12 @@ class Explorer:
         """Frequency and confinement of one column at the wavenumber between free ends, without bars; None without a mode."""
         none = dict.fromkeys(("frequency_hz", "confinement_db"))
         try:
-            window = mesh_rules.wanted_window_hz(case.design)
+            window = mesh_rules.target_window_hz(case.design)
             frequency_hz, profile = live_modes(case, self._live, self._bare, window)
         except (SolverError, InputError):
             return none
         level = measure_profile(profile, case.design)
-        at = level.wanted.index if len(frequency_hz) else None
+        at = level.target.index if len(frequency_hz) else None
         if at is None:
             return none
         return {"frequency_hz": float(frequency_hz[at]), "confinement_db": _number(level.confinement_db[at])}
@@ -379,8 +379,8 @@ class Levels:
 
 @dataclass(frozen=True)
 class Bar:
-    """What the wanted mode may be off by: relative frequency and levels, over all changes of zone's and rows' frequencies
-    within their error; near_hz: another mode that carries some of the wanted shape so near that these changes turn the level
+    """What the target mode may be off by: relative frequency and levels, over all changes of zone's and rows' frequencies
+    within their error; near_hz: another mode that carries some of the target shape so near that these changes turn the level
     over, None where there is none.
     """
 
@@ -434,7 +434,7 @@ def _number(value: float) -> float | None:
 
 
 def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
-    """The wanted mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
+    """The target mode of the assembled plate, as `antinode modes` finds it, its progress told to a log."""
     from pipeline.planning.model_choice import of_case
 
     case = scene.at(given)
@@ -442,12 +442,12 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
     from pipeline.models import modes
 
     solved = modes.solve_modes(case, of_case(case), log)
-    row = solved.wanted_row
+    row = solved.target_row
     if row is None:
         return {"why_not": WORDS["no_mode"]}
     return {
         "frequency_hz": row.frequency_hz,
-        "status": solved.wanted.status if solved.wanted else "none",
+        "status": solved.target.status if solved.target else "none",
         "confinement_db": row.confinement_db,
         "extension_db": row.extension_db,
         "frequency_error": row.error,

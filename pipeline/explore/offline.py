@@ -27,7 +27,7 @@ from pipeline.units import GRAM, MM
 from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem import quadrature
-from solvers.measures import confinement, wanted_mode
+from solvers.measures import confinement, target_mode
 from solvers.parametric import affine, bands, bare, block, chain, finite
 from solvers.parametric.affine import NAMES
 from solvers.parametric.cell import ParametricCell, lower
@@ -42,7 +42,7 @@ PAGE = Path(__file__).with_name("page")
 SCRIPTS = "figures.js", "explore.js"  # of the page
 WORKER = "figures.js", "model.js", "worker.js"
 SOLVER = Path(__file__).parent / "vendor" / "ml-matrix.min.js"
-# constants of the wanted mode, and of its search
+# constants of the target mode, and of its search
 RULE = ("similar", "clear", "lead", "majority", "rival", "named", "past", "step", "steps", "rounds")
 CONSTANTS = {
     "beside": block.BESIDE, "flat": bands.FLAT, "safety": bands.SAFETY, "smallest": gaps.SMALLEST,
@@ -139,14 +139,14 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "lines": _matrix(branches.line_gram(FACE, box.panel)),
         "bare": _bare(design.stack.material.as_isotropic),
         "zone_width": design.width_m,
-        "kx": case.kx_wanted_per_m,
+        "kx": case.target_kx_per_m,
         "half_wave": design.half_wavelength_m or design.width_m,
         "plate_density": design.stack.material.density_kg_m3,
         "windows": _windows(design, LIMITS["thickness"]),
         "panel": PANEL,
         "reach": chain.REACH,
         "finite": _finite(design),
-        "rule": {name: getattr(wanted_mode, name.upper()) for name in RULE},
+        "rule": {name: getattr(target_mode, name.upper()) for name in RULE},
         "profile": PROFILE,
         "decay_points": POINTS,
         "mesh": _mesh(model.mesh) if model.mesh else None,
@@ -154,12 +154,12 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
 
 
 def _windows(design: Design, limit: Limit) -> Plain:
-    """The wanted window by its parts: ends that thin-plate theory has, and where a search begins, Hz/m, for they go with the
+    """The target window by its parts: ends that thin-plate theory has, and where a search begins, Hz/m, for they go with the
     thickness; the zone between clamped sides, Hz, at every step of the thickness, m.
     """
     thicknesses = MM * np.linspace(limit.low, limit.high, round((limit.high - limit.low) / limit.step) + 1)
     clamped = [mesh_rules.clamped_hz(replace(design, thickness_m=float(thickness))) for thickness in thicknesses]
-    ends = {"low": mesh_rules.wanted_window_hz(design)[0], "first": mesh_rules.search_window_hz(design)[0]}
+    ends = {"low": mesh_rules.target_window_hz(design)[0], "first": mesh_rules.search_window_hz(design)[0]}
     ends["high"] = mesh_rules.WINDOW[1] / mesh_rules.WINDOW[0] * ends["low"]
     slopes = {name: end / design.thickness_m for name, end in ends.items()}
     return {"thicknesses": thicknesses.tolist(), "clamped": clamped} | slopes

@@ -87,7 +87,7 @@ class ComputedMap(Part):
 
     frequency_hz: float = column("the peak's frequency; its bar is that of the peak", "Hz")
     confinement_db: float | None = column("confinement at that peak; its bar is that of the peak", "dB")
-    mac: float = column("modal assurance criterion with the wanted shape, at the measured points")
+    mac: float = column("modal assurance criterion with the target shape, at the measured points")
     confinement_at_points_db: float | None = column("confinement at the measured points; a map has no error bar", "dB")
     zone_share_at_points: float | None = column("zone share at the measured points")
 
@@ -108,7 +108,7 @@ class MeasuredMapRecord(Part):
         "dB",
     )
     confined: bool | None = column("whether that is confined; None without a passive face")
-    mac: float = column("modal assurance criterion of the measured motion with the wanted shape")
+    mac: float = column("modal assurance criterion of the measured motion with the target shape")
     mac_operating: float = column("correlation of the measured map and the computed operating deflection shape, 0 to 1")
     computed: ComputedMap = column("the computed field")
 
@@ -122,7 +122,7 @@ class MeasuredMapRecord(Part):
         return (
             f"{self.file}{marked(self)}: {self.points} points, {summary}{beside}, "
             f"MAC {quantity.figure(self.mac_operating)} to the operating deflection shape at {tone}, "
-            f"{quantity.figure(self.mac)} to the wanted one"
+            f"{quantity.figure(self.mac)} to the target mode"
         )
 
 

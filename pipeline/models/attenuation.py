@@ -1,4 +1,4 @@
-"""Decay per row across the zone's border: complex bands at the wanted wavenumber, and what the case's rows let through."""
+"""Decay per row across the zone's border: complex bands at the target wavenumber, and what the case's rows let through."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from pipeline.planning.refinement import MARGIN
 from pipeline.planning.simplifications import hexahedra
 from solvers.accuracy import calibration
 from solvers.measures.confinement import CONFINED_DB
-from solvers.measures.wanted_mode import verdict
+from solvers.measures.target_mode import verdict
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column, Driven, level_bars
 from solvers.superelement.periodic import Periodic
@@ -44,13 +44,13 @@ def broadband(
     accuracy: float | None = None,
     with_bars: bool = True,
 ) -> dict[str, Any]:
-    """Columns of `BroadbandResult` by name: one column of the case's cells at the wanted wavenumber, over frequency.
+    """Columns of `BroadbandResult` by name: one column of the case's cells at the target wavenumber, over frequency.
 
     InputError for a case without zone, pillar or rows, and for a model or mesh other than reduced hexahedra.
     """
     design = checked(case)
     low, high = driven_band_hz(case, band_hz)
-    column, rows, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.kx_wanted_per_m, log)
+    column, rows, bare, order = _model(design, accuracy or case.solve.accuracy, high, case.target_kx_per_m, log)
     tones = np.linspace(low, high, points)
     with log.step(f"{points} frequencies"), one_thread():
         driven = column.driven(tones, case.quality_factor)
@@ -67,21 +67,21 @@ def broadband(
         )
         for tone, level, shares, bar, lost in zip(*columns, strict=True)
     ]
-    wanted_hz, wanted_db, wanted_error, wanted_bar = _wanted(driven, errors, mesh_rules.wanted_window_hz(design))
+    target_hz, target_db, target_error, target_bar = _target(driven, errors, mesh_rules.target_window_hz(design))
     confined = stretches(tones, driven.confinement_db)
     stopped = stretches(tones, np.array([sample.taken_db for sample in samples]))
     errors_of = partial(end_errors, samples, widest)
     return {
         "model": f"column of superelements hex{order}",
-        "kx_per_m": case.kx_wanted_per_m,
+        "kx_per_m": case.target_kx_per_m,
         "rows": design.rows,
-        "wanted_hz": wanted_hz,
-        "wanted_db": wanted_db,
-        "wanted_error": wanted_error,
-        "wanted_error_db": wanted_bar,
+        "target_hz": target_hz,
+        "target_db": target_db,
+        "target_error": target_error,
+        "target_error_db": target_bar,
         "frequency_error": widest,
-        "confined_hz": _about(confined, wanted_hz),
-        "stopped_hz": _about(stopped, wanted_hz),
+        "confined_hz": _about(confined, target_hz),
+        "stopped_hz": _about(stopped, target_hz),
         "confined": confined,
         "stopped": stopped,
         "confined_error": list(map(errors_of, confined)),
@@ -122,7 +122,7 @@ def checked(case: Case) -> Design:
 
 def _model(design: Design, accuracy: float, high_hz: float, kx: float, log: Log) -> tuple[Column, list[Row], Row, int]:
     """The column, its rows in a plate without end, the bare plate beside them, and the elements' order."""
-    top_hz = max(high_hz, mesh_rules.wanted_window_hz(design)[1])
+    top_hz = max(high_hz, mesh_rules.target_window_hz(design)[1])
     reduction = mesh_rules.plate_reduction(design, accuracy, top_hz)
     reductions = Reductions(design.stack, design.pillar, reduction, CellCache())
     count = 1 + design.is_staggered
@@ -211,8 +211,8 @@ def _taken_db(rows: Sequence[Row], bare: Row, frequency_hz: float) -> float | No
     return shares.taken_db if shares else None
 
 
-def _wanted(driven: Driven, errors: FloatArray, window_hz: Stretch) -> tuple[float | None, ...]:
-    """Frequency and confinement of the wanted mode among the column's, found as `antinode search` does, and both bars."""
+def _target(driven: Driven, errors: FloatArray, window_hz: Stretch) -> tuple[float | None, ...]:
+    """Frequency and confinement of the target mode among the column's, found as `antinode search` does, and both bars."""
     tones, level, share = driven.modes.frequency_hz, driven.modes.confinement, calibration.mixing()
     inside = np.flatnonzero((tones >= window_hz[0]) & (tones <= window_hz[1]))
     at = verdict(level.strength[inside], level.zone_share[inside], level.mac[inside]).index

@@ -1,4 +1,4 @@
-"""The wanted mode of a plate meshed whole by tetrahedra, compared with the one of the structured mesh."""
+"""The target mode of a plate meshed whole by tetrahedra, compared with the one of the structured mesh."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from geometry.elements import FloatArray
 from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models import mode_fields, modes
-from pipeline.models.wanted import ModeRow
+from pipeline.models.target import ModeRow
 from pipeline.planning.mesh_rules import PLATE_ACCURACY, PLATE_TETRAHEDRA
 from pipeline.quantity import frequency, level, percent, percentage, signed
 from pipeline.records.record import MeshRecord
@@ -25,24 +25,24 @@ def excess(across: float) -> float:
 
 
 def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, log: Log) -> Compared:
-    """Return meshes, tet_* arrays and figures of the wanted mode by tetrahedra; no figures where it was not found.
+    """Return meshes, tet_* arrays and figures of the target mode by tetrahedra; no figures where it was not found.
 
     Parameters
     ----------
     case
         The case.
     own, structured
-        The plate's modes by the structured mesh, and the wanted one among them.
+        The plate's modes by the structured mesh, and the target mode among them.
     bar
         Half-width of its error bar, relative.
     log
         Where the verdict goes.
     """
     part_modes = _by_tetrahedra(case, structured, bar, log)
-    row = part_modes.wanted_row
+    row = part_modes.target_row
     if row is None:
         log.warning(
-            "NO_MODE", "the tetrahedral plate has no mode of the wanted shape near the structured one's frequency"
+            "NO_MODE", "the tetrahedral plate has no mode of the target shape near the structured one's frequency"
         )
         return part_modes.meshes, {}, {}
     own_bar = _own_bar(part_modes)
@@ -81,13 +81,13 @@ def compared(case: Case, own: modes.PartModes, structured: ModeRow, bar: float, 
 
 
 def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> modes.PartModes:
-    """The modes of the plate meshed whole about the wanted one's frequency, as far as it takes to find it."""
+    """The modes of the plate meshed whole about the target mode's frequency, as far as it takes to find it."""
     tone, accuracy = structured.frequency_hz, max(PLATE_ACCURACY, case.solve.accuracy)
     coarse = replace(case, solve=case.solve.but(mesh="tet", model="solid", accuracy=accuracy))
     request = modes.Request(
         "plate",
         band_hz=(tone * (1.0 - bar - BELOW), tone * (1.0 + excess(PLATE_TETRAHEDRA))),
-        symmetry=case.symmetry_wanted,
+        symmetry=case.target_symmetry,
         search=False,
         expected=modes.Expected(tone, structured.strength or 0.0),
     )
@@ -96,19 +96,19 @@ def _by_tetrahedra(case: Case, structured: ModeRow, bar: float, log: Log) -> mod
 
 def _own_bar(part_modes: modes.PartModes) -> float:
     """What the tetrahedra's own stresses tell that the frequency may be off by; all that such a mesh may where they do not."""
-    row = part_modes.wanted_row
+    row = part_modes.target_row
     return excess(PLATE_TETRAHEDRA) if row is None or row.error is None else row.error
 
 
 def _agrees(tet_hz: float, hex_hz: float, bar: float, own: float, log: Log) -> bool:
     """Whether the two frequencies lie within both bars."""
     both, difference = bar + own, tet_hz / hex_hz - 1.0
-    log.info(f"wanted mode by tetrahedra {frequency(tet_hz, own)}, structured {frequency(hex_hz, bar)}")
+    log.info(f"target mode by tetrahedra {frequency(tet_hz, own)}, structured {frequency(hex_hz, bar)}")
     if abs(difference) <= both:
         return True
     log.warning(
         "CROSS_CHECK",
-        f"the wanted mode by tetrahedra, {frequency(tet_hz, own)}, lies {signed(percentage(difference, both))} from the "
+        f"the target mode by tetrahedra, {frequency(tet_hz, own)}, lies {signed(percentage(difference, both))} from the "
         f"structured mesh's, {frequency(hex_hz, bar)}: "
         f"their bars allow {percent(both)}",
     )

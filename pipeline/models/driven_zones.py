@@ -18,7 +18,7 @@ from solvers.driven.curve_bars import doubts
 from solvers.driven.error_bars import frequency_error, frequency_errors
 from solvers.driven.several_patches import curve_half_widths, peak_half_widths, zone_volts, zones_of
 from solvers.measures.confinement import ratio_db
-from solvers.measures.wanted_mode import SIMILAR
+from solvers.measures.target_mode import SIMILAR
 from solvers.threads import one_thread
 
 

@@ -98,11 +98,11 @@ def driven(case: Case, model: PlateModel, band_hz: tuple[float, float], log: Log
         drive = Drive(patches.drivers, patches.sensors, band_hz, case.quality_factor, patches.circuit)
         choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
         bytes_each = driven_demand.group_bytes(case, choice, _demand(case, band_hz).modes or 0.0)
-        return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, wanted_window_hz=_search_window_hz(case))
+        return ForcedPlate(plate, case.design, drive, bytes_each=bytes_each, target_window_hz=_search_window_hz(case))
 
 
 def _search_window_hz(case: Case) -> tuple[float, float] | None:
-    """Where the wanted mode is searched first; None for several zones, which share no mode."""
+    """Where the target mode is searched first; None for several zones, which share no mode."""
     return mesh_rules.search_window_hz(case.design) if case.design.zones == 1 else None
 
 
@@ -165,14 +165,14 @@ GRID = 160
 
 @dataclass(frozen=True)
 class SolvedResponse:
-    """The response curve, the wanted mode's peak (None where the band has none), the highest peak, and the plate behind them.
+    """The response curve, the target mode's peak (None where the band has none), the highest peak, and the plate behind them.
 
     widest_bar is that of the frequencies in the band.
     """
 
     forced: ForcedPlate
     curve: Curve
-    wanted: Peak | None
+    target: Peak | None
     highest: Peak
     widest_bar: WidestBar
 
@@ -183,8 +183,8 @@ class SolvedResponse:
 
     @property
     def peak(self) -> Peak:
-        """The wanted mode's peak; the highest one where there is none."""
-        return self.wanted or self.highest
+        """The target mode's peak; the highest one where there is none."""
+        return self.target or self.highest
 
 
 @one_thread()
@@ -201,8 +201,8 @@ def solve_response(
         if tone and low <= tone <= high:
             peaks_hz = [own_or(forced, tone, highest), highest]
         curve = curve_about(forced, low, high, points, peaks_hz)
-    wanted = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
-    return SolvedResponse(forced, curve, wanted, peak_of(curve, highest), _widest_bar(forced, low, high))
+    target = peak_of(curve, peaks_hz[0]) if len(peaks_hz) > 1 else None
+    return SolvedResponse(forced, curve, target, peak_of(curve, highest), _widest_bar(forced, low, high))
 
 
 def _widest_bar(forced: ForcedPlate, low_hz: float, high_hz: float) -> WidestBar:

@@ -161,7 +161,7 @@ def _level(squares: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class SolvedHybrid:
-    """The plate with rows, frequencies (t,) in Hz, and the driven wanted mode, in the band or elsewhere, with its bar.
+    """The plate with rows, frequencies (t,) in Hz, and the driven target mode, in the band or elsewhere, with its bar.
 
     methods: by name, figures (level in dB, V per um, level off, level with pillars off) and half-widths of bars, (2, 4, t).
     """
@@ -169,10 +169,10 @@ class SolvedHybrid:
     forced: ForcedPlate
     frequency_hz: FloatArray
     methods: dict[str, FloatArray]
-    wanted_hz: float | None
-    wanted_elsewhere_hz: float | None
-    wanted_error: float | None
-    wanted_elsewhere_error: float | None
+    target_hz: float | None
+    target_elsewhere_hz: float | None
+    target_error: float | None
+    target_elsewhere_error: float | None
 
 
 @one_thread()
@@ -187,8 +187,8 @@ def solve(
     plates = _plates(case, log, band_hz, forced, meshes)
     rows, own = plates.rows, plates.rows.forced
     tone, (low, high) = driven_hz(own), own.band_hz
-    wanted = near_hz(own, tone) if tone and low <= tone <= high else None
-    tones = np.union1d(np.linspace(low, high, points), [] if wanted is None else [wanted])
+    target = near_hz(own, tone) if tone and low <= tone <= high else None
+    tones = np.union1d(np.linspace(low, high, points), [] if target is None else [target])
     alone = (own.signs * driven_inside(case))[own.drivers].astype(complex)
     methods = {}
     with log.step(f"{len(tones)} frequencies, four methods each, and their error bars"):
@@ -196,11 +196,11 @@ def solve(
             plate, others = (rows, plates.detuned) if name in ("rows", "both") else (plates.bare, ())
             method = _Method(plate, None if name in ("patches", "both") else alone, others, alpha)
             methods[name] = in_parts(method.with_bars, tones)
-            if wanted is not None:
-                methods[name][..., tones == wanted] = method.at_peak(wanted, rows)[..., None]
-    known = tone is not None and own.wanted_place() is not None
+            if target is not None:
+                methods[name][..., tones == target] = method.at_peak(target, rows)[..., None]
+    known = tone is not None and own.target_place() is not None
     error = frequency_error(own, tone, frequency_errors(own)) if tone and known else None
-    at, bar = ((wanted, None), (error, None)) if wanted else ((None, tone), (None, error))
+    at, bar = ((target, None), (error, None)) if target else ((None, tone), (None, error))
     return SolvedHybrid(own, tones, methods, *at, *bar)
 
 
@@ -222,7 +222,7 @@ def _plates(
     others |= {f"with pillars off by {100.0 * d:+g}%": _retuned(design, 1.0 + d) for d in (-DETUNING, DETUNING)}
     rows = _Plate.of(forced or forced_plate(case, log, band_hz, meshes, is_announced=True))
     if forced is None:
-        rows.forced.wanted_hz()  # searched for while the matrices are at hand
+        rows.forced.target_hz()  # searched for while the matrices are at hand
         rows.forced.let_go()
     solved = []
     for number, (name, each) in enumerate(others.items(), start=2):

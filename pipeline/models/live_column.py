@@ -20,7 +20,7 @@ from pipeline.planning.mesh_rules import search_window_hz
 from solvers.analytic.predesign import free_kx_per_m, strip_of
 from solvers.errors import SolverError
 from solvers.measures.confinement import Confinement, Profile
-from solvers.measures.wanted_mode import LEAD, SIMILAR, Found, Verdict, search, weights
+from solvers.measures.target_mode import LEAD, SIMILAR, Found, Verdict, search, weights
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
@@ -41,7 +41,7 @@ PANEL = 3.0  # thicknesses: longest bare panel
 TRIED = 1.5  # of the window's top: column modes that are trial functions, and modes of the plate that are known
 TIED = 0.3  # dB that few waves leave of a level
 CHANGES = 11  # over the error of a frequency, at which the level is looked at
-SHARING = 0.1  # of the wanted mode's strength: another mode that carries as much of the wanted shape is coupled to it
+SHARING = 0.1  # of the target mode's strength: another mode that carries as much of the target shape is coupled to it
 # of a frequency, by the polynomials of sides and, over (k h)^2, through them: each twice the most that degree 5 and three
 # layers took off in columns of plates of 1.2 to 3 mm
 SIDES, LAYERS = 0.003, 0.008
@@ -122,7 +122,7 @@ def live_modes(
     case: Case, live: LiveCell, known: dict[str, Cell], window: tuple[float, float]
 ) -> tuple[FloatArray, Profile]:
     """Frequencies (k,) in Hz of the column's modes within a window and their motion across the plate, at the wavenumber of the
-    wanted mode between free ends.
+    target mode between free ends.
 
     SolverError for a design outside the box, by name.
     """
@@ -155,7 +155,7 @@ def half_waves(nodal_lines: int) -> float:
 
 
 def boundary_error(design: Design) -> float:
-    """How far few waves, the column's polynomials and its condensed rows may put the wanted frequency too high, relative.
+    """How far few waves, the column's polynomials and its condensed rows may put the target frequency too high, relative.
 
     The polynomials have degree 3 along a panel's sides and degree 1 through the thickness: what these leave out of a bending
     wave's strain grows as (k h)^2. What few waves leave out near two ends counts over the half waves between them.
@@ -170,7 +170,7 @@ def thin_error(nodal_lines: int) -> float:
 
 
 def end_layer(design: Design) -> float:
-    """How far the edge layers of twist at both free ends, which bending waves lack, lower the wanted frequency at most.
+    """How far the edge layers of twist at both free ends, which bending waves lack, lower the target frequency at most.
 
     A plate that twists carries no shear through its edge: within 0.315 h of each end the energy of twist is missing, as in
     St Venant's torsion of a flat rectangle, J = b h^3 / 3 (1 - 0.63 h / b). Its share of the
@@ -194,7 +194,7 @@ def tried_up_to_hz(design: Design, window: tuple[float, float]) -> Callable[[flo
 
 
 class LiveMode(NamedTuple):
-    """A mode of a live plate as the search for the wanted one sees it."""
+    """A mode of a live plate as the search for the target mode sees it."""
 
     frequency_hz: float
     strength: float
@@ -203,7 +203,7 @@ class LiveMode(NamedTuple):
 
 
 class LivePlate:
-    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the wanted one among them.
+    """The modes of a case's whole plate, both ends free, from its column at some wavenumbers, and the target mode among them.
 
     SolverError for a design outside the box, by name.
     """
@@ -221,7 +221,7 @@ class LivePlate:
         self.modes = self.plate.modes(-1.0, self.top_hz)
 
     def verdict(self, zone: float = 0.0, rows: float = 0.0) -> Detuned:
-        """The wanted mode where the zone alone and the rows alone would ring higher by relative changes."""
+        """The target mode where the zone alone and the rows alone would ring higher by relative changes."""
         frequency_hz, turn, level = self.modes.detuned(zone, rows)
         measured = zip(frequency_hz, level.strength, level.zone_share, level.mac, strict=True)
         found = search(self.searched, (0.0, self.top_hz), [LiveMode(*one) for one in measured], lambda low, high: ())
@@ -229,7 +229,7 @@ class LivePlate:
         return Detuned(_shifted(found.verdict, first), self._tied(found, first), frequency_hz, turn, level)
 
     def _tied(self, found: Found[LiveMode], first: int) -> tuple[int, ...]:
-        """Modes that may be the wanted one, itself first: candidates that the best leads by too little for another mesh to
+        """Modes that may be the target mode, itself first: candidates that the best leads by too little for another mesh to
         agree.
         """
         best = found.verdict.index
@@ -250,7 +250,7 @@ class LivePlate:
 @dataclass(frozen=True)
 class Detuned:
     """A verdict over modes of frequencies (k,) in Hz, vectors (k, k) among those of the plate as it is, and their measures;
-    tied: the modes that may be the wanted one, the verdict's first.
+    tied: the modes that may be the target mode, the verdict's first.
     """
 
     verdict: Verdict
@@ -260,7 +260,7 @@ class Detuned:
     level: Confinement
 
     def rival_hz(self, within: float) -> float | None:
-        """The nearest other mode that carries a share of the wanted shape, Hz; None where none lies so near, relative."""
+        """The nearest other mode that carries a share of the target shape, Hz; None where none lies so near, relative."""
         at = self.verdict.index
         if at is None:
             return None

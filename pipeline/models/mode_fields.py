@@ -13,14 +13,14 @@ from pipeline.models.modes import PartModes
 from pipeline.records.surface_codec import folded, surface_arrays, unfolded
 from solvers.fem.surface import Skin
 from solvers.measures.correlation import zone_coefficients
-from solvers.measures.wanted_mode import weights
+from solvers.measures.target_mode import weights
 
 __all__ = ["full_fields", "kept_arrays", "plate_arrays", "surface_arrays"]
 KEPT_MODES = 12
 
 
 def kept_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
-    """Return the folded_* arrays of the chosen modes; the first is the wanted mode."""
+    """Return the folded_* arrays of the chosen modes; the first is the target mode."""
     skins = [_skin(part_modes, index) for index in rows]
     chosen = [part_modes.rows[index] for index in rows]
     return folded(skins, [row.symmetry for row in chosen], np.array([row.frequency_hz for row in chosen]))
@@ -55,18 +55,18 @@ def _skin(part_modes: PartModes, index: int) -> Skin:
 
 
 def shapes(part_modes: PartModes, design: Design) -> dict[str, Any]:
-    """Describe the modes that carry most of the wanted shape on the active face: wanted, frequency_hz, share, coefficients."""
-    assert part_modes.wanted
-    wanted = part_modes.wanted.row
-    assert wanted
-    among = part_modes.wanted.rows
+    """Describe the modes that carry most of the target shape on the active face: target, frequency_hz, share, coefficients."""
+    assert part_modes.target
+    target = part_modes.target.row
+    assert target
+    among = part_modes.target.rows
     strongest = np.argsort(-weights(among), kind="stable")[:KEPT_MODES]
     rows = [among[i] for i in sorted(strongest, key=lambda i: among[i].frequency_hz)]
     columns = [row.column for row in rows]
-    touch = part_modes.model.touch(wanted.symmetry, part_modes.vectors[wanted.symmetry][:, columns])
-    coefficients = zone_coefficients(touch, design, wanted.symmetry)
+    touch = part_modes.model.touch(target.symmetry, part_modes.vectors[target.symmetry][:, columns])
+    coefficients = zone_coefficients(touch, design, target.symmetry)
     return {
-        "wanted": rows.index(wanted),
+        "target": rows.index(target),
         "frequency_hz": [row.frequency_hz for row in rows],
         "share": [1.0 if row.zone_share is None else row.zone_share for row in rows],
         "coefficients": coefficients / np.maximum(np.linalg.norm(coefficients, axis=1, keepdims=True), 1e-300),

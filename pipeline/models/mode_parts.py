@@ -1,4 +1,4 @@
-"""Parts of an answer about modes: each mode, the count by inertia, and the wanted mode with its rivals."""
+"""Parts of an answer about modes: each mode, the count by inertia, and the target mode with its rivals."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any, Literal
 from pipeline.records.part import BAR, Part, column, live
 
 RELATIVE = "half-width of the frequency's error bar, relative; None without an estimate"
-MAC = "modal assurance criterion with the wanted shape on the active touch face, 0 to 1"
-STRENGTH = "share of the wanted shape that the mode carries, times its zone share, 0 to 1"
+MAC = "modal assurance criterion with the target shape on the active touch face, 0 to 1"
+STRENGTH = "share of the target shape that the mode carries, times its zone share, 0 to 1"
 CONFINEMENT = "rms of u_z on the active touch face over that on the passive one; None without a passive one"
 SHARE = "integral of u_z^2 over the active touch face over that over the whole touch face"
 
@@ -71,7 +71,7 @@ class CountRecord(Part):
 
 
 class RivalRecord(Part):
-    """Another mode that carries the wanted shape."""
+    """Another mode that carries the target shape."""
 
     frequency_hz: float = column("frequency, best value", "Hz", error="error")
     strength: float | None = column(STRENGTH, error="strength_error")
@@ -83,28 +83,28 @@ class RivalRecord(Part):
     strength_error: float | None = column(BAR.format("strength"), default=None)
 
 
-class WantedRecord(Part):
-    """The verdict on the wanted mode: status is single, split or none; with none, frequency and levels are None.
+class TargetRecord(Part):
+    """The verdict on the target mode: status is single, split or none; with none, frequency and levels are None.
 
-    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode; as driven it is at `response`'s wanted_peak.
+    Frequency in Hz, MAC and strength from 0 to 1, confinement in dB as a mode; as driven it is at `response`'s target_peak.
 
     >>> import antinode
-    >>> antinode.Wanted(status="single", frequency_hz=34.6e3, mac=0.97, strength=0.62, confinement_db=12.1).confinement_db
+    >>> antinode.Target(status="single", frequency_hz=34.6e3, mac=0.97, strength=0.62, confinement_db=12.1).confinement_db
     12.1
     """
 
     status: Literal["single", "split", "none"] = column("single, split among several modes, or none")
-    frequency_hz: float | None = column("frequency of the wanted mode", "Hz", error="frequency_error")
+    frequency_hz: float | None = column("frequency of the target mode", "Hz", error="frequency_error")
     mac: float | None = column(MAC, error="mac_error")
     strength: float | None = column(STRENGTH, error="strength_error")
     confinement_db: float | None = column(CONFINEMENT, "dB", error="confinement_error_db")
     zone_share: float | None = column(SHARE, error="zone_share_error", default=None)
-    symmetry: str | None = column("symmetry class of the wanted mode", default=None)
+    symmetry: str | None = column("symmetry class of the target mode", default=None)
     driven_confinement_db: float | None = column(
-        "always None: `response` has the driven one at its wanted_peak", "dB", default=None
+        "always None: `response` has the driven one at its target_peak", "dB", default=None
     )
     share: float | None = column(
-        "part of the wanted shape that the mode carries, of all modes of the window", default=None
+        "part of the target shape that the mode carries, of all modes of the window", default=None
     )
     rivals: list[RivalRecord] = column("the other modes that carry the shape, strongest first", default_factory=list)
     window_hz: list[float] | None = column("window in which it was searched", "Hz", default=None)
@@ -129,7 +129,7 @@ class WantedRecord(Part):
         return self.frequency_hz is not None
 
 
-class WantedMode(WantedRecord):
+class TargetMode(TargetRecord):
     """The same where there is a mode."""
 
-    frequency_hz: float = column("frequency of the wanted mode", "Hz", error="frequency_error")
+    frequency_hz: float = column("frequency of the target mode", "Hz", error="frequency_error")

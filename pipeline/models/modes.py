@@ -1,4 +1,4 @@
-"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the wanted one among them."""
+"""Modes of a part: every symmetry class asked for, merged, counted and measured, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from pipeline.case.model import Case
 from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models import parts
-from pipeline.models.mode_parts import CountRecord, WantedRecord
+from pipeline.models.mode_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
-from pipeline.models.wanted import ModeRow, Wanted, look, look_about, look_among, mode_rows, verdict_text
+from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
 from pipeline.planning import foresight, refinement, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
@@ -29,7 +29,7 @@ from pipeline.planning.model_choice import (
     Request,
     model_choice_of,
     model_high_hz,
-    wanted_window_hz,
+    target_window_hz,
     with_defaults,
     with_search,
 )
@@ -54,7 +54,7 @@ from solvers.fem.eigen import Count, Modes, PlainPencil, Shared, modes_in_band, 
 from solvers.fem.factor.factoriser import side_by_side
 from solvers.fem.missing_mode import largest_outside
 from solvers.fem.solid import Pencil
-from solvers.measures.confinement import Confinement, measure, share_error, strength_force, wanted_symmetry
+from solvers.measures.confinement import Confinement, measure, share_error, strength_force, target_symmetry
 from solvers.measures.mode_mixing import Overlaps, mixed_energy, mixed_shares
 from solvers.plates.assembled import PlateModel
 from solvers.threads import one_thread
@@ -69,7 +69,7 @@ class PartModes:
     """Modes of a part in ascending order, with the model and the eigenvectors behind them.
 
     reduction_error and expected_error (by the mesh) are those of any mode, relative; `errors` those of each class's columns,
-    None where none was asked for. `wanted` is None where the question has no meaning: another symmetry class, a lone pillar,
+    None where none was asked for. `target` is None where the question has no meaning: another symmetry class, a lone pillar,
     a mesh without touch face. more_in_mesh: how many more modes than were counted the meshes behind a reduced plate have at
     most up to the count's upper end.
     """
@@ -85,30 +85,30 @@ class PartModes:
     reduction_error: float | None = None
     expected_error: float | None = None
     errors: dict[str | None, ModeErrors] | None = None
-    wanted: Wanted | None = None
+    target: Target | None = None
     more_in_mesh: int | None = None
     nearest_hz: float | None = None  # to a band that holds no mode
 
     @property
-    def wanted_row(self) -> ModeRow | None:
-        """The wanted mode; None where there is none."""
-        return self.wanted.row if self.wanted else None
+    def target_row(self) -> ModeRow | None:
+        """The target mode; None where there is none."""
+        return self.target.row if self.target else None
 
     def each(self, change: Callable[[ModeRow], ModeRow]) -> PartModes:
         """The same modes, in ascending order, changed one by one."""
-        wanted = self.wanted and self.wanted.each(change)
-        return replace(self, rows=tuple(sorted(map(change, self.rows), key=_place)), wanted=wanted)
+        target = self.target and self.target.each(change)
+        return replace(self, rows=tuple(sorted(map(change, self.rows), key=_place)), target=target)
 
     def all_rows(self, searched: bool) -> tuple[ModeRow, ...]:
-        """The rows, and those that a search for the wanted mode went through: other modes that were solved are nobody's."""
-        return (*self.rows, *(self.wanted.rows if self.wanted and searched else ()))
+        """The rows, and those that a search for the target mode went through: other modes that were solved are nobody's."""
+        return (*self.rows, *(self.target.rows if self.target and searched else ()))
 
     @property
     def whole_window(self) -> PartModes:
-        """Return the same with all modes that the search for the wanted one went through, where all are of one
+        """Return the same with all modes that the search for the target mode went through, where all are of one
         class.
         """
-        part_modes = self.wanted
+        part_modes = self.target
         if part_modes is None or part_modes.count is None or len(self.vectors) > 1:
             return self
         rows = sorted(
@@ -139,13 +139,13 @@ class PartModes:
         """The count by inertia and what was found."""
         return CountRecord.of(self.count, counts=self.counts, more_in_mesh_at_most=self.more_in_mesh)
 
-    def wanted_part(self) -> WantedRecord | None:
-        """The wanted mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
-        row = self.wanted_row
-        if self.wanted is None or row is None:
-            return self.wanted.record() if self.wanted else None
+    def target_part(self) -> TargetRecord | None:
+        """The target mode with its error bar, its place among the modes, its pillars' share of kinetic energy."""
+        row = self.target_row
+        if self.target is None or row is None:
+            return self.target.record() if self.target else None
         share, error = self._pillar_share(row) if self.part == "plate" else (None, None)
-        return self.wanted.record(
+        return self.target.record(
             index=self.index(row),
             frequency_error=row.error,
             pillar_energy_share=share,
@@ -153,10 +153,10 @@ class PartModes:
         )
 
     def _pillar_share(self, row: ModeRow) -> tuple[float, float | None]:
-        """The pillars' share of the wanted mode's kinetic energy, and its bar by neighbours that mix into it."""
-        assert self.wanted is not None
+        """The pillars' share of the target mode's kinetic energy, and its bar by neighbours that mix into it."""
+        assert self.target is not None
         own, mixing = partial(self.model.pillar_share, row.symmetry), calibration.mixing()
-        vectors, siblings = self.vectors[row.symmetry], list(self.wanted.rows)
+        vectors, siblings = self.vectors[row.symmetry], list(self.target.rows)
         half = row.error
         if half is None or mixing is None or row not in siblings:
             return float(own(vectors[:, [row.column]])[0]), None
@@ -220,7 +220,7 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     estimate = _error_estimate(part_modes)
     if estimate:
         log.info(
-            f"overestimated by truncation, as what it leaves out tells: the wanted mode {percent(estimate.total)}, "
+            f"overestimated by truncation, as what it leaves out tells: the target mode {percent(estimate.total)}, "
             f"any mode {percent(estimate.worst)} at most"
         )
         warn(estimate.total, case, log)
@@ -239,8 +239,8 @@ def _is_deeper(finer: ModelChoice, choice: ModelChoice) -> bool:
 
 
 def _decisive(part_modes: PartModes) -> float | None:
-    """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the wanted mode's."""
-    row = part_modes.wanted_row if isinstance(part_modes.model, PlateModel) else None
+    """Half-width of the bar by the mesh that the accuracy is asked of: the largest, or of a plate the target mode's."""
+    row = part_modes.target_row if isinstance(part_modes.model, PlateModel) else None
     rows = (row,) if row else part_modes.rows
     return _by_the_mesh(part_modes, rows)
 
@@ -280,9 +280,9 @@ def _with_errors(part_modes: PartModes) -> PartModes:
 
 
 def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
-    """The modes with the half-width of each level's bar; the wanted one's is that of its search."""
+    """The modes with the half-width of each level's bar; the target mode's is that of its search."""
     share = calibration.mixing()
-    beyond = part_modes.wanted.beyond if part_modes.wanted else ()
+    beyond = part_modes.target.beyond if part_modes.target else ()
     known = {(row.symmetry, row.column): row for row in (*part_modes.all_rows(True), *beyond)}
     if share is None or all(row.confinement_db is None for row in known.values()):
         return part_modes
@@ -295,7 +295,7 @@ def _with_level_bars(case: Case, part_modes: PartModes) -> PartModes:
             bars |= {
                 (symmetry, row.column): _measure_bars(rows, i, overlaps, ends, share) for i, row in enumerate(rows)
             }
-    own = part_modes.wanted_row
+    own = part_modes.target_row
     if own:
         levels = (None, None) if own.error is None else level_bars_db(case, part_modes, own.error)
         level: dict[str, Any] = dict(zip(("confinement_error_db", "extension_error_db"), levels, strict=True))
@@ -356,7 +356,7 @@ def _within_reach(case: Case, query: Request, choice: ModelChoice, log: Log) -> 
 
 
 def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: CoarseModes | None = None) -> PartModes:
-    """Solve the modes by one model choice, with the wanted one among them and the errors class by class.
+    """Solve the modes by one model choice, with the target mode among them and the errors class by class.
 
     What a coarse mesh told of them saves modes that another class's nearer ones put out.
     """
@@ -368,8 +368,8 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
     def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
         one = _Class(case, query.part, model, symmetry, log)
         one.ask(replace(query, count=count))
-        if symmetry in (None, wanted_symmetry(case.design.nodal_lines)):
-            one.wanted = _wanted(case, query, one)
+        if symmetry in (None, target_symmetry(case.design.nodal_lines)):
+            one.target = _target(case, query, one)
         one.errors = one.estimated(coarser)
         if query.band_hz:
             one.more_below(one.count.high_hz)  # beside the other classes
@@ -394,7 +394,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
         sum(one.rigid_count for one in classes.values()),
         count,
         meshes,
-        wanted=next((one.wanted for one in each if one.wanted), None),
+        target=next((one.target for one in each if one.target), None),
         more_in_mesh=_more_in_mesh(classes, count),
         nearest_hz=_nearest_hz(query, classes),
         errors={one.symmetry: one.errors for one in each if one.errors},
@@ -416,7 +416,7 @@ class _Class:
         self.nearest_hz: float | None = None
         self.count = Count(0.0, 0.0, 0, 0)
         self.shared = Shared()
-        self.wanted: Wanted | None = None
+        self.target: Target | None = None
         self.errors: ModeErrors | None = None
         self._more: dict[float, int | None] = {}
 
@@ -467,7 +467,7 @@ class _Class:
 
     def between(self, low_hz: float, high_hz: float) -> tuple[tuple[ModeRow, ...], Count]:
         """Return all modes between two frequencies, reusing those already solved."""
-        with self.log.step(f"look for the wanted mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
+        with self.log.step(f"look for the target mode from {khz(round(low_hz))} to {khz(round(high_hz))}"):
             solution = modes_in_band(self.pencil, low_hz, high_hz, self.shared)
             return self._kept(solution), solution.count
 
@@ -496,9 +496,9 @@ class _Class:
         return tuple(mode_rows(modes, self.symmetry, measures, first))
 
 
-def _wanted(case: Case, query: Request, one: _Class) -> Wanted | None:
-    """Find the wanted mode among those of its class; None for a part that has none."""
-    window = wanted_window_hz(case, query)
+def _target(case: Case, query: Request, one: _Class) -> Target | None:
+    """Find the target mode among those of its class; None for a part that has none."""
+    window = target_window_hz(case, query)
     if window is None:
         return None
     if query.expected:
@@ -529,7 +529,7 @@ def _more_in_mesh(classes: dict[str | None, _Class], count: Count) -> int | None
 def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
     """Estimate the errors of a plate of reduced cells; None for a body that was not reduced or has no mode.
 
-    Without a wanted mode the worst one stands for it.
+    Without a target mode the worst one stands for it.
     """
     errors = part_modes.errors or {}
     every = [np.vstack([each.modes, each.degrees, each.through]) for each in errors.values() if len(each.modes)]
@@ -537,7 +537,7 @@ def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
         return None
     together = np.hstack(every)
     worst = together[:, int(np.argmax(together.sum(axis=0)))]
-    row = part_modes.wanted_row
+    row = part_modes.target_row
     own = errors[row.symmetry] if row else None
     mine = (own.modes, own.degrees, own.through) if row and own else worst[:, None]
     column = row.column if row and own else 0
@@ -545,13 +545,13 @@ def _error_estimate(part_modes: PartModes) -> ErrorEstimate | None:
 
 
 def level_bars_db(case: Case, part_modes: PartModes, error: float) -> tuple[float | None, float | None]:
-    """What the wanted mode's confinement and its level over the plate beyond the rows may be off by, dB, where frequencies may
-    be by `error`, relative: an error mixes its neighbours into it. None without a wanted mode or such a part.
+    """What the target mode's confinement and its level over the plate beyond the rows may be off by, dB, where frequencies may
+    be by `error`, relative: an error mixes its neighbours into it. None without a target mode or such a part.
     """
-    row = part_modes.wanted_row
-    if row is None or part_modes.wanted is None or row.confinement_db is None:
+    row = part_modes.target_row
+    if row is None or part_modes.target is None or row.confinement_db is None:
         return None, None
-    siblings = list(part_modes.wanted.rows)
+    siblings = list(part_modes.target.rows)
     touch = part_modes.model.touch(
         row.symmetry, part_modes.vectors[row.symmetry][:, [each.column for each in siblings]]
     )
@@ -627,10 +627,10 @@ def _same(first: float, second: float) -> bool:
     return abs(first - second) <= 1e-6 * max(first, second)
 
 
-def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
-    """Describe the wanted mode, its error bar, and the count."""
-    said = verdict_text(part_modes.wanted, design) if part_modes.wanted else []
-    row = part_modes.wanted_row
+def target_lines(part_modes: PartModes, design: Design) -> list[str]:
+    """Describe the target mode, its error bar, and the count."""
+    said = verdict_text(part_modes.target, design) if part_modes.target else []
+    row = part_modes.target_row
     if row and part_modes.index(row) is None:
         said.append("It lies outside the modes listed above.")
     if row and part_modes.errors is not None:
@@ -639,7 +639,7 @@ def wanted_lines(part_modes: PartModes, design: Design) -> list[str]:
             if row.confinement_error_db is None
             else f", {level_text(*(row.confinement_error_db,) * 2)} of its confinement"
         )
-        known = "none measured" if row.error is None else f"{percent(row.error)} of the wanted mode's frequency{level}"
+        known = "none measured" if row.error is None else f"{percent(row.error)} of the target mode's frequency{level}"
         said.append(f"expected errors: {known}")
     return [*said, count_text(part_modes)]
 

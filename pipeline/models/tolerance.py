@@ -33,7 +33,7 @@ MEASURES = ("peak_hz", "confinement_db")
 
 @dataclass(frozen=True)
 class VariedPlates:
-    """The nominal plate and the samples, each measured at its wanted mode, tracked by its shape.
+    """The nominal plate and the samples, each measured at its target mode, tracked by its shape.
 
     curves (samples + 1, n): the zone's rms over frequency, the nominal one first. The checks hold what a narrower space, and
     pillars reduced instead of interpolated, change; loss is 1/Q.
@@ -62,7 +62,7 @@ def solve(
         still = plate.sample(np.zeros((count, 4)))
         nominal = _measured(still)
         if nominal.peak_hz is None:
-            raise InputError(_elsewhere(case, band_hz, plate.forced.wanted_hz()))
+            raise InputError(_elsewhere(case, band_hz, plate.forced.target_hz()))
         shown = _shown(nominal.peak_hz, band_hz)
         first = still.curve(shown).zone_rms_m_per_v
     log.info(nominal.line("nominal"))
@@ -77,13 +77,13 @@ def solve(
     return VariedPlates(count, plate.space.size, nominal, samples, space_check, off, shown, curves, plate.forced.loss)
 
 
-def _elsewhere(case: Case, band: tuple[float, float], wanted_hz: float | None) -> str:
-    """Say that a band does not hold the wanted mode, and where that lies."""
+def _elsewhere(case: Case, band: tuple[float, float], target_hz: float | None) -> str:
+    """Say that a band does not hold the target mode, and where that lies."""
     about = f"{khz(band[0])} to {khz(band[1])}"
-    if wanted_hz is None:
-        return f"{case.name}: no mode of the plate has the wanted shape, which a tolerance follows"
+    if target_hz is None:
+        return f"{case.name}: no mode of the plate has the target shape, which a tolerance follows"
     return (
-        f"{case.name}: the wanted mode, which a tolerance follows, lies at {khz(wanted_hz)}, outside {about}: give another "
+        f"{case.name}: the target mode, which a tolerance follows, lies at {khz(target_hz)}, outside {about}: give another "
         "--band or solve.band_kHz"
     )
 
@@ -134,7 +134,7 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
         pressed = PressedPlate({symmetry: model.assembled(symmetry) for symmetry in CLASSES}, design, model.name)
         with log.step("modes of the plate"):
             window = mesh_rules.search_window_hz(design)
-            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), wanted_window_hz=window)
+            forced = ForcedPlate(pressed, design, Drive((0,), (), band, case.quality_factor), target_window_hz=window)
     with log.step("the space of the samples"):
         plate = VariedPlate(forced, reductions.families)
     log.info(
@@ -144,7 +144,7 @@ def _varied(case: Case, given: ToleranceTable, choice: ModelChoice, band: tuple[
 
 
 def _measured(sample: ChangedPlate) -> SampleRecord:
-    """Measure the response at the mode into which the nominal wanted mode has turned, between the points of any
+    """Measure the response at the mode into which the nominal target mode has turned, between the points of any
     grid.
     """
     tone, tracking = sample.tracked_hz, sample.tracked.status

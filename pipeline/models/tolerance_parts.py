@@ -35,9 +35,9 @@ class SpreadRecord(Part):
 
 
 class SampleRecord(Part):
-    """A plate at the mode that the wanted one has become; samples have no error bar of their resonances."""
+    """A plate at the mode that the target mode has become; samples have no error bar of their resonances."""
 
-    peak_hz: float | None = column("frequency of the wanted mode's peak; None where the mode is lost", "Hz")
+    peak_hz: float | None = column("frequency of the target mode's peak; None where the mode is lost", "Hz")
     zone_rms: float | None = column("rms of u_z on the active touch face, in rms_unit")
     confinement_db: float | None = column("rms on the active touch face over that on the passive one", "dB")
     quality_factor: float | None = column("quality factor; None where it cannot be read", error="quality_error")
@@ -47,14 +47,14 @@ class SampleRecord(Part):
     def line(self, name: str, relative: float | None = None) -> str:
         """Return the sample in words; relative: what its frequency's digits may be off by."""
         if self.peak_hz is None:
-            return f"{name}: lost, no mode has the wanted mode's shape"
+            return f"{name}: lost, no mode has the target mode's shape"
         confinement = "" if self.confinement_db is None else f", confinement {quantity.level(self.confinement_db)}"
         split = ", split among several modes" if self.tracking == "split" else ""
         return f"{name}: peak at {quantity.frequency(self.peak_hz, relative)}{confinement}{split}"
 
 
 def statistics(nominal: SampleRecord, samples: Sequence[SampleRecord]) -> dict[str, Any]:
-    """Return what samples come to, by the names of the result: those without the wanted mode are counted and left out."""
+    """Return what samples come to, by the names of the result: those without the target mode are counted and left out."""
     from solvers.measures.confinement import CONFINED_DB
 
     peaks, levels = known(samples, "peak_hz"), known(samples, "confinement_db")

@@ -1,4 +1,4 @@
-"""A finger on a case's driven plate: the wanted mode under it, the states of the drive, and the same finger at every place."""
+"""A finger on a case's driven plate: the target mode under it, the states of the drive, and the same finger at every place."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def solve(
 ) -> dict[str, Any]:  # fmt: skip
     """Put the case's finger on its plate, `forced` where that is solved already; returns columns of `TouchResult` by name.
 
-    SolverError where the band holds no wanted mode.
+    SolverError where the band holds no target mode.
     """
     session = _session(case, forced or forced_plate(case, log, band_hz, meshes), log)
     with log.step("the finger's states"):
@@ -54,10 +54,10 @@ def solve(
 
 
 def _lost(session: Session) -> str:
-    """Return why nothing is said of the wanted mode under the finger."""
+    """Return why nothing is said of the target mode under the finger."""
     known = interval(*(share * end for share, end in zip(session.touched.margin, session.touched.band_hz, strict=True)))
     return (
-        f"the wanted mode under the finger: the finger moves it out of the range whose modes are known, {known}; "
+        f"the target mode under the finger: the finger moves it out of the range whose modes are known, {known}; "
         "widen --band"
     )
 
@@ -70,7 +70,7 @@ def _session(case: Case, forced: ForcedPlate, log: Log) -> Session:
     if tone is None or not low <= tone <= high:
         where = "no mode of the plate has its shape" if tone is None else f"it lies at {frequency(tone)}"
         raise SolverError(
-            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not hold the wanted mode to touch: {where}"
+            f"the band from {low / KHZ:g} to {high / KHZ:g} kHz does not hold the target mode to touch: {where}"
         )
     with log.step("modes that the finger moves"):
         finger = Finger(touch.tip, touch.at_m, touch.radius_m).following(case.design, high)

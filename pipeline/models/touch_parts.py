@@ -8,7 +8,7 @@ MAP = ("x_m", "y_m")
 
 
 class LoadedModeRecord(Part):
-    """The wanted mode under a finger, by its complex eigenvalue (2 pi frequency_hz)^2 (1 + i/quality_factor)."""
+    """The target mode under a finger, by its complex eigenvalue (2 pi frequency_hz)^2 (1 + i/quality_factor)."""
 
     free_hz: float = column("frequency without the finger", "Hz", error="free_error")
     frequency_hz: float = column("frequency under the finger", "Hz", error="frequency_error")

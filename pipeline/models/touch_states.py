@@ -180,7 +180,7 @@ def with_bars(
     nominal = _figures(session, solved)
     errors = frequency_errors(session.touched)
     half = _half_widths(session, solved, nominal, errors, share)
-    own = frequency_error(session.touched, session.free.free.wanted_hz() or session.peak_hz, errors)
+    own = frequency_error(session.touched, session.free.free.target_hz() or session.peak_hz, errors)
     bars = dict(zip(nominal, half.tolist(), strict=True))
 
     def known(part: str, names: dict[str, str]) -> dict[str, Any]:
@@ -226,7 +226,7 @@ def _half_widths(
     def varied(each: Variation | Louder) -> FloatArray:
         return again(_session(session, each))
 
-    tone = session.free.free.wanted_hz() or session.peak_hz
+    tone = session.free.free.target_hz() or session.peak_hz
     half = half_widths(values, variations(session.touched, errors, tone, share), varied)
     load = height_error(session.free.free, session.peak_hz)
     if load is not None:

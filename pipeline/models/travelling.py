@@ -22,7 +22,7 @@ from solvers.accuracy import calibration
 from solvers.driven.error_bars import Louder, Variation, frequency_errors, half_widths, is_known, mixings, sources
 from solvers.driven.several_patches import motion_at, plate_table, power_flow
 from solvers.errors import SolverError
-from solvers.measures.confinement import ratio_db, wanted_shape
+from solvers.measures.confinement import ratio_db, target_shape
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.peak_errors import height_error
 from solvers.shaping.modal_table import ModalTable, field_matrix, sensor_matrix
@@ -81,7 +81,7 @@ class Travelling:
 def solve(
     case: Case, log: Log, band_hz: tuple[float, float] | None, others: float, meshes: list[MeshRecord]
 ) -> tuple[dict[str, Any], Travelling]:
-    """Hold the wanted mode and its neighbour with one nodal line more or less; the pair that runs best.
+    """Hold the target mode and its neighbour with one nodal line more or less; the pair that runs best.
 
     Returns columns of `TravelResult` by name, and what they are made from. SolverError where the band does not hold both modes.
     """
@@ -115,7 +115,7 @@ def best_pair(forced: ForcedPlate, design: Design, others: float, rows: list[Flo
     if not candidates:
         low, high = (end / KHZ for end in forced.band_hz)
         raise SolverError(
-            f"the band from {low:g} to {high:g} kHz does not hold the wanted mode and a neighbour with one nodal line more or "
+            f"the band from {low:g} to {high:g} kHz does not hold the target mode and a neighbour with one nodal line more or "
             "less: widen it"
         )
     _, best, pair = max(candidates, key=lambda each: each[0])
@@ -153,7 +153,7 @@ def _window(design: Design) -> tuple[float, float]:
 
 def share_of(table: ModalTable, design: Design, lines: int) -> FloatArray:
     """Share of each mode's mass that moves as the zone's shape with so many nodal lines, (modes,)."""
-    shape = wanted_shape(replace(design, nodal_lines=lines), table.points_m)
+    shape = target_shape(replace(design, nodal_lines=lines), table.points_m)
     per_point = design.stack.mass_kg_m2 * design.length_m * design.width_m / len(shape)
     return np.asarray(per_point * (table.field @ shape) ** 2 / (shape @ shape))
 

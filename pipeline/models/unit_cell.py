@@ -208,7 +208,7 @@ def _piloted(
     reduction: ReductionSettings,
     corners: FloatArray,
     count: int,
-    wanted: float,
+    allowed: float,
     log: Log,
     least_hz: float,
 ) -> ReductionSettings:
@@ -219,20 +219,20 @@ def _piloted(
         suppress(SolverError),
     ):  # more than the coarse mesh can hold
         for _ in range(ROUNDS):
-            fewer = cutoff_hz(pilot.lattice(reduction), corners, count, BY_MODES * wanted)
+            fewer = cutoff_hz(pilot.lattice(reduction), corners, count, BY_MODES * allowed)
             level = replace(reduction, top_hz=max(min(reduction.top_hz, fewer), least_hz))
             lattice = pilot.lattice(level)
             error = reduction_error(lattice, corners, count)
-            reduction = level if error.total <= wanted else _raised(level, lattice, error, wanted)
+            reduction = level if error.total <= allowed else _raised(level, lattice, error, allowed)
             if reduction == level:
                 break
     return level
 
 
 def _thick_enough(
-    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, wanted: float, log: Log
+    pilot: _Pilot, reduction: ReductionSettings, corners: FloatArray, count: int, allowed: float, log: Log
 ) -> tuple[ReductionSettings, float]:
-    """Raise the degree through the thickness where the next one would bring more than `wanted` on a coarse cell; with what it
+    """Raise the degree through the thickness where the next one would bring more than `allowed` on a coarse cell; with what it
     would bring.
 
     The last degree falls exponentially; a plate thin beside its pitch moves almost linearly through its thickness.
@@ -244,7 +244,7 @@ def _thick_enough(
         for through in range(face.through, MAX_THROUGH + 1):
             trial = replace(reduction, interface=Interface(face.along, through + 1))
             error = last_degree_through(pilot.lattice(trial), corners, count)
-            if error <= wanted or through == MAX_THROUGH:
+            if error <= allowed or through == MAX_THROUGH:
                 break
     if through == face.through:
         return reduction, error
@@ -272,7 +272,7 @@ def _good_enough(
     finer = advised if error.total <= left else _raised(advised, lattice, error, AIM * left)
     if finer != advised:
         log.info(
-            f"bands within {percent(error.total)} by truncation, {percent(left)} wanted: {describe_change(advised, finer)}"
+            f"bands within {percent(error.total)} by truncation, {percent(left)} allowed: {describe_change(advised, finer)}"
         )
         with suppress(SolverError):  # more than the mesh can hold
             trial = ReducedLattice(reduce(finer))
@@ -299,7 +299,7 @@ def _left_by_the_mesh(bar: Bar, accuracy: float) -> float:
 
 
 def _raised(
-    reduction: ReductionSettings, lattice: ReducedLattice, error: ReductionError, wanted: float
+    reduction: ReductionSettings, lattice: ReducedLattice, error: ReductionError, allowed: float
 ) -> ReductionSettings:
     """Add fixed-interface modes or a degree along the sides, whichever causes more error; unchanged at the limit."""
     face, modes = reduction.interface, len(lattice.cell.fixed_hz)
@@ -307,7 +307,7 @@ def _raised(
         finer = higher_degree(reduction)
         return finer if _boundary(finer.interface) + modes <= MAX_DOF else reduction
     limit = (max(MAX_DOF - _boundary(face), modes) / max(modes, 1)) ** (1.0 / 3.0)  # modes go as top_hz^3
-    return more_modes(reduction, error.modes, max(wanted - error.degrees, wanted / 4.0), limit)
+    return more_modes(reduction, error.modes, max(allowed - error.degrees, allowed / 4.0), limit)
 
 
 def _boundary(face: Interface) -> int:

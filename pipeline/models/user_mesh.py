@@ -21,7 +21,7 @@ from pipeline.errors import InputError
 from pipeline.logs import Log
 from pipeline.models.modes import DEFAULT_COUNT, PartModes, Request, with_defaults
 from pipeline.models.parts import mesh_record, warn_of_locking
-from pipeline.models.wanted import ModeRow, look_among, mode_rows
+from pipeline.models.target import ModeRow, look_among, mode_rows
 from pipeline.units import MM
 from solvers.fem.eigen import Modes, modes_in_band, modes_near
 from solvers.fem.solid import AXES, SolidModel
@@ -79,10 +79,10 @@ def solve(case: Case, own: UserMesh, query: Request, log: Log) -> PartModes:
         else:
             solution = modes_near(pencil, request.near_hz or 0.0, request.count or DEFAULT_COUNT)
     rows, count = _rows(case, model, solution), solution.count
-    wanted = look_among(rows, count) if _has_touch(case, mesh) else None
+    target = look_among(rows, count) if _has_touch(case, mesh) else None
     vectors: dict[str | None, FloatArray] = {None: solution.vectors}
     about = (pencil.dof, solution.rigid_count, count, [mesh_record("own mesh", mesh)])
-    return PartModes("mesh", model, rows, vectors, *about, wanted=wanted, more_in_mesh=0)
+    return PartModes("mesh", model, rows, vectors, *about, target=target, more_in_mesh=0)
 
 
 def _check_bodies(read: MeshFile, own: UserMesh) -> None:

@@ -66,7 +66,7 @@ class AttenuationPoint(Passed):
 
 
 class BroadbandPoint(Passed):
-    """At a frequency: confinement of the motion that a pressure of the wanted shape forces, and what passes the rows."""
+    """At a frequency: confinement of the motion that a pressure of the target shape forces, and what passes the rows."""
 
     confinement_db: float | None = column("confinement of the driven zone", "dB", error="confinement_error_db")
     confinement_error_db: float | None = column("half-width of the level's error bar; " + UNKNOWN, "dB", default=None)

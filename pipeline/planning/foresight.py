@@ -147,7 +147,7 @@ def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
     """Demand of a few modes of one symmetry class of the plate meshed whole by tetrahedra."""
     whole = replace(case, solve=case.solve.but(mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
-        "plate", near_hz=mesh_rules.wanted_window_hz(case.design)[0], count=count, symmetry=case.symmetry_wanted
+        "plate", near_hz=mesh_rules.target_window_hz(case.design)[0], count=count, symmetry=case.target_symmetry
     )
     return of_modes(whole, model_choice_of(whole, "plate", model_high_hz(whole, query)), query)
 
@@ -585,7 +585,7 @@ def _changes(case: Case, choice: ModelChoice, query: Request) -> tuple[str, ...]
         changes.append("take fewer rows or a larger pitch")
     if query.part != "pillar" and case.design.is_short_wave:
         changes.append(
-            "take fewer zone.nodal_lines: half a wave of the wanted mode is no longer than the plate is thick"
+            "take fewer zone.nodal_lines: half a wave of the target mode is no longer than the plate is thick"
         )
     return tuple(changes)
 

@@ -19,7 +19,7 @@ from solvers.analytic.plates import MAX_LINES, Strip, levy_hz, mindlin_mode, thi
 from solvers.analytic.predesign import pillar_frequencies_hz, strip_of
 from solvers.superelement.interface import Interface, ReductionSettings
 
-WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the wanted mode of plates with pillars was found
+WINDOW = (0.72, 1.35)  # of the exact thin-plate frequency: where the target mode of plates with pillars was found
 # degree along a side by accuracy: the longest side over the spacing of nodal lines; each solve's own estimate checks it
 ALONG = {0.002: {4: 0.36, 5: 0.9}, 0.0: {4: 0.3, 5: 0.4}}
 ACROSS = 2.05  # elements over the zone's width, a little more than two: two in each half
@@ -128,11 +128,11 @@ def expected_error(part: str, row: MeshLevel, growth: float = 1.0) -> float | No
 
 
 def good_to_hz(part: str, design: Design) -> float:
-    """Highest frequency, Hz, covered by the calibration of a part: the wanted mode, three bendings, or ten bands of a
+    """Highest frequency, Hz, covered by the calibration of a part: the target mode, three bendings, or ten bands of a
     cell.
     """
     if part == "zone":
-        return _wanted_hz(design)
+        return _target_hz(design)
     if part == "pillar":
         assert design.pillar
         return float(pillar_frequencies_hz(design.pillar, "timoshenko", 3)[-1])
@@ -329,23 +329,23 @@ def _smallest_m(design: Design) -> float:
     return min(design.thickness_m, *(pillar.smallest_m for pillar in design.kinds))
 
 
-def wanted_window_hz(design: Design) -> tuple[float, float]:
-    """Window in which the wanted mode is searched first, Hz: about the zone's exact thin-plate frequency between pinned sides,
+def target_window_hz(design: Design) -> tuple[float, float]:
+    """Window in which the target mode is searched first, Hz: about the zone's exact thin-plate frequency between pinned sides,
     and up to the zone between clamped ones, which no row of pillars can exceed.
     """
-    estimate = _wanted_hz(design)
+    estimate = _target_hz(design)
     return WINDOW[0] * estimate, max(WINDOW[1] * estimate, clamped_hz(design))
 
 
 def search_window_hz(design: Design) -> tuple[float, float]:
-    """Window from which a plate's wanted mode is searched, Hz: the same, from the zone's frequency in its shape rigid across
+    """Window from which a plate's target mode is searched, Hz: the same, from the zone's frequency in its shape rigid across
     upwards. Slower motion does not bend across the zone, however like half a sine it looks.
     """
-    low, high = wanted_window_hz(design)
+    low, high = target_window_hz(design)
     if design.nodal_lines < 2:  # its shape is rigid along: rigid across, it would not bend at all
         return low, high
     strip = _strip(design)
-    return min(low, _wanted_hz(design) - thin_plate_hz(strip, 0.0, strip.across_per_m)), high
+    return min(low, _target_hz(design) - thin_plate_hz(strip, 0.0, strip.across_per_m)), high
 
 
 def clamped_hz(design: Design) -> float:
@@ -360,7 +360,7 @@ def _clamped_hz(strip: Strip, lines: int) -> float:
     return mindlin_mode(strip, lines, "clamped").frequency_hz if lines <= MAX_LINES else 0.0
 
 
-def _wanted_hz(design: Design) -> float:
+def _target_hz(design: Design) -> float:
     """The zone's exact thin-plate frequency, Hz."""
     strip = _strip(design)
     pinned = design.nodal_lines < 2  # a rigid shape along x: cylindrical bending across the zone

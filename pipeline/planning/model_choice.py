@@ -15,7 +15,7 @@ from pipeline.planning.simplifications import CLASSES, Simplification
 from pipeline.quantity import figure, percent
 from solvers.accuracy.calibration import HEX, TET, TET_ORDER
 from solvers.errors import SolverError
-from solvers.measures.confinement import wanted_symmetry
+from solvers.measures.confinement import target_symmetry
 from solvers.superelement.interface import ReductionSettings
 
 # the highest band asked for: a cell begins with fixed-interface modes below; a coarse cell tells how many more
@@ -216,12 +216,12 @@ def _mm(length_m: float) -> str:
 
 DEFAULT_COUNT = 20
 SIGNS = {"SS": "++", "SA": "+-", "AS": "-+", "AA": "--"}  # u_z symmetric or antisymmetric, x then y: as signs
-MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the wanted one
+MEASURED = ("plate", "zone")  # parts whose touch face tells which mode is the target mode
 
 
 @dataclass(frozen=True)
 class Expected:
-    """The wanted mode as another model has it: its frequency and its strength in the wanted shape."""
+    """The target mode as another model has it: its frequency and its strength in the target shape."""
 
     frequency_hz: float
     strength: float
@@ -231,7 +231,7 @@ class Expected:
 class Request:
     """What to solve: a band, or `count` modes near a frequency (0: the lowest); one symmetry class or all.
 
-    search: look for the wanted mode in its own window, beyond what is asked for; else among the modes found alone.
+    search: look for the target mode in its own window, beyond what is asked for; else among the modes found alone.
     expected: look for it in the band asked for, which is widened only while it holds no mode as strong as that one.
     """
 
@@ -262,30 +262,30 @@ def with_defaults(case: Case, request: Request) -> Request:
         return replace(query, near_hz=0.0)
     if query.part == "pillar":
         return replace(query, near_hz=0.0, count=4)
-    wanted = case.symmetry_wanted if query.part == "plate" else wanted_symmetry(case.design.nodal_lines)
-    return replace(query, band_hz=mesh_rules.wanted_window_hz(case.design), symmetry=query.symmetry or wanted)
+    target = case.target_symmetry if query.part == "plate" else target_symmetry(case.design.nodal_lines)
+    return replace(query, band_hz=mesh_rules.target_window_hz(case.design), symmetry=query.symmetry or target)
 
 
 def of_case(case: Case) -> Request:
-    """Request of a study for the plate's modes: the case's window and the wanted mode's in one, of the wanted mode's
+    """Request of a study for the plate's modes: the case's window and the target mode's in one, of the target mode's
     class.
     """
     solve = case.solve
-    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.symmetry_wanted))
+    return with_search(case, Request("plate", solve.band_hz, solve.near_hz, solve.count, case.target_symmetry))
 
 
-def wanted_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
-    """Window in which the wanted mode is searched first; None for parts and symmetry classes that have none."""
-    own = query.part in MEASURED and query.symmetry in (None, wanted_symmetry(case.design.nodal_lines))
+def target_window_hz(case: Case, query: Request) -> tuple[float, float] | None:
+    """Window in which the target mode is searched first; None for parts and symmetry classes that have none."""
+    own = query.part in MEASURED and query.symmetry in (None, target_symmetry(case.design.nodal_lines))
     return mesh_rules.search_window_hz(case.design) if own else None
 
 
 def model_high_hz(case: Case, query: Request) -> float:
-    """Highest frequency, Hz, for which the model has to be good: the request's, and the wanted mode's window where
+    """Highest frequency, Hz, for which the model has to be good: the request's, and the target mode's window where
     they meet.
     """
-    high = query.highest_hz or mesh_rules.wanted_window_hz(case.design)[1]
-    window = wanted_window_hz(case, query) if query.search else None
+    high = query.highest_hz or mesh_rules.target_window_hz(case.design)[1]
+    window = target_window_hz(case, query) if query.search else None
     meets = window and window[0] <= high and (query.band_hz is None or query.band_hz[0] <= window[1])
     return max(high, window[1]) if window and meets else high
 
@@ -298,8 +298,8 @@ def response_high_hz(case: Case, band_hz: tuple[float, float]) -> float:
 
 
 def with_search(case: Case, query: Request) -> Request:
-    """Widen the request's band by the wanted mode's window where they meet."""
-    window = wanted_window_hz(case, query) if query.search else None
+    """Widen the request's band by the target mode's window where they meet."""
+    window = target_window_hz(case, query) if query.search else None
     band = query.band_hz
     if not window or not band or band[0] > window[1] or window[0] > band[1]:
         return query
@@ -307,5 +307,5 @@ def with_search(case: Case, query: Request) -> Request:
 
 
 def driven_band_hz(case: Case, band_hz: tuple[float, float] | None) -> tuple[float, float]:
-    """Band of a response or an attenuation: the given one, else the case's, else about the wanted mode."""
-    return band_hz or case.solve.band_hz or mesh_rules.wanted_window_hz(case.design)
+    """Band of a response or an attenuation: the given one, else the case's, else about the target mode."""
+    return band_hz or case.solve.band_hz or mesh_rules.target_window_hz(case.design)

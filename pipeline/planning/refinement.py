@@ -36,11 +36,11 @@ STEP = (1.08, 2.0)  # least and largest factor on top_hz at once
 Built = TypeVar("Built")
 
 
-def more_modes(reduction: ReductionSettings, error: float, wanted: float, most: float = inf) -> ReductionSettings:
-    """Raise the cut-off of the fixed-interface modes until their error is expected as wanted, at most by the factor
+def more_modes(reduction: ReductionSettings, error: float, target: float, most: float = inf) -> ReductionSettings:
+    """Raise the cut-off of the fixed-interface modes until their error is expected as allowed, at most by the factor
     `most`.
     """
-    factor = (error / wanted) ** (1.0 / RATE)
+    factor = (error / target) ** (1.0 / RATE)
     return replace(reduction, top_hz=reduction.top_hz * min(max(factor, STEP[0]), STEP[1], most))
 
 
@@ -73,7 +73,7 @@ def describe_change(reduction: ReductionSettings, finer: ReductionSettings) -> s
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the wanted one that
+    """Relative errors of a plate of reduced cells: the largest overestimate by truncation of any mode; of the target mode that
     by modes, by degrees along the sides and by those through the thickness left out.
     """
 
@@ -89,7 +89,7 @@ class ErrorEstimate:
 
 
 def refine_reduction(
-    choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log, what: str = "the wanted mode"
+    choice: ModelChoice, estimate: ErrorEstimate, case: Case, log: Log, what: str = "the target mode"
 ) -> ModelChoice | None:
     """Refine the reduction where its estimates for `what` exceed the accuracy; None where they do not."""
     total, accuracy = MARGIN * estimate.total, case.solve.accuracy
@@ -101,7 +101,7 @@ def refine_reduction(
         finer = higher_through(finer) if is_thick else higher_degree(finer)
     finer = more_modes(finer, estimate.modes, share) if estimate.modes > share else finer
     log.info(
-        f"the reduction may put {what} {percent(total)} too high, {percent(accuracy)} wanted: "
+        f"the reduction may put {what} {percent(total)} too high, {percent(accuracy)} allowed: "
         f"{describe_change(choice.reduction, finer)}"
     )
     return replace(choice, reduction=finer, hexahedra=choice.hexahedra and finer.hexahedra)
@@ -162,14 +162,14 @@ def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case:
     finer = _shorter_edges(choice, error, left) if edges else _finer_boxes(choice, case, error, left)
     if finer:
         by = "its stresses" if edges else "coarser meshes"
-        log.info(f"within {percent(error)} by the mesh, as {by} tell, {percent(accuracy)} wanted: {finer.mesh}")
+        log.info(f"within {percent(error)} by the mesh, as {by} tell, {percent(accuracy)} allowed: {finer.mesh}")
     return finer
 
 
-def _shorter_edges(choice: ModelChoice, error: float, wanted: float) -> ModelChoice:
+def _shorter_edges(choice: ModelChoice, error: float, target: float) -> ModelChoice:
     """Tetrahedra with edges as short as an error asks for that goes as their length to EDGE_RATE."""
     assert choice.edge_m
-    factor = min(max((AIM * wanted / error) ** (1.0 / EDGE_RATE), SHORTER[0]), SHORTER[1])
+    factor = min(max((AIM * target / error) ** (1.0 / EDGE_RATE), SHORTER[0]), SHORTER[1])
     return replace(choice, edge_m=factor * choice.edge_m)
 
 
@@ -186,22 +186,22 @@ def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
     return finer if more > own else _next_level(finer, case)
 
 
-def _finer_boxes(choice: ModelChoice, case: Case, error: float, wanted: float) -> ModelChoice | None:
+def _finer_boxes(choice: ModelChoice, case: Case, error: float, target: float) -> ModelChoice | None:
     """The next mesh level of hexahedra; shorter elements of a plate meshed whole after the finest one, or without feet, whose
     rims the levels are about.
     """
     is_bare = choice.part == "plate" and choice.reduction is None and case.design.pillar is None
-    return (None if is_bare else _next_level(choice, case)) or _shorter(choice, case, error, wanted)
+    return (None if is_bare else _next_level(choice, case)) or _shorter(choice, case, error, target)
 
 
-def _shorter(choice: ModelChoice, case: Case, error: float, wanted: float) -> ModelChoice | None:
+def _shorter(choice: ModelChoice, case: Case, error: float, target: float) -> ModelChoice | None:
     """A plate meshed whole, beyond the finest level: elements as short as an error asks for that goes as their length to twice
     their order, or another layer at the rims of feet; None for other parts.
     """
     level, design = choice.mesh_level, case.design
     if choice.part != "plate" or choice.reduction is not None or level is None:
         return None
-    factor, own = (AIM * wanted / error) ** (0.5 / level.order), foresight.whole_mesh(case, choice).dofs
+    factor, own = (AIM * target / error) ** (0.5 / level.order), foresight.whole_mesh(case, choice).dofs
     factor = SHORTER[1] if design.pillar else min(max(factor, SHORTER[0]), SHORTER[1])
     for _ in range(TRIALS):  # sizes round to whole elements
         level = replace(level, share=factor * level.share, layers=level.layers + bool(design.pillar))
@@ -266,11 +266,11 @@ def refused(log: Log) -> Iterator[None]:
 
 
 def warn(error: float, case: Case, log: Log) -> None:
-    """Warn where the wanted mode's estimate still exceeds the accuracy."""
+    """Warn where the target mode's estimate still exceeds the accuracy."""
     if MARGIN * error > case.solve.accuracy:
         log.warning(
             "REDUCTION",
-            f"the reduction may put the wanted mode {percent(MARGIN * error)} too high, solve.accuracy asks for "
+            f"the reduction may put the target mode {percent(MARGIN * error)} too high, solve.accuracy asks for "
             f"{percent(case.solve.accuracy)}: narrow the band, raise solve.accuracy, or take solve.model = 'solid'",
         )
 

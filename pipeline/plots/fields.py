@@ -73,7 +73,7 @@ def flat_height_in(design: DesignRecord, width_in: float) -> float:
 
 
 def zone_peak(arrays: dict[str, Any], design: DesignRecord) -> float:
-    """Largest |u_z| of the wanted mode on the active touch face, in the mode's own scale."""
+    """Largest |u_z| of the target mode on the active touch face, in the mode's own scale."""
     inside = np.abs(arrays["touch_xy"][:, 1]) <= design.width_m / 2 * (1 + 1e-9)
     return float(np.max(np.abs(arrays["touch_uz"][0][inside])))
 
@@ -86,28 +86,28 @@ def moving_design(case: StoredCase, arrays: dict[str, Any]) -> DesignRecord | No
     return case.record.design if {"touch_xy", "touch_triangles", "touch_uz"} <= arrays.keys() else None
 
 
-def wanted_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
+def target_hz(case: StoredCase, arrays: dict[str, Any]) -> float | None:
     """Frequency of the mode shown, Hz."""
     kept = arrays.get("surface_frequency_hz")
-    if case.record.wanted:
-        return case.record.wanted.frequency_hz
+    if case.record.target:
+        return case.record.target.frequency_hz
     return float(kept[0]) if kept is not None and len(kept) else None
 
 
 def mode_at(case: StoredCase, arrays: dict[str, Any]) -> str:
     """The frequency of the mode shown, in words."""
-    tone, wanted = wanted_hz(case, arrays), case.record.wanted
-    error = wanted.frequency_error if wanted else None
+    tone, target = target_hz(case, arrays), case.record.target
+    error = target.frequency_error if target else None
     return "" if tone is None else f" at {frequency(tone, error)}"
 
 
 def level_text(case: StoredCase) -> str:
-    """How well the wanted mode is confined, in words."""
+    """How well the target mode is confined, in words."""
     record = case.record
     if record.confinement_db is None:
         return "confinement has no meaning here (no passive face)"
     driven = "" if record.driven_db is None else f", {level(record.driven_db)} as driven"
-    own = level(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None)
+    own = level(record.confinement_db, record.target.confinement_error_db if record.target else None)
     return f"{record.verdict}: {own}{driven} (at least {CONFINED_DB:g} dB counts as confined)"
 
 
@@ -127,7 +127,7 @@ def _field(axes: Axes, points_m: FloatArray, triangles: IntArray, values: FloatA
 
 
 def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """Normal displacement of the wanted mode on the touch face, zone and footprints drawn."""
+    """Normal displacement of the target mode on the touch face, zone and footprints drawn."""
     design = moving_design(case, arrays)
     if design is None:
         return None
@@ -135,17 +135,17 @@ def touch_face(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     field = _paint(axes, arrays, arrays["touch_uz"][0] / zone_peak(arrays, design), design)
     label = "u$_z$ / largest in the zone (no unit)"
     figure.colorbar(field, ax=axes, shrink=0.85, pad=0.01, aspect=22, label=label)
-    title = f"Wanted mode on the touch face{mode_at(case, arrays)}"
+    title = f"Target mode on the touch face{mode_at(case, arrays)}"
     axes.set_title(f"{title}\n{level_text(case)}")
     alt = (
-        f"Map of the normal displacement of the wanted mode{mode_at(case, arrays)} on the touch face of "
+        f"Map of the normal displacement of the target mode{mode_at(case, arrays)} on the touch face of "
         f"{case.case_id}: {level_text(case)}. Dashed lines bound the active zone, small outlines the pillars' feet."
     )
     return ReportFigure("touch_face", title, alt, figure)
 
 
 def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The kept modes side by side, the wanted one first."""
+    """The kept modes side by side, the target mode first."""
     design = moving_design(case, arrays)
     if design is None or len(arrays["touch_uz"]) < 2 or "surface_frequency_hz" not in arrays:
         return None
@@ -159,20 +159,20 @@ def neighbours(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     ]
     for axes, shape, tone in zip(panels, shapes, tones, strict=False):
         _paint(axes, arrays, shape / np.max(np.abs(shape)), design)
-        wanted = " (wanted)" if axes is panels[0] else ""
-        axes.set_title(f"{tone}{wanted}")
+        target = " (target)" if axes is panels[0] else ""
+        axes.set_title(f"{tone}{target}")
         axes.label_outer()
     for axes in panels[len(shapes) :]:
         axes.set_axis_off()
     alt = (
-        f"Normal displacement on the touch face of the wanted mode and its neighbours, at {', '.join(tones)}, "
+        f"Normal displacement on the touch face of the target mode and its neighbours, at {', '.join(tones)}, "
         "each over its own largest value."
     )
-    return ReportFigure("neighbours", "The wanted mode and its neighbours", alt, figure)
+    return ReportFigure("neighbours", "The target mode and its neighbours", alt, figure)
 
 
 def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
-    """The wanted mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
+    """The target mode's normal displacement on the touch face: hexahedra beside tetrahedra, the same part of the plate."""
     design = case.record.design
     if not design or not {"tet_points", "tet_triangles", "tet_u", "touch_uz"} <= arrays.keys():
         return None
@@ -197,8 +197,8 @@ def mode_on_both_meshes(case: StoredCase, arrays: dict[str, Any]) -> ReportFigur
         axes.label_outer()
     figure.colorbar(field, ax=list(panels), shrink=0.8, pad=0.01, label="u$_z$ / largest in the zone")
     text = f"; frequencies differ by {percentage(compared.relative_difference)}" if compared else ""
-    alt = f"Normal displacement of {case.case_id}'s wanted mode on the touch face by hexahedra and by tetrahedra{text}."
-    return ReportFigure("mode_on_both_meshes", "The wanted mode by hexahedra and by tetrahedra", alt, figure)
+    alt = f"Normal displacement of {case.case_id}'s target mode on the touch face by hexahedra and by tetrahedra{text}."
+    return ReportFigure("mode_on_both_meshes", "The target mode by hexahedra and by tetrahedra", alt, figure)
 
 
 def _aligned(arrays: dict[str, Any], points: FloatArray, uz: FloatArray, faces: IntArray) -> FloatArray:

@@ -211,7 +211,7 @@ def report_figures(case: StoredCase, arrays: dict[str, Any]) -> list[ReportFigur
 
 
 def _surfaces(case: StoredCase, arrays: dict[str, Any], factor: float) -> dict[str, Surface | None]:
-    """What is rendered, by name: the plate, its wanted mode, and each mesh's skin coloured by the quality of its faces."""
+    """What is rendered, by name: the plate, its target mode, and each mesh's skin coloured by the quality of its faces."""
     design, faces = case.record.design, skin_faces(arrays, "surface")
     shown: dict[str, Surface | None] = {}
     if design and faces is not None and "surface_points" in arrays:
@@ -225,7 +225,7 @@ def _surfaces(case: StoredCase, arrays: dict[str, Any], factor: float) -> dict[s
 
 
 def _drawn_factor(case: StoredCase, arrays: dict[str, Any]) -> float:
-    """How many times as large the wanted mode is drawn, 1 um at the zone's largest; 0 where none is stored."""
+    """How many times as large the target mode is drawn, 1 um at the zone's largest; 0 where none is stored."""
     design = moving_design(case, arrays)
     if design is None or "surface_u" not in arrays:
         return 0.0
@@ -304,7 +304,7 @@ def _geometry(case: StoredCase, picture: dict[str, Any], fault: str) -> ReportFi
 def _moving(
     case: StoredCase, arrays: dict[str, Any], picture: dict[str, Any], factor: float, fault: str
 ) -> ReportFigure | None:
-    """The wanted mode with displacements exaggerated by a stated factor."""
+    """The target mode with displacements exaggerated by a stated factor."""
     if "mode" not in picture:
         return None
     image = picture["mode"]
@@ -312,10 +312,10 @@ def _moving(
     _show(axes, image)
     _bar(figure, [axes], "u$_z$ / largest in the zone (no unit)", (-1.0, 1.0), style.SIGNED)
     times = f"{factor:,.0f}".replace(",", "\u202f")
-    title = f"Wanted mode{mode_at(case, arrays)}, displacements drawn {times} times as large"
+    title = f"Target mode{mode_at(case, arrays)}, displacements drawn {times} times as large"
     axes.set_title(f"{title}\n(zone's largest u$_z$ = 1 µm)")
     alt = (
-        f"Plate and pillars of {case.case_id} in perspective in the wanted mode; displacements are exaggerated "
+        f"Plate and pillars of {case.case_id} in perspective in the target mode; displacements are exaggerated "
         f"{factor:.0f} times for 1 micrometre at the zone's largest normal displacement.{_note(fault)}"
     )
     return ReportFigure("moving_plate", title, alt, figure)

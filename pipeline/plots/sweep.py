@@ -26,8 +26,8 @@ ROWS_LOOKS: dict[str, dict[str, Any]] = {
 
 
 def against_sweep(study: StoredStudy) -> ReportFigure | None:
-    """Confinement and the wanted mode's frequency against the most varied numeric key, one line per set of the others."""
-    cases = [case for case in swept(list(study.cases)) if case.record.wanted or _live(case)]
+    """Confinement and the target mode's frequency against the most varied numeric key, one line per set of the others."""
+    cases = [case for case in swept(list(study.cases)) if case.record.target or _live(case)]
     key = main_key(study, cases) if cases else None
     if key is None:
         return None
@@ -35,9 +35,9 @@ def against_sweep(study: StoredStudy) -> ReportFigure | None:
     lines, tracked = lines_along(study, cases, key), tables.along_sweep(study)
     for index, (name, line) in enumerate(lines.items()):
         look = {"color": style.CYCLE[index % len(style.CYCLE)], "marker": style.MARKERS[index % len(style.MARKERS)]}
-        solved = [case for case in line if case.record.wanted]
+        solved = [case for case in line if case.record.target]
         if solved:
-            _draw_line((level, tone), solved, key, _same_mode(solved, tracked), look | {"label": name or "wanted mode"})
+            _draw_line((level, tone), solved, key, _same_mode(solved, tracked), look | {"label": name or "target mode"})
         _draw_live((level, tone), line, key, f"{name}, live" if name else "live answer", look["color"])
     _finish(level, tone, key)
     _bending_at_m(tone, list(lines.values()), key)
@@ -55,7 +55,7 @@ def _draw_line(
     level, tone = panels
     x = np.array([case.sweep[key] for case in line], dtype=float)
     levels = np.array([case.record.confinement_db for case in line], dtype=float)
-    khz = np.array([case.record.wanted.frequency_hz / KHZ for case in line if case.record.wanted])
+    khz = np.array([case.record.target.frequency_hz / KHZ for case in line if case.record.target])
     for axes, values in ((level, levels), (tone, khz)):
         for first, last in stretches:
             axes.plot(x[first:last], values[first:last], color=look["color"], lw=1.1)
@@ -67,7 +67,7 @@ def _draw_line(
 
 
 def _live(case: StoredCase) -> Any:
-    """What the explorer's bases answer of a case, where they know its wanted mode."""
+    """What the explorer's bases answer of a case, where they know its target mode."""
     live = case.record.held("live")
     return live if live and live.frequency_hz is not None else None
 
@@ -84,7 +84,7 @@ def _draw_live(panels: tuple[Any, Any], line: list[StoredCase], key: str, name: 
 
 
 def _same_mode(line: list[StoredCase], tracked: dict[str, Tracked]) -> list[tuple[int, int]]:
-    """Stretches of a line over which the wanted mode is one and the same, tracked by its shape: slices of two or more."""
+    """Stretches of a line over which the target mode is one and the same, tracked by its shape: slices of two or more."""
     same = [getattr(tracked.get(case.case_id), "tracking", "") in ("start", "kept") for case in line]
     edges = [i for i in range(len(line) + 1) if i in (0, len(line)) or same[i] != same[i - 1]]
     return [(a, b) for a, b in pairwise(edges) if same[a] and b - a > 1]
@@ -97,7 +97,7 @@ def _finish(level: Any, tone: Any, key: str) -> None:
     level.axhline(CONFINED_DB, color=style.GREEN, lw=1.0, ls="--")
     title = f"At least {CONFINED_DB:g} dB as a mode (shaded); filled where confined, as driven too"
     level.set(ylim=(low, high), ylabel="confinement (dB)", title=title)
-    title = "Wanted mode (connected by a line where it is the same one, tracked by its shape)"
+    title = "Target mode (connected by a line where it is the same one, tracked by its shape)"
     tone.set(xlabel=axis_label(key), ylabel="frequency (kHz)", title=title)
     for axes in (level, tone):
         axes.grid(True)
@@ -130,19 +130,19 @@ def _bending_khz(case: StoredCase) -> float | None:
 def _alt(study: StoredStudy, cases: list[StoredCase], key: str) -> str:
     levels = [(level, case) for case in cases if (level := case.record.confinement_db) is not None]
     if not levels:
-        return f"Frequency of the wanted mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
+        return f"Frequency of the target mode against {axis_label(key)} over {len(cases)} cases of {study.name}."
     worst, *_, best = sorted([*levels, levels[0]], key=lambda pair: pair[0])
     return (
-        f"Confinement in dB and frequency in kHz of the wanted mode against {axis_label(key)} over {len(cases)} cases of "
+        f"Confinement in dB and frequency in kHz of the target mode against {axis_label(key)} over {len(cases)} cases of "
         f"{study.name}: from {_level(worst[1])} ({worst[1].case_id}) to {_level(best[1])} ({best[1].case_id}); "
         f"{sum(level >= CONFINED_DB for level, _ in levels)} of {len(levels)} reach {CONFINED_DB:g} dB."
     )
 
 
 def _level(case: StoredCase) -> str:
-    """The level of a case's wanted mode with the digits of its bar."""
+    """The level of a case's target mode with the digits of its bar."""
     return level_text(
-        case.record.confinement_db, case.record.wanted.confinement_error_db if case.record.wanted else None
+        case.record.confinement_db, case.record.target.confinement_error_db if case.record.target else None
     )
 
 

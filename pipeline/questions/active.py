@@ -514,7 +514,7 @@ class ShapingResult(Modelled, table="comparison", axes=("quantity",)):
         "twr_of_the_two_modes_alone, wavenumber_rad_m, voltages_relative as abs and phase_rad"
     )
     passive_and_active: list[dict[str, Any]] = column(
-        "resonators and patches on each beam: levels of the wanted region with neither_db, resonators alone passive_db, "
+        "resonators and patches on each beam: levels of the target region with neither_db, resonators alone passive_db, "
         "patches alone active_db, both_db"
     )
     comparison: list[Compared] = column(COMPARED)

@@ -135,7 +135,7 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
             if self.sweep:
                 measured = identify(read_sweep(self.sweep).sweep, data.sensor, data.delay_guess_s)
                 late = max(measured.delay_s - 0.5 / data.rates.sample_rate_hz, 0.0)  # beyond the hold's half sample
-                data = replace(data, wanted=loop.velocity_of(measured.plant, data.sensor), delay_s=late)
+                data = replace(data, target=loop.velocity_of(measured.plant, data.sensor), delay_s=late)
             study = dq_study(data)
         if table and measured:
             loop.write_table(table, measured, run.folder, run.log)
@@ -153,12 +153,12 @@ class ActiveDq(Question[DqResult], family="active", without_case="", example="ac
             data = loop.of_table(data, table, run.log)
         elif case is not None:
             case.require("plate", "zone", command="active dq without --table")
-            data = replace(data, wanted=loop.of_case(case, run.log))
-        plant, late = data.wanted, self.delay_s
+            data = replace(data, target=loop.of_case(case, run.log))
+        plant, late = data.target, self.delay_s
         tone = plant.frequency_hz if self.frequency_kHz is None else KHZ * self.frequency_kHz
         return replace(
             data,
-            wanted=ModePlant.from_quality_factor(tone, self.quality_factor or plant.quality_factor, plant.gain),
+            target=ModePlant.from_quality_factor(tone, self.quality_factor or plant.quality_factor, plant.gain),
             within_s=data.within_s if self.settling_time_s is None else self.settling_time_s,
             delay_s=data.delay_s if late is None else late,
             delay_guess_s=data.delay_guess_s if late is None else late,

@@ -42,7 +42,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
     )
     reduction_error: float | None = column("largest error of the cell's bands by the reduction, relative")
     points: list[AttenuationPoint] = column("the waves at each frequency")
-    zone_hz: float | None = live()  # frequency of the wanted mode by thin-plate theory
+    zone_hz: float | None = live()  # frequency of the target mode by thin-plate theory
 
     frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
     db_per_row = stacked(
@@ -99,7 +99,7 @@ class AttenuationResult(Result, table="points", axes=("frequency_hz",)):
         answer = None if self.zone_hz is None else prediction(self, self.zone_hz)
         if answer is None or answer.db_per_row is None:
             return
-        where = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the wanted mode"
+        where = f"at {frequency(answer.frequency_hz)}, where thin-plate theory puts the target mode"
         transmitted = ""
         if answer.transmission_db is not None:
             taken = level_with_bar(answer.transmission_db, answer.transmission_error_db)
@@ -203,7 +203,7 @@ class Attenuation(
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
     kx_per_m: float | None = option(
         default=None, unit="rad/m", at_least=-MAX_WAVENUMBER, at_most=MAX_WAVENUMBER, metavar="K",
-        help="wavenumber along the zone (default: the wanted mode's)",
+        help="wavenumber along the zone (default: the target mode's)",
     )  # fmt: skip
 
     def check(self, case: Case) -> None:
@@ -222,7 +222,7 @@ class Attenuation(
             raise InputError(f"--kx = {kx:g}: must lie between -pi/p and pi/p, {-edge:g} and {edge:g} rad/m here")
 
     def _kx(self, case: Case) -> float:
-        return case.kx_wanted_per_m if self.kx_per_m is None else self.kx_per_m
+        return case.target_kx_per_m if self.kx_per_m is None else self.kx_per_m
 
     @classmethod
     def in_study(cls) -> Attenuation:
@@ -260,9 +260,9 @@ class Attenuation(
 
 
 class PredictionResult(Result, axes=()):
-    """What endless rows would do at the wanted mode, compared with the finite plate's zone_to_extension_db."""
+    """What endless rows would do at the target mode, compared with the finite plate's zone_to_extension_db."""
 
-    frequency_hz: float = column("frequency of the wanted mode", "Hz")
+    frequency_hz: float = column("frequency of the target mode", "Hz")
     db_per_row: float | None = column("decay per row", "dB", error="db_error")
     db_error: float | None = bar("db_per_row", "dB")
     rows_db: float | None = column("rows times the decay per row", "dB", error="rows_error_db")
@@ -284,13 +284,13 @@ class PredictionResult(Result, axes=()):
 
 
 class Prediction(Question[PredictionResult], follows="attenuation"):
-    """Predict the plate by the decay per row at its wanted mode."""
+    """Predict the plate by the decay per row at its target mode."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> PredictionResult:
-        if not run.wanted:
+        if not run.target:
             raise Unanswered
-        level = run.wanted.extension_db, run.wanted.extension_error_db
-        return prediction(run.found["attenuation"], run.wanted.frequency_hz, *level)
+        level = run.target.extension_db, run.target.extension_error_db
+        return prediction(run.found["attenuation"], run.target.frequency_hz, *level)
 
 
 def prediction(

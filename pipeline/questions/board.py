@@ -66,8 +66,8 @@ class Board(Question[BoardResult], in_studies_only=True, after="modes", pictures
         from firmware.emulate import EmulationError, board_run
 
         assert run.folder
-        if not run.wanted:
-            raise Unanswered(NAME, "no mode of the wanted shape: there is no mode table")
+        if not run.target:
+            raise Unanswered(NAME, "no mode of the target shape: there is no mode table")
         try:
             with run.step(NAME):
                 played = board_run((run.folder / TABLE).read_bytes())

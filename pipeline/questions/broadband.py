@@ -22,7 +22,7 @@ ENDS = "relative half-widths of the error bars of both ends of each interval of 
 
 
 class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
-    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the wanted wavenumber.
+    """What the rows hold over frequency: arrays (points,) in Hz and dB, of one column of cells at the target wavenumber.
 
     >>> import antinode
     >>> held = antinode.load("examples/small.toml", accuracy=0.1).broadband((30.0, 36.0), points=3)
@@ -33,28 +33,28 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
     model: str = column("model of the column of cells and its element order")
     kx_per_m: float = column("wavenumber along the zone", "rad/m")
     rows: int = column("rows on each side of the zone")
-    wanted_hz: float | None = column("frequency of the column's wanted mode", "Hz", error="wanted_error")
-    wanted_db: float | None = column("confinement of the column's wanted mode", "dB", error="wanted_error_db")
+    target_hz: float | None = column("frequency of the column's target mode", "Hz", error="target_error")
+    target_db: float | None = column("confinement of the column's target mode", "dB", error="target_error_db")
     confined_hz: list[float] | None = column(
-        "the interval of `confined` that holds the wanted mode", "Hz", error="confined_error"
+        "the interval of `confined` that holds the target mode", "Hz", error="confined_error"
     )
     stopped_hz: list[float] | None = column(
-        "the interval of `stopped` that holds the wanted mode", "Hz", error="stopped_error"
+        "the interval of `stopped` that holds the target mode", "Hz", error="stopped_error"
     )
     confined: list[list[float]] = column("intervals where the driven motion is confined", "Hz", error="confined_error")
     stopped: list[list[float]] = column(
         "intervals where at most a tenth of a wave's power passes the rows", "Hz", error="stopped_error"
     )
     points: list[BroadbandPoint] = column("the column at each frequency")
-    wanted_error: float | None = bar("wanted_hz, relative")
-    wanted_error_db: float | None = bar("wanted_db", "dB")
+    target_error: float | None = bar("target_hz, relative")
+    target_error_db: float | None = bar("target_db", "dB")
     frequency_error: float | None = bar("any frequency of the column, relative")
     confined_error: list[list[float | None]] = column(ENDS.format("confined"), default_factory=list)
     stopped_error: list[list[float | None]] = column(ENDS.format("stopped"), default_factory=list)
 
     frequency_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
     confinement_db = stacked(
-        "confinement_db", "Confinement (points,) in dB of the motion that the wanted shape's pressure forces."
+        "confinement_db", "Confinement (points,) in dB of the motion that the target shape's pressure forces."
     )
 
     def taken_db(self, frequency_hz: float) -> float:
@@ -68,9 +68,9 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
 
         return end_errors(self.points, self.frequency_error, ends_hz)
 
-    @figure("stopped about the wanted mode", "Hz", error="stopped_width_error_hz", is_difference=True)
+    @figure("stopped about the target mode", "Hz", error="stopped_width_error_hz", is_difference=True)
     def stopped_width_hz(self) -> float:
-        """Width of the band about the wanted mode in which the rows stop nine tenths of the power; 0 where they do not."""
+        """Width of the band about the target mode in which the rows stop nine tenths of the power; 0 where they do not."""
         return self.stopped_hz[1] - self.stopped_hz[0] if self.stopped_hz else 0.0
 
     @property
@@ -82,11 +82,11 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         known = [error * end for error, end in zip(errors, self.stopped_hz, strict=True) if error is not None]
         return sum(known) if len(known) == len(errors) else None
 
-    column_wanted_hz = figure_at("wanted_hz", "wanted mode of the column", "Hz")
-    column_wanted_db = figure_at("wanted_db", "confinement in the column", "dB")
+    column_target_hz = figure_at("target_hz", "target mode of the column", "Hz")
+    column_target_db = figure_at("target_db", "confinement in the column", "dB")
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, some of the frequencies, the intervals and the wanted mode of the column."""
+        """Yield the model, some of the frequencies, the intervals and the target mode of the column."""
         yield f"{self.model}, kx = {in_digits(self.kx_per_m)} rad/m, {self.rows} rows"
         yield self.reading(("taken_error_db",), SHOWN)
         stretches = {
@@ -96,26 +96,26 @@ class BroadbandResult(Result, table="points", axes=("frequency_hz",)):
         for what, windows in stretches.items():
             found = ", ".join(interval(low, high, *self.end_errors([low, high])) for low, high in windows)
             yield f"{what}: {found or 'nowhere between the frequencies asked for'}"
-        if self.wanted_hz is None or self.wanted_db is None:
-            yield "the column has no mode of the wanted shape in its window"
+        if self.target_hz is None or self.target_db is None:
+            yield "the column has no mode of the target shape in its window"
             return
-        own = frequency_with_bar(self.wanted_hz, self.wanted_error)
-        yield f"wanted mode of the column: {own}, {with_bar(self.wanted_db, self.wanted_error_db, 'dB')}"
+        own = frequency_with_bar(self.target_hz, self.target_error)
+        yield f"target mode of the column: {own}, {with_bar(self.target_db, self.target_error_db, 'dB')}"
 
     def draw(self, ax: Axes) -> None:
         """Draw what the rows take from a wave and how far the driven zone is confined, over frequency."""
         self.draw_levels(ax, "", (style.BLUE, style.ORANGE))
 
     def draw_levels(self, ax: Axes, label: str, colours: tuple[str, str]) -> None:
-        """Draw both levels, the wanted mode of the column marked."""
+        """Draw both levels, the target mode of the column marked."""
         khz = self.frequency_hz / KHZ
         taken = [point.taken_db for point in self.points]
         ax.plot(khz, taken, color=colours[0], label=f"{label}taken from a wave by {self.rows} rows")
         ax.plot(
             khz, self.confinement_db, color=colours[1], lw=0.9, ls="--", label=f"{label}confinement of the driven zone"
         )
-        if self.wanted_hz is not None and self.wanted_db is not None:
-            ax.plot(self.wanted_hz / KHZ, self.wanted_db, "*", color=colours[1], ms=10)
+        if self.target_hz is not None and self.target_db is not None:
+            ax.plot(self.target_hz / KHZ, self.target_db, "*", color=colours[1], ms=10)
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set(xlabel="frequency (kHz)", ylabel="level (dB)", ylim=(-15.0, 60.0))
         ax.grid(True)
@@ -146,7 +146,7 @@ class Broadband(
     (3,)
     """
 
-    step = ("rows over frequency", "column of reduced cells at the wanted wavenumber")
+    step = ("rows over frequency", "column of reduced cells at the target wavenumber")
     band_kHz: Pair | None = option(default=None, unit="kHz", at_least=0.0, kw_only=False, help="frequencies")
     points: int = option(default=POINTS, at_least=1, at_most=MAX_FREQUENCIES, help="how many frequencies")
 

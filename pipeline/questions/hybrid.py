@@ -22,7 +22,7 @@ WORDS = {"rows": "rows alone", "patches": "patches alone", "both": "rows and pat
 
 
 class HybridMethod(Part):
-    """A method of confinement over the frequencies: neither and rows drive the patches inside the zone in phase with the wanted
+    """A method of confinement over the frequencies: neither and rows drive the patches inside the zone in phase with the target
     mode, patches and both drive all with the voltages of the largest contrast. Rows stand where rows or both are named.
     """
 
@@ -53,11 +53,11 @@ class HybridMethod(Part):
 
 
 def _at_peak(method: str, name: str, heading: str) -> Figure[float | None]:
-    """Declare a figure of a method at the wanted mode's peak."""
+    """Declare a figure of a method at the target mode's peak."""
     error = HybridMethod.declared[name].error
     unit = HybridMethod.declared[name].unit
-    about = figure(heading.format(WORDS[method]), unit, error=lambda answer: answer.at_wanted(method, error))
-    return about(lambda answer: answer.at_wanted(method, name))
+    about = figure(heading.format(WORDS[method]), unit, error=lambda answer: answer.at_target(method, error))
+    return about(lambda answer: answer.at_target(method, name))
 
 
 class HybridResult(Result, axes=("frequency_hz",)):
@@ -66,7 +66,7 @@ class HybridResult(Result, axes=("frequency_hz",)):
     >>> import antinode
     >>> from pipeline.questions.hybrid import HybridMethod
     >>> rows = HybridMethod(method="rows", confinement_db=[14.6], off_db=[9.1], rows_off_db=[8.2], volts_per_um=[2.0])
-    >>> plate = {"model": "", "dof": 0, "inside": 7, "behind": 14, "detuning": 0.02, "alpha": 0.3, "wanted_hz": None}
+    >>> plate = {"model": "", "dof": 0, "inside": 7, "behind": 14, "detuning": 0.02, "alpha": 0.3, "target_hz": None}
     >>> antinode.Hybrid(**plate, frequency_hz=[34.8e3], methods=[rows]).to_rows()[0]["rows_db"]
     14.6
     """
@@ -77,32 +77,32 @@ class HybridResult(Result, axes=("frequency_hz",)):
     behind: int = column("driving patches beyond the zone")
     detuning: float = column("how far resonances are put off, relative")
     alpha: float = column("weight of voltages that move little")
-    wanted_hz: float | None = column(
-        "peak of the plate with rows; None where it lies outside the band", "Hz", error="wanted_error"
+    target_hz: float | None = column(
+        "peak of the plate with rows; None where it lies outside the band", "Hz", error="target_error"
     )
     frequency_hz: list[float] = column("frequencies of the methods", "Hz", along="frequency_hz")
     methods: list[HybridMethod] = column("the four methods of confinement")
-    wanted_error: float | None = bar("wanted_hz, relative")
-    wanted_elsewhere_hz: float | None = column(
-        "peak of the plate with rows where it lies outside the band", "Hz", error="wanted_elsewhere_error", default=None
+    target_error: float | None = bar("target_hz, relative")
+    target_elsewhere_hz: float | None = column(
+        "peak of the plate with rows where it lies outside the band", "Hz", error="target_elsewhere_error", default=None
     )
-    wanted_elsewhere_error: float | None = bar("wanted_elsewhere_hz, relative")
+    target_elsewhere_error: float | None = bar("target_elsewhere_hz, relative")
 
     frequencies_hz = stacked("frequency_hz", "Frequencies (points,) in Hz.")
 
     @property
-    def wanted_place(self) -> int | None:
-        """Place of the wanted mode's peak among the frequencies; None where the band holds none."""
-        return None if self.wanted_hz is None else self.frequency_hz.index(self.wanted_hz)
+    def target_place(self) -> int | None:
+        """Place of the target mode's peak among the frequencies; None where the band holds none."""
+        return None if self.target_hz is None else self.frequency_hz.index(self.target_hz)
 
     def method(self, name: str) -> HybridMethod:
         """Return a method by its name."""
         return next(each for each in self.methods if each.method == name)
 
-    def at_wanted(self, method: str, values: str) -> float | None:
-        """Return a figure of a method, such as off_db, or its bar at the wanted mode's peak."""
+    def at_target(self, method: str, values: str) -> float | None:
+        """Return a figure of a method, such as off_db, or its bar at the target mode's peak."""
         figures: list[float] | None = getattr(self.method(method), values)
-        return None if figures is None or self.wanted_place is None else figures[self.wanted_place]
+        return None if figures is None or self.target_place is None else figures[self.target_place]
 
     hybrid_rows_db = _at_peak("rows", "confinement_db", "confinement by {}")
     hybrid_rows_off_db = _at_peak("rows", "off_db", "{}, all off by 2 %")
@@ -130,16 +130,16 @@ class HybridResult(Result, axes=("frequency_hz",)):
         ]
 
     def lines(self) -> Iterator[str]:
-        """Yield the patches, and each method at the wanted mode's peak."""
+        """Yield the patches, and each method at the target mode's peak."""
         yield f"{self.inside} patches drive inside the zone, {self.behind} beyond it"
-        place = self.wanted_place
+        place = self.target_place
         if place is None:
-            elsewhere = frequency_with_bar(self.wanted_elsewhere_hz, self.wanted_elsewhere_error)
-            known = self.wanted_elsewhere_hz is not None
+            elsewhere = frequency_with_bar(self.target_elsewhere_hz, self.target_elsewhere_error)
+            known = self.target_elsewhere_hz is not None
             where = f"it lies at {elsewhere}" if known else "no mode of the plate has its shape"
-            yield f"the band does not hold the wanted mode, {where}: the levels over frequency stand alone"
+            yield f"the band does not hold the target mode, {where}: the levels over frequency stand alone"
             return
-        yield f"at the wanted mode's peak, {frequency_with_bar(self.wanted_hz, self.wanted_error)}:"
+        yield f"at the target mode's peak, {frequency_with_bar(self.target_hz, self.target_error)}:"
         for method in self.methods:
             names = ("confinement_db", "volts_per_um", "off_db", "rows_off_db")
             level, volts, off, rows_off = (method.at(name, place) for name in names)
@@ -152,7 +152,7 @@ class HybridResult(Result, axes=("frequency_hz",)):
     def draw(self, ax: Axes) -> None:
         """Draw confinement by rows, by patches, by both and by neither over frequency."""
         levels = {method.method: method.confinement_db for method in self.methods}
-        self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the wanted mode's peak")
+        self._draw_methods(ax, levels, "confinement (dB)", "As computed; dotted: the target mode's peak")
         ax.axhline(confinement.CONFINED_DB, color=style.GREEN, lw=0.9, ls=":")
         ax.set_xlabel("frequency (kHz)")
         ax.legend(fontsize=8, ncols=4)
@@ -172,15 +172,15 @@ class HybridResult(Result, axes=("frequency_hz",)):
 
     def _draw_methods(self, ax: Axes, curves: dict[str, list[float]], label: str, title: str) -> None:
         style.draw_lines(ax.plot, self.frequencies_hz / KHZ, curves)
-        if self.wanted_hz:
-            style.mark(ax, self.wanted_hz / KHZ)
+        if self.target_hz:
+            style.mark(ax, self.target_hz / KHZ)
         ax.set(ylabel=label, title=title)
         ax.grid(True)
 
     def _alt(self) -> str:
-        place, where = self.wanted_place, "least over the band"
+        place, where = self.target_place, "least over the band"
         if place is not None:
-            where = f"at {frequency(self.wanted_hz, self.wanted_error)}"
+            where = f"at {frequency(self.target_hz, self.target_error)}"
         levels = [
             f"{each.method} {level(min(each.confinement_db)) if place is None else level(*each.at('confinement_db', place))}"
             for each in self.methods

@@ -18,14 +18,14 @@ RENAMED = {"zone_to_extension_db": "extension_db", "zone_to_extension_error_db":
 
 
 class LiveResult(Result, axes=()):
-    """The explorer's answer: the wanted mode of a column of cells, the widest complete gap, the decay per row at that mode."""
+    """The explorer's answer: the target mode of a column of cells, the widest complete gap, the decay per row at that mode."""
 
     frequency_hz: float | None = column(
-        "frequency of the column's wanted mode", "Hz", error="frequency_error", default=None
+        "frequency of the column's target mode", "Hz", error="frequency_error", default=None
     )
     frequency_error: float | None = column("what a column may be off by, and its cells' mesh, relative", default=None)
     confinement_db: float | None = column(
-        "confinement of the column's wanted mode", "dB", error="confinement_error_db", default=None
+        "confinement of the column's target mode", "dB", error="confinement_error_db", default=None
     )
     confinement_error_db: float | None = column("what a column's confinement may be off by", "dB", default=None)
     zone_to_extension_db: float | None = column(
@@ -37,16 +37,16 @@ class LiveResult(Result, axes=()):
     gap_error: float | None = column(
         "half-width of the bar at the gap's edges, relative; None where the mesh's error was not measured"
     )
-    db_per_row: float | None = column("decay per row at the wanted mode", "dB", error="db_error")
+    db_per_row: float | None = column("decay per row at the target mode", "dB", error="db_error")
     db_error: float | None = column(
         "what the mode may be off by in frequency changes its decay per row by; None without a decay",
         "dB",
         default=None,
     )
-    why_not: str = column("why the column has no wanted mode", default="")
+    why_not: str = column("why the column has no target mode", default="")
     warnings: list[str] = column("what a column cannot tell of this design")
 
-    live_wanted_hz = figure_at("frequency_hz", "wanted mode, live", "Hz")
+    live_target_hz = figure_at("frequency_hz", "target mode, live", "Hz")
     live_error = figure_at("frequency_error", "its expected error, live", "%")
     live_confinement_db = figure_at("confinement_db", "confinement, live", "dB")
     live_confinement_error_db = figure_at(
@@ -71,12 +71,12 @@ class LiveResult(Result, axes=()):
         )
 
     def lines(self) -> Iterator[str]:
-        """Yield the column's wanted mode, or why there is none."""
+        """Yield the column's target mode, or why there is none."""
         if self.frequency_hz is None:
-            yield f"no wanted mode in a column of cells: {self.why_not}"
+            yield f"no target mode in a column of cells: {self.why_not}"
             return
         level = level_with_bar(self.confinement_db, self.confinement_error_db)
-        yield f"a column of cells has its wanted mode at {frequency(self.frequency_hz, self.frequency_error)}, {level}"
+        yield f"a column of cells has its target mode at {frequency(self.frequency_hz, self.frequency_error)}, {level}"
 
 
 def _decay(rows: Mapping[str, Any], at_hz: float | None, error: float | None) -> tuple[float | None, float | None]:

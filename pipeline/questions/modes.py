@@ -1,4 +1,4 @@
-"""Modes of the plate, of the bare zone, of the lone pillar, or of a mesh of one's own, and the wanted one among them."""
+"""Modes of the plate, of the bare zone, of the lone pillar, or of a mesh of one's own, and the target mode among them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, overload
 
 from pipeline.case.limits import MAX_MODES
 from pipeline.errors import InputError
-from pipeline.models.mode_parts import CountRecord, ModeRecord, WantedMode, WantedRecord
+from pipeline.models.mode_parts import CountRecord, ModeRecord, TargetMode, TargetRecord
 from pipeline.quantity import HZ, frequency_figure, interval
 from pipeline.questions.hints import Axes, Case, Plan, Simplification
 from pipeline.questions.late import confinement, np, outputs, plans, simplifications, style
@@ -28,7 +28,7 @@ Class = Literal["SS", "SA", "AS", "AA"]
 NEEDED = {"plate": ("plate", "zone"), "zone": ("plate", "zone"), "pillar": ("pillar",)}
 BAND = "every mode between two frequencies"
 NEAR = "modes nearest to a frequency"
-SHAPES = 4  # of the modes nearest the wanted one, in a record: what a page draws and moves
+SHAPES = 4  # of the modes nearest the target mode, in a record: what a page draws and moves
 COUNT = "how many, nearest to that frequency or the lowest"
 
 
@@ -47,8 +47,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     rigid_count: int = column("rigid-body modes, which are counted and not listed")
     modes: list[ModeRecord] = column("the modes")
     count_check: CountRecord = column("the count by inertia beside what was found")
-    wanted: WantedMode | WantedRecord | None = column(
-        "the wanted mode; None for a part or symmetry class that has none", default=None
+    target: TargetMode | TargetRecord | None = column(
+        "the target mode; None for a part or symmetry class that has none", default=None
     )
     reduction_error: float | None = column(
         "largest error by the reduction, relative; None for a body that was not reduced", default=None
@@ -57,7 +57,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         "widest error bar by the mesh alone, relative; None without an estimate", default=None
     )
     error_bar: dict[str, float | None] | None = column(
-        "half-widths of the wanted mode's bars: frequency, relative, and confinement_db", default=None
+        "half-widths of the target mode's bars: frequency, relative, and confinement_db", default=None
     )
     widest_bar: dict[str, Any] | None = column(
         "widest error bar of a frequency: error (relative), of (which mode), parts (mesh, truncation) and largest_part",
@@ -66,9 +66,9 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     solved: Any = live()
     case: Any = live()
 
-    wanted_status = figure_at("wanted.status", "wanted mode: single, split or none", None)
-    wanted_hz = figure_at("found.frequency_hz", "wanted mode", "Hz")
-    wanted_error = figure_at("found.frequency_error", "expected error of the wanted mode", "%")
+    target_status = figure_at("target.status", "target mode: single, split or none", None)
+    target_hz = figure_at("found.frequency_hz", "target mode", "Hz")
+    target_error = figure_at("found.frequency_error", "expected error of the target mode", "%")
     confinement_db = figure_at("found.confinement_db", "confinement", "dB")
     confinement_error_db = figure_at(
         "found.confinement_error_db", "expected error of the confinement", "dB", error="found.confinement_error_db"
@@ -77,12 +77,12 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     mac = figure_at("found.mac", "MAC")
     zone_share = figure_at("found.zone_share", "zone share")
     pillar_share = figure_at("found.pillar_energy_share", "pillars' share of energy")
-    strength = figure_at("found.strength", "strength in the wanted shape")
-    shape_share = figure_at("found.share", "share of the wanted shape")
+    strength = figure_at("found.strength", "strength in the target shape")
+    shape_share = figure_at("found.share", "share of the target shape")
 
     @figure("other modes that carry it", None)
     def rivals(self) -> str | None:
-        """Frequencies of other modes that carry as much of the wanted shape."""
+        """Frequencies of other modes that carry as much of the target shape."""
         known = self.found.rivals if self.found else []
         return "; ".join(f"{frequency_figure(each.frequency_hz, each.error, HZ)} Hz" for each in known) or None
 
@@ -93,26 +93,26 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return "holds" if check.holds else f"{check.found} of {check.expected}"
 
     @property
-    def found(self) -> WantedMode | None:
-        """The wanted mode; None where there is none or none was looked for."""
-        return self.wanted if isinstance(self.wanted, WantedMode) else None
+    def found(self) -> TargetMode | None:
+        """The target mode; None where there is none or none was looked for."""
+        return self.target if isinstance(self.target, TargetMode) else None
 
     @classmethod
     def of_solved(cls, solved: PartModes, case: Case) -> ModesResult:
         """Return the result of solved modes."""
         from pipeline.models.mode_fields import closed_surface
-        from pipeline.models.wanted import widest_bar
+        from pipeline.models.target import widest_bar
 
         modes = [
             ModeRecord.of(row, surface=partial(closed_surface, solved, case, place))
             for place, row in enumerate(solved.rows)
         ]
-        bar, row = None, solved.wanted_row
+        bar, row = None, solved.target_row
         if row and solved.errors is not None:
             bar = {"frequency": row.error, "confinement_db": row.confinement_error_db}
         return cls(
             model=solved.model.name, part=solved.part, dof=solved.dof, rigid_count=solved.rigid_count, modes=modes,
-            count_check=solved.count_check, wanted=solved.wanted_part(), reduction_error=solved.reduction_error,
+            count_check=solved.count_check, target=solved.target_part(), reduction_error=solved.reduction_error,
             expected_error=solved.expected_error, error_bar=bar,
             widest_bar=widest_bar(solved.rows).to_dict(), solved=solved, case=case,
         )  # fmt: skip
@@ -139,14 +139,14 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
     error = stacked("error", "Half-width of each frequency's error bar (modes,), relative; NaN without an estimate.")
 
     def to_pyvista(self, mode: int | ModeRecord | None = None) -> Any:
-        """Return the closed surface of a mode, by its index from 0 or itself; None: of the wanted mode.
+        """Return the closed surface of a mode, by its index from 0 or itself; None: of the target mode.
 
-        Raises ValueError where no mode is the wanted one, and for modes that were read from a file.
+        Raises ValueError where no mode is the target mode, and for modes that were read from a file.
         """
         if mode is None:
-            at = self.wanted.index if self.wanted else None
+            at = self.target.index if self.target else None
             if at is None:
-                raise ValueError("none of these modes is the wanted one: name a mode by its number")
+                raise ValueError("none of these modes is the target mode: name a mode by its number")
             mode = at
         return (self.modes[mode] if isinstance(mode, int) else mode).to_pyvista()
 
@@ -154,7 +154,7 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
 
     @property
     def _marked(self) -> list[int]:
-        at = self.wanted.frequency_hz if self.wanted else None
+        at = self.target.frequency_hz if self.target else None
         return [place for place, mode in enumerate(self.modes) if at is not None and mode.frequency_hz == at]
 
     def _read(self) -> tuple[list[str], list[list[Any]]]:
@@ -165,8 +165,8 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         return outputs.filled(head, [[*row.values()] for row in rows])
 
     def lines(self) -> Iterator[str]:
-        """Yield the model, the modes with the wanted one marked, the widest error bar, the wanted mode and the count."""
-        from pipeline.models.modes import wanted_lines
+        """Yield the model, the modes with the target mode marked, the widest error bar, the target mode and the count."""
+        from pipeline.models.modes import target_lines
         from pipeline.planning.refinement import WidestBar
 
         plural = "s" * (self.rigid_count != 1)
@@ -175,10 +175,10 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         if self.widest_bar:
             yield WidestBar(**{name: self.widest_bar[name] for name in ("error", "of", "parts")}).text()
         if self.solved:
-            yield from wanted_lines(self.solved, self.case.design)
+            yield from target_lines(self.solved, self.case.design)
 
     def draw(self, ax: Axes) -> None:
-        """Draw the confinement of each mode over its frequency, the wanted mode marked; without one, frequencies alone."""
+        """Draw the confinement of each mode over its frequency, the target mode marked; without one, frequencies alone."""
         khz, level = self.frequency_hz / KHZ, self.array("confinement_db")
         if not np.isfinite(level).any():
             ax.plot(np.arange(1, len(khz) + 1), khz, "o", color=style.BLUE, ms=4)
@@ -187,10 +187,10 @@ class ModesResult(Result, Sequence[ModeRecord], table="modes", axes=("mode",)):
         ax.plot(khz, level, "o", color=style.BLUE, ms=4)
         least = confinement.CONFINED_DB
         ax.axhline(least, color=style.GREEN, lw=0.9, ls="--", label=f"confined from {least:g} dB")
-        wanted = self.wanted
-        if wanted and wanted.frequency_hz is not None and wanted.confinement_db is not None:
-            at = wanted.frequency_hz / KHZ, wanted.confinement_db
-            ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"wanted mode ({wanted.status})")
+        target = self.target
+        if target and target.frequency_hz is not None and target.confinement_db is not None:
+            at = target.frequency_hz / KHZ, target.confinement_db
+            ax.plot(*at, "*", color=style.VERMILION, ms=11, label=f"target mode ({target.status})")
         ax.legend()
         ax.set(xlabel="frequency (kHz)", ylabel="confinement (dB)")
 
@@ -243,7 +243,7 @@ class Modes(
 
     @classmethod
     def in_study(cls) -> Modes:
-        """Return the question with the wanted mode's window in the case's own."""
+        """Return the question with the target mode's window in the case's own."""
         return _InStudies()
 
     def request(self, case: Case) -> Request:
@@ -268,7 +268,7 @@ class Modes(
 
 
 class _InStudies(Modes):
-    """The plate's modes in the case's window and the wanted mode's in one, all of the wanted mode's class."""
+    """The plate's modes in the case's window and the target mode's in one, all of the target mode's class."""
 
     def request(self, case: Case) -> Request:
         """Return what is asked for, in Hz."""
@@ -282,27 +282,27 @@ class _InStudies(Modes):
     def compute(self, case: Case, plan: Plan, run: Run) -> ModesResult:
         """Compute the modes and keep what other questions go on from."""
         from pipeline.models.modes import solve_modes
-        from pipeline.models.wanted import warn_of_wanted
+        from pipeline.models.target import warn_of_target
 
         solved = solve_modes(case, self.request(case), run, plan.steps[0].choice).whole_window
         run.meshes += solved.meshes
         run.solved["modes"] = solved
-        assert solved.wanted
-        warn_of_wanted(solved.wanted, case, run.log)
+        assert solved.target
+        warn_of_target(solved.target, case, run.log)
         return ModesResult.of_solved(solved, case)
 
 
 class ShapesResult(Result, axes=("shape",)):
-    """Shapes of the modes that carry most of the wanted one: coefficients of u_z on the active face."""
+    """Shapes of the modes that carry most of the target mode: coefficients of u_z on the active face."""
 
-    wanted: int = column("row of the wanted mode", table=False)
+    target: int = column("row of the target mode", table=False)
     frequency_hz: list[float] = column("frequency", "Hz", along="shape")
     share: list[float] = column("share of the motion on the active face", along="shape")
     coefficients: list[list[float]] = column("coefficients of u_z", along=("shape", "function"))
 
 
 class Shapes(Question[ShapesResult], follows="modes"):
-    """Keep the shapes of the modes nearest the wanted one, its mode table and, on demand, every mode's field."""
+    """Keep the shapes of the modes nearest the target mode, its mode table and, on demand, every mode's field."""
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ShapesResult:
         """Describe the shapes; write mode_table.bin, mode_table.h and fields.npz into the case's folder."""
@@ -315,7 +315,7 @@ class Shapes(Question[ShapesResult], follows="modes"):
         if run.all_fields:
             with run.step("fields in full"):
                 store.save_arrays(run.folder, mode_fields.full_fields(solved), store.FIELDS)
-        index = solved.index(solved.wanted_row)
+        index = solved.index(solved.target_row)
         if index is None:
             raise Unanswered
         with run.step("fields"):
@@ -424,7 +424,7 @@ def _request(
 
 
 def _answered(solved: PartModes, case: Case, run: Run) -> ModesResult:
-    from pipeline.models.wanted import widest_bar
+    from pipeline.models.target import widest_bar
 
     run.meshes += solved.meshes
     widest_bar(solved.rows).warn(case, run)

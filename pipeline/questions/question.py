@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pipeline.logs import Log
-    from pipeline.models.mode_parts import WantedMode
+    from pipeline.models.mode_parts import TargetMode
     from pipeline.records.record import MeshRecord
 
 T = TypeVar("T")
@@ -133,10 +133,10 @@ class Run:
     found: dict[str, Any] = field(default_factory=dict)  # the answers and parts of the record so far
 
     @property
-    def wanted(self) -> WantedMode | None:
+    def target(self) -> TargetMode | None:
         """The target mode, where the plate's modes were asked before and there is one."""
         modes = self.found.get("modes")
-        return modes.wanted if modes and modes.wanted and modes.wanted.is_found else None
+        return modes.target if modes and modes.target and modes.target.is_found else None
 
     def info(self, text: str, id: str = "") -> None:
         """Log a fact."""

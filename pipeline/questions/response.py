@@ -90,7 +90,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     >>> driven = antinode.load("examples/small.toml", accuracy=0.1, patches=patch).response((33.0, 36.0), points=5)
     >>> driven.array("zone_rms_m_per_V").shape == driven.array("frequency_hz").shape
     True
-    >>> 33e3 < driven.wanted_peak.frequency_hz < 36e3
+    >>> 33e3 < driven.target_peak.frequency_hz < 36e3
     True
     """
 
@@ -116,18 +116,18 @@ class ResponseResult(Result, axes=("frequency_hz",)):
     )  # fmt: skip
     sensors: list[int] = column("numbers of the sensor patches, from 0")
     polarisation_signs: list[int] = column("sign of each patch's drive")
-    wanted_hz: float | None = column(
-        "frequency of the wanted mode, all patches short; None without one", "Hz", error="wanted_error"
+    target_hz: float | None = column(
+        "frequency of the target mode, all patches short; None without one", "Hz", error="target_error"
     )
     quality_factor_given: float = column("quality factor that the case gives")
     expected_error: float | None = column(
         "widest error bar of a frequency in the band, relative; None without an estimate"
     )
     circuit: dict[str, Any] = column(
-        "how the drivers are fed, and what opening every patch does to the wanted mode: drivers, short_hz, open_hz, coupling"
+        "how the drivers are fed, and what opening every patch does to the target mode: drivers, short_hz, open_hz, coupling"
     )
-    wanted_status: str = column("single, split or none")
-    wanted_peak: PeakRecord | None = column("the wanted mode's peak; None where the band has none")
+    target_status: str = column("single, split or none")
+    target_peak: PeakRecord | None = column("the target mode's peak; None where the band has none")
     highest_peak: PeakRecord = column("the highest peak of the band")
     widest_bar: dict[str, Any] | None = column(
         "widest error bar of a frequency in the band: error (relative), of (which resonance), parts (mesh, reduction, bonding) "
@@ -135,7 +135,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         default=None,
     )
     measured: MeasuredRecord | None = column("what was measured beside it; None without a measurement", default=None)
-    wanted_error: float | None = bar("wanted_hz, relative")
+    target_error: float | None = bar("target_hz, relative")
     written: list[Any] = live(default_factory=list)  # files with made-up data
 
     @classmethod
@@ -147,12 +147,12 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
         forced, curve, patches, shift = solved.forced, solved.curve, case.patches, circuit_shift(solved.forced)
         assert patches
-        own, wanted_hz, passive = solved.wanted, forced.wanted_hz(), curve.passive_rms_m_per_v
+        own, target_hz, passive = solved.target, forced.target_hz(), curve.passive_rms_m_per_v
         bars = curve_errors(forced, curve)
         zone_error, passive_error = [None, None] if bars is None else [*bars.tolist(), None][:2]
         first = curve.sensor_v_per_v[:, 0] if patches.sensors else None
-        wanted = _peak(own, forced) if own else None
-        same = wanted if own and solved.highest.is_at(own.frequency_hz, forced.loss) else None
+        target = _peak(own, forced) if own else None
+        same = target if own and solved.highest.is_at(own.frequency_hz, forced.loss) else None
         circuit = {name: getattr(shift, name, None) for name in ("short_hz", "open_hz", "coupling")}
         return cls(
             model=f"{forced.plate.name} with {patches.count} patches",
@@ -165,33 +165,33 @@ class ResponseResult(Result, axes=("frequency_hz",)):
             sensor_V_per_V=None if first is None else np.column_stack([first.real, first.imag]).tolist(),
             sensors=list(patches.sensors),
             polarisation_signs=[int(sign) for sign in forced.signs],
-            wanted_hz=wanted_hz,
-            wanted_error=frequency_error(forced, wanted_hz) if wanted_hz else None,
+            target_hz=target_hz,
+            target_error=frequency_error(forced, target_hz) if target_hz else None,
             quality_factor_given=case.quality_factor,
             expected_error=solved.expected_error,
             circuit={"drivers": forced.circuit, **circuit},
-            wanted_status=forced.verdict.status,
-            wanted_peak=wanted,
+            target_status=forced.verdict.status,
+            target_peak=target,
             highest_peak=_peak(solved.highest, forced, same),
             widest_bar=solved.widest_bar.to_dict(),
         )
 
     @property
     def peak(self) -> PeakRecord:
-        """The wanted mode's peak; the highest where the band has none."""
-        return self.wanted_peak or self.highest_peak
+        """The target mode's peak; the highest where the band has none."""
+        return self.target_peak or self.highest_peak
 
     @property
     def same(self) -> bool:
-        """Whether the wanted mode's peak is the highest: they lie within a half-power width."""
-        own, other = self.wanted_peak, self.highest_peak.frequency_hz
+        """Whether the target mode's peak is the highest: they lie within a half-power width."""
+        own, other = self.target_peak, self.highest_peak.frequency_hz
         return own is not None and abs(other - own.frequency_hz) <= own.frequency_hz / self.quality_factor_given
 
-    wanted_peak_hz = figure_at("wanted_peak.frequency_hz", "wanted mode's peak, driven", "Hz")
-    wanted_peak_nm_per_v = figure_at(
-        "wanted_peak.zone_nm_per_V", "zone at that peak", "nm/V", error="wanted_peak.zone_error_nm_per_V"
+    target_peak_hz = figure_at("target_peak.frequency_hz", "target mode's peak, driven", "Hz")
+    target_peak_nm_per_v = figure_at(
+        "target_peak.zone_nm_per_V", "zone at that peak", "nm/V", error="target_peak.zone_error_nm_per_V"
     )
-    wanted_peak_db = figure_at("wanted_peak.confinement_db", "confinement at that peak", "dB")
+    target_peak_db = figure_at("target_peak.confinement_db", "confinement at that peak", "dB")
     highest_peak_hz = figure_at("highest_peak.frequency_hz", "highest peak of the response", "Hz")
     highest_peak_nm_per_v = figure_at(
         "highest_peak.zone_nm_per_V", "zone at the highest", "nm/V", error="highest_peak.zone_error_nm_per_V"
@@ -211,7 +211,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         """Yield the model, the curves around the peak, the peaks, what was measured and which files were written."""
         rows = [[*row.values()] for row in self.to_rows()]
         near = sorted(sorted(rows, key=lambda row: abs(row[0] - self.peak.frequency_hz))[:SHOWN])
-        whose = "wanted mode" if self.wanted_peak else "zone"
+        whose = "target mode" if self.target_peak else "zone"
         yield f"{self.model}, {self.dof} degrees of freedom; around the peak of the {whose}, per volt of drive:"
         yield outputs.reading_table(*outputs.filled(tuple(self.to_rows()[0]), near))
         yield from self.peaks()
@@ -219,9 +219,9 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         yield from (f"wrote {path}" for path in self.written)
 
     def peaks(self) -> Iterator[str]:
-        """Yield the wanted mode's peak, and the highest where it is another."""
-        if self.wanted_peak:
-            yield self.wanted_peak.line("wanted mode's peak")
+        """Yield the target mode's peak, and the highest where it is another."""
+        if self.target_peak:
+            yield self.target_peak.line("target mode's peak")
         if not self.same:
             yield self.highest_peak.line("highest peak")
 
@@ -229,12 +229,12 @@ class ResponseResult(Result, axes=("frequency_hz",)):
         """Draw the rms of zone and passive face per volt over frequency, the peaks marked."""
         self._draw_curve(ax, "zone_rms", color=style.BLUE, label="zone")
         self._draw_curve(ax, "passive_rms", color=style.VERMILION, ls="--", label="passive face")
-        wanted, highest = self.wanted_peak, self.highest_peak
-        for peak, dashes in ((wanted, ":"), (highest, "-.")):
+        target, highest = self.target_peak, self.highest_peak
+        for peak, dashes in ((target, ":"), (highest, "-.")):
             if peak:
                 ax.axvline(peak.frequency_hz / KHZ, color=style.GREY, ls=dashes, lw=0.8)
         title = f"highest peak at {highest.tone} (dash-dotted)"
-        title = f"Wanted mode's peak at {wanted.tone} (dotted),\n{title}" if wanted else title.capitalize()
+        title = f"Target mode's peak at {target.tone} (dotted),\n{title}" if target else title.capitalize()
         ax.set(ylabel="rms u_z (nm/V)", xlabel="frequency (kHz)", title=title)
         ax.grid(True)
         ax.legend(fontsize=8)
@@ -292,7 +292,7 @@ class ResponseResult(Result, axes=("frequency_hz",)):
 
     def _alt(self) -> str:
         peak = self.peak
-        whose = "the wanted mode peaks" if self.wanted_peak else "the zone peaks highest"
+        whose = "the target mode peaks" if self.target_peak else "the zone peaks highest"
         level_text = "" if peak.confinement_db is None else f", {level(peak.confinement_db)} above the passive face"
         quality = ""
         if peak.quality_factor is not None:
@@ -334,7 +334,7 @@ class Response(
 
     >>> from antinode import Patches, load
     >>> plate = load("examples/small.toml", accuracy=0.1, patches=Patches(size_mm=(8.0, 3.0, 0.3)))
-    >>> peak = plate.response((33.0, 36.0), points=5).wanted_peak
+    >>> peak = plate.response((33.0, 36.0), points=5).target_peak
     >>> round(peak.frequency_hz, -3), round(peak.confinement_db)
     (34000.0, 13)
     """
@@ -390,8 +390,8 @@ class _InStudies(Response):
         from pipeline.board.export import write_patched
 
         result = super().compute(case, plan, run)
-        if result.wanted_hz is None:
-            run.log.warning("TABLE", "no mode of the plate with its patches has the wanted shape: it has no mode table")
+        if result.target_hz is None:
+            run.log.warning("TABLE", "no mode of the plate with its patches has the target shape: it has no mode table")
             return result
         try:
             assert run.folder
@@ -468,26 +468,26 @@ def _report(result: ResponseResult, solved: SolvedResponse, case: Case, run: Run
     shift, error = result.circuit, result.peak.frequency_error
     if shift["coupling"] is not None:
         run.info(
-            f"wanted mode at {frequency(shift['short_hz'], error)} with all patches short, "
+            f"target mode at {frequency(shift['short_hz'], error)} with all patches short, "
             f"{frequency(shift['open_hz'], error)} with all open: effective coupling factor squared (k_eff^2) "
             f"{in_digits(shift['coupling'])}"
         )
-    if result.wanted_peak is None:
-        known = result.wanted_hz is not None
-        where = f"it lies at {frequency(result.wanted_hz)}" if known else "no mode of the plate has its shape"
+    if result.target_peak is None:
+        known = result.target_hz is not None
+        where = f"it lies at {frequency(result.target_hz)}" if known else "no mode of the plate has its shape"
         low, high = (end / KHZ for end in solved.forced.band_hz)
         run.warning(
             "NO_MODE",
-            f"the band from {low:g} to {high:g} kHz does not hold the wanted mode, {where}: the peak is another mode's",
+            f"the band from {low:g} to {high:g} kHz does not hold the target mode, {where}: the peak is another mode's",
         )
     elif not result.same:
         run.warning(
             "OTHER_PEAK",
-            f"the response is highest at {result.highest_peak.tone}, which is not the wanted mode at {result.wanted_peak.tone}",
+            f"the response is highest at {result.highest_peak.tone}, which is not the target mode at {result.target_peak.tone}",
         )
-    if result.wanted_status == "split":
+    if result.target_status == "split":
         run.warning(
-            "SPLIT_MODE", "the wanted shape is split among several modes of the patched plate: the strongest is meant"
+            "SPLIT_MODE", "the target shape is split among several modes of the patched plate: the strongest is meant"
         )
     if result.highest_peak.frequency_hz in (result.frequency_hz[0], result.frequency_hz[-1]):
         run.warning("PEAK_AT_END", "the response is largest at the end of the band: widen it")

@@ -105,7 +105,7 @@ def scaled(value: Any, scale: float) -> Any:
 
 
 def reach(part: Any, place: str) -> Any:
-    """Return what stands at a place such as "wanted.frequency_hz"; None where a part on the way there is missing."""
+    """Return what stands at a place such as "target.frequency_hz"; None where a part on the way there is missing."""
     for name in place.split("."):
         part = part.get(name) if isinstance(part, Mapping) else None if part is None else getattr(part, name)
     return part

@@ -191,7 +191,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
         drawn, (left, right) = style.panels(3.9, 1, 2, width_ratios=[1.15, 1.0])
         self.draw(left)
         self._tradeoff(right)
-        title = "Where the wanted mode is confined best"
+        title = "Where the target mode is confined best"
         return [style.ReportFigure("search", title, self._alt(), drawn, vector=True)]
 
     def _of(self, fidelity: str) -> list[FoundDesign]:
@@ -272,7 +272,7 @@ class SearchResult(Result, table="evaluations", axes=("evaluation",)):
                 place = design.frequency_hz / KHZ, getattr(design, value)
                 axes.plot(*place, marker, color=colour, mec="white", ms=11, label=name)
         axes.axvline(self.limits.lowest_hz / KHZ, color=style.GREY, lw=0.8, ls=":")
-        axes.set(xlabel="frequency of the wanted mode (kHz)", ylabel=self._title, title="Trade-off")
+        axes.set(xlabel="frequency of the target mode (kHz)", ylabel=self._title, title="Trade-off")
         axes.grid(True)
         axes.legend(fontsize=7)
 
@@ -313,7 +313,7 @@ class Search(
     goal: Goal = option(
         default="confinement",
         help="what to raise: dB on the zone over the passive face, or over the plate beyond the rows, or the least of the "
-        "first with all heights off by tolerance.height_mm, or the width of the band about the wanted mode in which the rows "
+        "first with all heights off by tolerance.height_mm, or the width of the band about the target mode in which the rows "
         "take 10 dB from a wave; of several zones, each driven in turn, the first, the third, the least dB on the driven zone "
         "over another one, or the smallest gap between them",
     )
@@ -331,7 +331,7 @@ class Search(
         default=0.4, unit="mm", at_least=1e-3, at_most=1e6, metavar="MM", help="smallest printable size"
     )
     mac: float = option(
-        default=0.8, at_least=0.0, at_most=1.0, metavar="SHARE", help="least modal assurance to the wanted shape"
+        default=0.8, at_least=0.0, at_most=1.0, metavar="SHARE", help="least modal assurance to the target shape"
     )
     min_isolation_dB: float | None = option(
         default=None, unit="dB", at_least=1e-3, at_most=1e3, metavar="DB",

@@ -49,8 +49,8 @@ def names() -> list[str]:
 
 def chosen(query: Iterable[str]) -> list[Question[Any]]:
     """Return the questions of these names in their order."""
-    wanted = set(query)
-    return [each for each in questions() if wanted & {each.name, *each.aliases}]
+    requested = set(query)
+    return [each for each in questions() if requested & {each.name, *each.aliases}]
 
 
 def check(case: Case, query: Iterable[str]) -> None:

@@ -1,4 +1,4 @@
-"""The same design through CAD and pytetwild, compared with the structured meshes: its plate's wanted mode and its unit cell."""
+"""The same design through CAD and pytetwild, compared with the structured meshes: its plate's target mode and its unit cell."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.records.part import column
 
 
 class TetModesResult(Result, axes=()):
-    """The wanted mode by tetrahedra compared with the one of the structured mesh."""
+    """The target mode by tetrahedra compared with the one of the structured mesh."""
 
     model: str = column("model and element order", default="")
     dof: int = column("degrees of freedom that were solved for")
@@ -42,7 +42,7 @@ class TetModes(
     aliases=("tetrahedra",),
     pictures=("plots.fields.mode_on_both_meshes",),
 ):
-    """Compute the wanted mode of the plate meshed whole by tetrahedra."""
+    """Compute the target mode of the plate meshed whole by tetrahedra."""
 
     def plan(self, case: Case) -> Plan:
         from pipeline.planning.mesh_rules import NEAR_COUNT, PLATE_ACCURACY
@@ -52,7 +52,7 @@ class TetModes(
         why = ("a cross-check by another mesh",)
         return plans.plan_of(
             case,
-            plans.Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the wanted one", why, demand=demand),
+            plans.Step(self.name, name, "solid tet2", mesh, (), "the modes nearest the target mode", why, demand=demand),
         )
 
     def compute(self, case: Case, plan: Plan, run: Run) -> TetModesResult:
@@ -63,11 +63,11 @@ class TetModes(
 
         structured = run.solved.get("modes")
         if structured is None:
-            structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.symmetry_wanted), run.log)
-        row = structured.wanted_row
+            structured = modes.solve_modes(case, modes.Request("plate", symmetry=case.target_symmetry), run.log)
+        row = structured.target_row
         bar = (row.error if row else None) or 0.0
         if row is None:
-            run.log.warning("NO_MODE", "no mode has the wanted shape: nothing to compare tetrahedra with")
+            run.log.warning("NO_MODE", "no mode has the target shape: nothing to compare tetrahedra with")
             raise Unanswered
         try:
             meshes, arrays, figures = compared(case, structured, row, bar, run.log)

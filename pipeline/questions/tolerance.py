@@ -24,7 +24,7 @@ MOVED = 0.1  # of the spread of peaks or levels: more, and the space is too smal
 ALIKE_DB = 0.01  # levels that differ by less are alike, however small their spread
 PER = {"m/V": "_m_per_V", "m/N": "_m_per_N"}  # ends of a column's name, by unit
 FRAME: dict[str, Any] = {"fontsize": 8, "frameon": True, "framealpha": 0.9, "edgecolor": "none"}
-ALONE = "nothing: the free wanted mode of one column of cells, all pillars off by the same"
+ALONE = "nothing: the free target mode of one column of cells, all pillars off by the same"
 SAMPLES = "how many plates (default: the case's, 20)"
 
 
@@ -47,8 +47,8 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
     )
     nominal: SampleRecord = column("the plate without scatter")
     samples: list[SampleRecord] = column("the plates")
-    lost: int = column("samples without the wanted mode, which the statistics leave out")
-    split: int = column("samples whose wanted mode is split")
+    lost: int = column("samples without the target mode, which the statistics leave out")
+    split: int = column("samples whose target mode is split")
     peak_hz: SpreadRecord | None = column("frequencies of the peaks, Hz")
     peak_shift_hz: SpreadRecord | None = column("peaks less the nominal one, Hz")
     confinement_db: SpreadRecord | None = column("confinements at the peaks, dB")
@@ -140,7 +140,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
                 f"{figure(off_hz, off_hz or None)} Hz of the peak{of_level}"
             )
         if self.lost:
-            yield f"{self.lost} of {len(self.samples)} plates lost the wanted mode: no mode has its shape"
+            yield f"{self.lost} of {len(self.samples)} plates lost the target mode: no mode has its shape"
 
     def draw(self, ax: Axes) -> None:
         """Draw each plate's peak and its driven confinement there, the nominal plate marked."""
@@ -165,7 +165,7 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         figure, panels = style.panels(0.4 + 2.6 * len(drawn), len(drawn), 1, squeeze=False)
         for panel, draw in zip(panels[:, 0], drawn, strict=True):
             draw(panel)
-        title = "What pillars that are all off alike do to the wanted mode"
+        title = "What pillars that are all off alike do to the target mode"
         if curves is not None:
             title = "What printed pillars do to the response"
         return [style.ReportFigure("tolerance", title, self._alt(), figure, vector=True)]
@@ -175,10 +175,10 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         for number, curve in enumerate(curves[1:]):
             ax.semilogy(tone, curve, color=style.SKY, lw=0.6, alpha=0.7, label="samples" if number == 0 else None)
         ax.semilogy(tone, curves[0], color="black", lw=1.3, label="nominal plate")
-        title, peak, count = "No plate kept the wanted mode", self.peak_hz, self.counted
+        title, peak, count = "No plate kept the target mode", self.peak_hz, self.counted
         if peak:
             mean = frequency(peak.mean, peak.relative)
-            title = f"Wanted mode's peak {mean}, spread {peak.spread(count, 'Hz')} over {count} plates"
+            title = f"Target mode's peak {mean}, spread {peak.spread(count, 'Hz')} over {count} plates"
         ax.set(xlabel="frequency (kHz)", ylabel=f"zone rms u_z (n{self.rms_unit})", title=title)
         ax.grid(True)
         ax.legend(**FRAME)
@@ -195,11 +195,11 @@ class ToleranceResult(Result, table="samples", axes=("sample",)):
         plates = "plates whose pillars are all off by the same" if alike else "plates whose pillars differ"
         peak, tone = self.peak_hz, self.nominal.peak_hz
         if not peak:
-            return f"None of {len(self.samples)} {plates} kept the wanted mode."
+            return f"None of {len(self.samples)} {plates} kept the target mode."
         nominal = "" if tone is None else f", nominally at {frequency(tone, peak.relative)}"
         spread = f"; confinement {self._levels(', at ')}" if self.confinement_db else ""
         return (
-            f"{len(self.samples)} {plates}: the wanted mode's peak lies at {frequency(peak.mean, peak.relative)} "
+            f"{len(self.samples)} {plates}: the target mode's peak lies at {frequency(peak.mean, peak.relative)} "
             f"(spread {peak.spread(self.counted, 'Hz')}){nominal}{spread}"
         )
 
@@ -260,7 +260,7 @@ class Tolerance(
         result = ToleranceResult.of(
             solved,
             tolerance=scatter | {"cut_at_deviations": CUT},
-            drive="patches" if case.patches else "pressure in the wanted shape",
+            drive="patches" if case.patches else "pressure in the target shape",
             rms_unit="m/V" if case.patches else "m/N",
             **statistics(solved.nominal, solved.samples),
         )
@@ -328,7 +328,7 @@ def _report(result: ToleranceResult, solved: VariedPlates, band_hz: Pair, run: R
         run.info(line)
     peaks, levels = (spread_of(known(result.samples, name)) for name in ("peak_hz", "confinement_db"))
     if peaks and (peaks.lowest <= band_hz[0] or peaks.highest >= band_hz[1]):
-        run.warning("PEAK_AT_END", "a sample's wanted mode lies outside the band: widen it")
+        run.warning("PEAK_AT_END", "a sample's target mode lies outside the band: widen it")
     if result.lost:
         run.warning("LOST", said[-1])
     nominal, (change, louder) = (

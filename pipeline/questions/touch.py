@@ -1,4 +1,4 @@
-"""A finger on the driven plate: the wanted mode under it, amplitude and friction, the loop's drive, power, a map of places."""
+"""A finger on the driven plate: the target mode under it, amplitude and friction, the loop's drive, power, a map of places."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class TouchResult(Result, table="states", axes=("state",)):
     source: str = column("where its values come from")
     at_m: list[float] = column("middle of the contact", "m")
     radius_m: float = column("radius of the contact", "m")
-    impedance_N_s_m: list[float] = column("impedance at the wanted mode, real and imaginary", "N s/m")
+    impedance_N_s_m: list[float] = column("impedance at the target mode, real and imaginary", "N s/m")
     force_N: float | None = column("force of the finger; None where the case gives none", "N")
     gap_m: list[float] | None = column("the smallest and the largest gap of air; None where the case gives none", "m")
     quality_factor_given: float = column("quality factor that the case gives")
-    mode: LoadedModeRecord | None = column("the wanted mode under the finger; None where none is left")
+    mode: LoadedModeRecord | None = column("the target mode under the finger; None where none is left")
     states: list[TouchStateRecord] = column("one way of driving each; what cannot be is not there")
     loop: LoopRecord | None = column("the closed loop's drive; None without a sensor")
     map: TouchMapRecord | None = column("the finger at every place of the touch face; None where it was not asked for")
@@ -51,7 +51,7 @@ class TouchResult(Result, table="states", axes=("state",)):
 
     touch_shift_hz = figure_at("mode.shift_hz", "detuning by the finger", "Hz", is_difference=True, is_signed=True)
     touch_quality_factor = figure_at("mode.quality_factor", "quality factor under the finger")
-    touch_share = figure_at("mode.share", "share of the wanted mode under the finger")
+    touch_share = figure_at("mode.share", "share of the target mode under the finger")
     free_um = figure_at("by_state.free.finger_m", "amplitude at the finger, free", "um", scale=UM)
     free_db = figure_at("by_state.free.confinement_db", "confinement, free", "dB")
     free_mw_at_1um = figure_at("by_state.free.drawn_mW_at_1um", "power at 1 um, free", "mW")
@@ -148,7 +148,7 @@ def _mode_in_words(mode: LoadedModeRecord, quality_given: float) -> str:
     share = with_bar(100.0 * mode.share, scaled(mode.share_error, 0.01), "%")
     mixed = " and is mixed with its neighbours" if mode.share < 0.5 else ""
     return (
-        f"wanted mode from {before} to {under} ({shift}), quality factor from {quality_given:g} to "
+        f"target mode from {before} to {under} ({shift}), quality factor from {quality_given:g} to "
         f"{quality}, by its complex eigenvalue f^2 (1 + i/Q); it keeps {share} of its shape{mixed}"
     )
 
@@ -204,7 +204,7 @@ class Touch(
         assert touch is not None and case.patches is not None
         left_out = tuple(each for each in step.left_out if each.rule != "undriven_classes")
         places = ", and at every place of a map" * self.mapped
-        looks = f"the wanted mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
+        looks = f"the target mode under {touch.tip.name} and free{places}; {case.patches.count} patches"
         classes = step.classes if step.classes == ("whole",) else simplifications.CLASSES
         about = {"measure": self.name, "name": "a finger on the plate", "classes": classes, "looks_for": looks}
         return plans.plan_of(case, replace(step, left_out=left_out, **about))  # type: ignore[arg-type]

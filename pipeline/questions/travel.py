@@ -58,7 +58,7 @@ class TravelResult(Result, axes=("x_m",)):
     flow_x_m: list[float] = column("sections through which power is counted", "m", along="flow_x_m")
     flow_W: list[float] = column("power towards +x through them", "W", along="flow_x_m", error="flow_error_W")
     standing_flow_W: list[float] = column(
-        "that with all drivers in phase with the wanted mode", "W", along="flow_x_m", error="standing_flow_error_W"
+        "that with all drivers in phase with the target mode", "W", along="flow_x_m", error="standing_flow_error_W"
     )
     inner_sections: int | None = column(
         "how many of the sections lie between the plate's ends, where nothing flows", default=None

@@ -283,31 +283,31 @@ class Record(Checked):
         return self.answers.get("response")
 
     @property
-    def wanted(self) -> Any:
-        """The wanted mode; None where there is none or none was looked for."""
-        found = self.modes.wanted if self.modes else None
+    def target(self) -> Any:
+        """The target mode; None where there is none or none was looked for."""
+        found = self.modes.target if self.modes else None
         return found if found and found.is_found else None
 
     @property
-    def wanted_status(self) -> str | None:
+    def target_status(self) -> str | None:
         """single, split or none; None where no mode was looked for."""
-        return self.modes.wanted.status if self.modes and self.modes.wanted else None
+        return self.modes.target.status if self.modes and self.modes.target else None
 
     @property
     def confinement_db(self) -> float | None:
-        """Confinement of the wanted mode, dB; None without a wanted mode or a passive face."""
-        return self.wanted.confinement_db if self.wanted else None
+        """Confinement of the target mode, dB; None without a target mode or a passive face."""
+        return self.target.confinement_db if self.target else None
 
     @property
     def driven_db(self) -> float | None:
-        """Confinement at the wanted mode's peak as the patches drive it, dB; None without a response or without that peak."""
-        return self.response.wanted_peak.confinement_db if self.response and self.response.wanted_peak else None
+        """Confinement at the target mode's peak as the patches drive it, dB; None without a response or without that peak."""
+        return self.response.target_peak.confinement_db if self.response and self.response.target_peak else None
 
     def error_at(self, frequency_hz: float) -> float | None:
         """Half-width of the bar of the plate's mode at a stored frequency, relative; None where it is not known."""
         known = [(mode.frequency_hz, mode.error) for mode in self.modes.modes] if self.modes else []
-        if self.wanted:
-            known.append((self.wanted.frequency_hz, self.wanted.frequency_error))
+        if self.target:
+            known.append((self.target.frequency_hz, self.target.frequency_error))
         return next((error for tone, error in known if isclose(tone, frequency_hz, rel_tol=1e-9)), None)
 
     @property
@@ -317,7 +317,7 @@ class Record(Checked):
 
     @property
     def confined(self) -> bool | None:
-        """Whether the zone confines the wanted mode: as a mode and, where patches drive it, at its own peak.
+        """Whether the zone confines the target mode: as a mode and, where patches drive it, at its own peak.
 
         None where the question has no meaning.
         """
@@ -326,7 +326,7 @@ class Record(Checked):
 
     @property
     def verdict(self) -> str:
-        """Whether the wanted mode is confined, as a mode and as driven by patches, in words."""
+        """Whether the target mode is confined, as a mode and as driven by patches, in words."""
         as_mode = self.confinement_db is not None and self.confinement_db >= CONFINED_DB
         return "confined" if self.confined else "confined as a mode, not as driven" if as_mode else "leaking"
 

@@ -125,7 +125,7 @@ class StoredStudy:
     def with_cross_checks(self, case: StoredCase) -> StoredCase:
         """A case completed by what a study computes once: cross-checks of the same plate or the same unit cell."""
         own = case.record
-        if own.design is None or not (own.wanted or own.held("bands")):
+        if own.design is None or not (own.target or own.held("bands")):
             return case
         plates, cells = (
             [other for other in group if other.case_id != case.case_id]

@@ -65,8 +65,8 @@ Line = list[tuple[StoredCase, Any, Any]]
 class Tracked:
     """One case of a line: the tracked mode's frequency (None when lost), its MAC with the case before, and a word.
 
-    tracking: "start" (where the wanted mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
-    wanted one here), "lost".
+    tracking: "start" (where the target mode is plainest), "kept", "crossed" (kept, but another mode looks more like the
+    target one here), "lost".
     """
 
     frequency_hz: float | None
@@ -80,32 +80,32 @@ def along_sweep(study: StoredStudy) -> dict[str, Tracked]:
     key = main_key(study, cases) if len(cases) > 1 else None
     tracked: dict[str, Tracked] = {}
     for line in lines_along(study, cases, key).values() if key else ():
-        known = ((case, case.record.wanted, case.record.held("shapes")) for case in line)
-        tracked |= _line([(case, wanted, shapes) for case, wanted, shapes in known if wanted and shapes])
+        known = ((case, case.record.target, case.record.held("shapes")) for case in line)
+        tracked |= _line([(case, target, shapes) for case, target, shapes in known if target and shapes])
     return tracked
 
 
 def _line(line: Line) -> dict[str, Tracked]:
-    """From the case with the plainest wanted mode to both ends of the line."""
+    """From the case with the plainest target mode to both ends of the line."""
     start = max(range(len(line)), key=lambda i: line[i][1].share or 0.0)
-    first, wanted, shapes = line[start]
-    tracked = {first.case_id: Tracked(wanted.frequency_hz, None, "start")}
+    first, target, shapes = line[start]
+    tracked = {first.case_id: Tracked(target.frequency_hz, None, "start")}
     for choice in (line[start:], line[start::-1]):
         plates = [Shapes(*map(np.array, (s.frequency_hz, s.share, s.coefficients))) for _, _, s in choice]
-        steps = follow(plates, shapes.wanted)
+        steps = follow(plates, shapes.target)
         for number, (case, _, stored) in enumerate(choice[1:]):
             step = steps[number] if number < len(steps) else None
             if step is None or step.row is None or not step.kept:
                 tracked[case.case_id] = Tracked(None, step.mac if step else None, "lost")
             else:
-                tracking = "kept" if step.row == stored.wanted else "crossed"
+                tracking = "kept" if step.row == stored.target else "crossed"
                 tracked[case.case_id] = Tracked(stored.frequency_hz[step.row], step.mac, tracking)
     return tracked
 
 
 TABLE = "table.csv"
 # columns that answer first, beside what is swept
-MAIN = ("case", "status", "wanted_hz", "confinement_db", "confined", "wanted_peak_db", "db_per_row", "tracking")
+MAIN = ("case", "status", "target_hz", "confinement_db", "confined", "target_peak_db", "db_per_row", "tracking")
 KILOHERTZ = quantity.Unit("kHz", KHZ)
 FILE_DIGITS = 10  # significant: far below any bar, and the same from one run to the next
 TRACKED = (  # columns along a sweep: name, heading, field of a tracked mode, unit
@@ -192,7 +192,7 @@ def columns_of(study: StoredStudy, measured: Sequence[Column]) -> list[Column]:
 
 
 def _tracked(study: StoredStudy) -> tuple[Column, ...]:
-    """Columns of the mode that is tracked along the sweep from where the wanted one is plainest."""
+    """Columns of the mode that is tracked along the sweep from where the target mode is plainest."""
     peak = along_sweep(study)
 
     def figure(key: str) -> Callable[[Record], Any]:

@@ -86,8 +86,8 @@ def _bending(axes: Axes, case: StoredCase, bands: BandsResult, bending: list[flo
     look: dict[str, Any] = {"xytext": (-8, -34), "textcoords": "offset points", "ha": "right", "color": style.GREEN}
     line = {"arrowstyle": "-", "color": style.GREEN, "lw": 0.8}
     axes.annotate(text, (corner, tones.min()), bbox=WHITE, arrowprops=line, **look)
-    if wanted := case.record.wanted:
-        axes.axhline(wanted.frequency_hz / KHZ, color=style.PURPLE, lw=1.0, ls="--", label="wanted mode of the plate")
+    if target := case.record.target:
+        axes.axhline(target.frequency_hz / KHZ, color=style.PURPLE, lw=1.0, ls="--", label="target mode of the plate")
 
 
 def _listed(bands: BandsResult) -> str:
@@ -118,5 +118,5 @@ def _alt(case: StoredCase, bands: BandsResult) -> str:
 
 def attenuation(case: StoredCase, arrays: dict[str, Any]) -> ReportFigure | None:
     """Draw decay per row, wavenumbers across the rows and the power that passes them."""
-    answer, wanted = case.record.of(AttenuationResult), case.record.wanted
-    return answer.complex_bands(wanted.frequency_hz if wanted else None) if answer else None
+    answer, target = case.record.of(AttenuationResult), case.record.target
+    return answer.complex_bands(target.frequency_hz if target else None) if answer else None

@@ -80,7 +80,7 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def plates(cases: Sequence[StoredCase], best: StoredCase | None, stills: dict[str, str]) -> dict[str, Any]:
-    """Shapes of the best confined case, and the wanted ones of the others; `stills` holds a picture's id for each case."""
+    """Shapes of the best confined case, and the target modes of the others; `stills` holds a picture's id for each case."""
     gallery = Gallery()
     ordered = sorted(cases, key=lambda case: best is None or case.case_id != best.case_id)
     for place, case in enumerate(ordered):
@@ -109,14 +109,14 @@ def _add_plate(gallery: Gallery, case: StoredCase, most: int, still: str) -> Non
         gallery.add_shape(body, shape[kept], words, images)
 
 
-def _words(case: StoredCase, frequency_hz: float, wanted: bool) -> dict[str, str]:
+def _words(case: StoredCase, frequency_hz: float, target: bool) -> dict[str, str]:
     record = case.record
     tone = (
         frequency(frequency_hz, record.error_at(frequency_hz)) if np.isfinite(frequency_hz) else "frequency not stored"
     )
-    db = level(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None)
-    level_text = f", {db} from zone to passive face" if wanted and record.confinement_db is not None else ""
-    which = "wanted mode" if wanted else "neighbour"
+    db = level(record.confinement_db, record.target.confinement_error_db if record.target else None)
+    level_text = f", {db} from zone to passive face" if target and record.confinement_db is not None else ""
+    which = "target mode" if target else "neighbour"
     return {
         "group": case.case_id,
         "name": f"{case.case_id}: {tone}, {which}",
@@ -181,10 +181,10 @@ def same_bands(bands: BandsResult) -> str:
 
 
 def _cell(members: list[StoredCase], bands: BandsResult, best: StoredCase | None) -> dict[str, Any]:
-    """One diagram: path, bands, labels of the waves where they are stored, gaps, the wanted mode's frequency."""
+    """One diagram: path, bands, labels of the waves where they are stored, gaps, the target mode's frequency."""
     points = bands.points
     visible = next((case for case in members if best and case.case_id == best.case_id), members[0])
-    wanted = visible.record.wanted
+    target = visible.record.target
     return {
         "name": _name(members),
         "arc": [_digits(s) for s in bands.distance_per_m],
@@ -196,8 +196,8 @@ def _cell(members: list[StoredCase], bands: BandsResult, best: StoredCase | None
         "pillar": _each(points, "polarisation", lambda name: int(name == PILLAR)),
         "speed": _each(points, "group_velocity_m_s", _speed),
         "gaps": [gap.to_dict() | {"shown": gap.interval} for gap in bands.gaps],
-        "wanted_hz": wanted.frequency_hz if wanted else None,
-        "wanted_shown": quantity.frequency(wanted.frequency_hz, wanted.frequency_error) if wanted else None,
+        "target_hz": target.frequency_hz if target else None,
+        "target_shown": quantity.frequency(target.frequency_hz, target.frequency_error) if target else None,
     }
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from pipeline import quantity
 from pipeline.case.reading import toml_text
-from pipeline.models.mode_parts import ModeRecord, WantedMode
+from pipeline.models.mode_parts import ModeRecord, TargetMode
 from pipeline.paths import REFERENCE, RESULTS, ROOT, STUDIES
 from pipeline.quantity import Unit, frequency_figure, level
 from pipeline.questions import study as asked
@@ -89,26 +89,26 @@ def confinement_words(mode_db: float | None, driven_db: float | None, error_db: 
 
 def _figure(key: str, record: Record) -> tuple[float | str | None, float | None]:
     """A figure in Hz, or the verdict, and the half-width of its bar, relative."""
-    wanted, bands, zone, pillar = (
-        record.wanted,
+    target, bands, zone, pillar = (
+        record.target,
         record.of(BandsResult),
         record.held("zone_modes"),
         record.held("pillar_modes"),
     )
     gap = bands.gaps[0] if bands and bands.gaps else None
-    peak = record.response.wanted_peak if record.response else None
+    peak = record.response.target_peak if record.response else None
     known = record.of(PredesignResult)
     sizes = known.zone if known else None
-    level_error, none = wanted.confinement_error_db if wanted else None, (None, None)
+    level_error, none = target.confinement_error_db if target else None, (None, None)
     figures: dict[str, Callable[[], tuple[float | str | None, float | None]]] = {
         "verdict": lambda: (confinement_words(record.confinement_db, record.driven_db, level_error), None),
-        "zone": lambda: (zone.wanted.frequency_hz, zone.wanted.frequency_error) if zone and zone.wanted else none,
+        "zone": lambda: (zone.target.frequency_hz, zone.target.frequency_error) if zone and zone.target else none,
         "pillar": lambda: (pillar.modes[0].frequency_hz, pillar.modes[0].error) if pillar else none,
         "bending": lambda: (
             (bands.bending_at_m_hz[0], bands.bending_errors[0]) if bands and bands.bending_at_m_hz else none
         ),
         "formula": lambda: (sizes.formula_hz, None) if sizes else none,
-        "wanted": lambda: (wanted.frequency_hz, wanted.frequency_error) if wanted else none,
+        "target": lambda: (target.frequency_hz, target.frequency_error) if target else none,
         "peak": lambda: (peak.frequency_hz, peak.frequency_error) if peak else none,
         "gap_lower": lambda: (gap.lower_hz, gap.lower_error) if gap else none,
         "gap_upper": lambda: (gap.upper_hz, gap.upper_error) if gap else none,
@@ -159,29 +159,29 @@ def bar(value: float | None, error: float | None, unit: str) -> str:
     return quantity.with_bar(value, error, unit, WIDE) if error is not None else db(value)
 
 
-def share_of_zone(wanted: WantedMode) -> str:
+def share_of_zone(target: TargetMode) -> str:
     """The zone's share of the squared normal displacement with the digits of its bar."""
-    return quantity.percentage(wanted.zone_share, wanted.zone_share_error, WIDE)
+    return quantity.percentage(target.zone_share, target.zone_share_error, WIDE)
 
 
 def verdict(record: Record) -> str:
-    """Whether the wanted mode is confined, as a mode and driven, and whether the expected error leaves that open."""
-    level, error = record.confinement_db, record.wanted.confinement_error_db if record.wanted else None
+    """Whether the target mode is confined, as a mode and driven, and whether the expected error leaves that open."""
+    level, error = record.confinement_db, record.target.confinement_error_db if record.target else None
     close = error is not None and level is not None and abs(level - CONFINED_DB) <= error
     return f"{record.verdict}, but nearer to {CONFINED_DB:g} dB than its expected error" if close else record.verdict
 
 
 def best_case(study: StoredStudy) -> StoredCase | None:
-    """The case whose wanted mode is confined best, as driven where there are patches; without any, the first that has one."""
+    """The case whose target mode is confined best, as driven where there are patches; without any, the first that has one."""
     levels = {case.case_id: level for case in plates(study) if (level := case.record.ranked_db) is not None}
     best = max(levels, key=lambda name: levels[name]) if levels else None
-    return next((case for case in study.cases if case.case_id == best or (best is None and case.record.wanted)), None)
+    return next((case for case in study.cases if case.case_id == best or (best is None and case.record.target)), None)
 
 
 def cards(study: StoredStudy) -> list[Card]:
-    """Headlines of a study: wanted mode, how well it is confined, gap, how the cases ended."""
+    """Headlines of a study: target mode, how well it is confined, gap, how the cases ended."""
     best = best_case(study)
-    makers = (_wanted_card, _confinement_card, _rows_card, _gap_card) if best else ()
+    makers = (_target_card, _confinement_card, _rows_card, _gap_card) if best else ()
     made = [make(study, best) for make in makers if best]
     return [*(card for card in made if card), _ended(study)]
 
@@ -191,14 +191,14 @@ def _source(study: StoredStudy, case: StoredCase) -> str:
     return f"; plate {case.case_id}" if len(plates(study)) > 1 else ""
 
 
-def _wanted_card(study: StoredStudy, best: StoredCase) -> Card | None:
-    wanted = best.record.wanted
-    if wanted is None:
+def _target_card(study: StoredStudy, best: StoredCase) -> Card | None:
+    target = best.record.target
+    if target is None:
         return None
-    note = "" if wanted.mac is None else f"MAC {quantity.figure(wanted.mac, wanted.mac_error)} to the analytic shape"
-    split = ", shape split among several modes" if wanted.status == "split" else ""
+    note = "" if target.mac is None else f"MAC {quantity.figure(target.mac, target.mac_error)} to the analytic shape"
+    split = ", shape split among several modes" if target.status == "split" else ""
     return Card(
-        "Wanted mode", bar(wanted.frequency_hz, wanted.frequency_error, "Hz"), note + split + _source(study, best)
+        "Target mode", bar(target.frequency_hz, target.frequency_error, "Hz"), note + split + _source(study, best)
     )
 
 
@@ -206,7 +206,7 @@ def _confinement_card(study: StoredStudy, best: StoredCase) -> Card | None:
     record = best.record
     if record.confinement_db is None:
         return None
-    driven, level = "", bar(record.confinement_db, record.wanted.confinement_error_db if record.wanted else None, "dB")
+    driven, level = "", bar(record.confinement_db, record.target.confinement_error_db if record.target else None, "dB")
     if record.driven_db is not None:
         driven, level = f"; driven at its own peak, {level} as a mode", db(record.driven_db)
     count = sum(case.record.confined is not None for case in plates(study))
@@ -220,7 +220,7 @@ def _rows_card(study: StoredStudy, best: StoredCase) -> Card | None:
     prediction = best.record.held("prediction")
     estimate = prediction.rows_needed if prediction else None
     per_row = (
-        f"{db(prediction.db_per_row, prediction.db_error)} a row at the wanted mode, "
+        f"{db(prediction.db_per_row, prediction.db_error)} a row at the target mode, "
         if prediction and prediction.db_per_row
         else ""
     )
@@ -282,24 +282,24 @@ def _ended(study: StoredStudy) -> Card:
 def headline(study: StoredStudy) -> str:
     """The study's answer in a sentence that needs no knowledge of the field; '' where no level was measured."""
     best = best_case(study)
-    if best is None or best.record.confinement_db is None or best.record.wanted is None:
+    if best is None or best.record.confinement_db is None or best.record.target is None:
         return ""
-    record, peak = best.record, best.record.response.wanted_peak if best.record.response else None
-    wanted, ranked = best.record.wanted, record.confinement_db if record.ranked_db is None else record.ranked_db
+    record, peak = best.record, best.record.response.target_peak if best.record.response else None
+    target, ranked = best.record.target, record.confinement_db if record.ranked_db is None else record.ranked_db
     assert ranked is not None
     ratio = 10.0 ** (ranked / 20.0)
     error = (
-        None if peak or wanted.confinement_error_db is None else ratio * log(10.0) / 20.0 * wanted.confinement_error_db
+        None if peak or target.confinement_error_db is None else ratio * log(10.0) / 20.0 * target.confinement_error_db
     )
     design = record.design
-    tone = khz(peak.frequency_hz, peak.frequency_error) if peak else khz(wanted.frequency_hz, wanted.frequency_error)
+    tone = khz(peak.frequency_hz, peak.frequency_error) if peak else khz(target.frequency_hz, target.frequency_error)
     rows, pitch = (design.rows, design.pitch_y_m) if design else (0, None)
     apart = f" {pitch / MM:g}{WIDE}mm apart" if pitch and rows > 1 else ""
     what = (
         f"{rows} row{'s' if rows != 1 else ''} of pillars{apart} on each side of the zone" if rows else "a bare plate"
     )
     first = "Best of this study: " if len(plates(study)) > 1 else ""
-    as_mode = db(record.confinement_db, wanted.confinement_error_db)
+    as_mode = db(record.confinement_db, target.confinement_error_db)
     both = f"{db(ranked)} as driven, {as_mode} as a mode" if peak else as_mode
     level = f"{both}; {CONFINED_DB:g}{WIDE}dB counts as confined"
     times = f"{quantity.figure(ratio, error)} times as much as the rest of the plate"
@@ -369,7 +369,7 @@ def sentences(study: StoredStudy) -> list[str]:
         confined = [case.case_id for case in result if case.record.confined]
         names = f": {', '.join(confined)}" if 0 < len(confined) <= 6 else ""
         said.append(
-            f"{len(confined)} of {len(result)} plates confine the wanted mode by at least {CONFINED_DB:g} dB{names}."
+            f"{len(confined)} of {len(result)} plates confine the target mode by at least {CONFINED_DB:g} dB{names}."
         )
     elif result:
         said.append(_confinement_sentence(result[0].record))
@@ -386,12 +386,12 @@ def sentences(study: StoredStudy) -> list[str]:
 
 
 def _confinement_sentence(record: Record) -> str:
-    verb, wanted = "confines" if record.confined else "does not confine", record.wanted
-    known = wanted is not None and wanted.zone_share is not None
-    share = share_of_zone(wanted) if wanted and known else ""
+    verb, target = "confines" if record.confined else "does not confine", record.target
+    known = target is not None and target.zone_share is not None
+    share = share_of_zone(target) if target and known else ""
     inside = f"; {share} of its squared normal displacement lies in the zone" if share else ""
-    level = quantity.level(record.confinement_db, wanted.confinement_error_db if wanted else None)
-    return f"The plate {verb} the wanted mode: {level}{inside}."
+    level = quantity.level(record.confinement_db, target.confinement_error_db if target else None)
+    return f"The plate {verb} the target mode: {level}{inside}."
 
 
 def comparison(study: StoredStudy) -> list[dict[str, Any]]:
@@ -419,10 +419,10 @@ def band_difference(record: Record) -> float | None:
 
 
 def modes(record: Record) -> list[dict[str, Any]]:
-    """The modes nearest the wanted one, at most forty, each told whether it is the wanted one."""
+    """The modes nearest the target mode, at most forty, each told whether it is the target mode."""
     lines = record.modes.modes if record.modes else []
-    index = record.wanted.index if record.wanted else None
-    rows = [{"mode": mode, "number": number + 1, "wanted": number == index} for number, mode in enumerate(lines)]
+    index = record.target.index if record.target else None
+    rows = [{"mode": mode, "number": number + 1, "target": number == index} for number, mode in enumerate(lines)]
     start = max(0, min(len(rows) - MAX_MODES, (index or 0) - MAX_MODES // 2))
     return rows[start : start + MAX_MODES]
 

@@ -44,16 +44,16 @@ SLACK = {STRIP: 0.1, COLUMN: 0.02, PLATE: 0.0, SOLID: 0.0}  # how far a fidelity
 # all of it over those, and dB besides. `python -m studies.live plates` holds them against assembled plates
 ENDS, LEVEL_DB = 0.26, 1.0
 COLUMN_ACCURACY = 0.01  # a coarser mesh than this ranks designs no faster
-AROUND = 0.07  # of the column's frequency: where the plate's wanted mode is looked for
+AROUND = 0.07  # of the column's frequency: where the plate's target mode is looked for
 SOLID_ACCURACY = 0.04  # a finer whole plate does not fit into the memory of a desktop
 NEAREST = 30  # modes of the solid about it
 PEAKS = 2  # frequencies over a band of zones: their peaks are found without
-BAND_POINTS = 101  # frequencies over the wanted mode's window that tell a band's ends
+BAND_POINTS = 101  # frequencies over the target mode's window that tell a band's ends
 GRID_HZ = 2500.0  # windows begin and end on it, so that neighbours in the search share their bare cells
 
 
 def frequency_slack(fidelity: str, nodal_lines: int) -> float:
-    """How far a fidelity's wanted frequency may lie from the plate's, relative, with so many nodal lines along the zone."""
+    """How far a fidelity's target frequency may lie from the plate's, relative, with so many nodal lines along the zone."""
     return max(SLACK[fidelity], ENDS / _half_waves(nodal_lines)) if fidelity in (STRIP, COLUMN) else SLACK[fidelity]
 
 
@@ -70,7 +70,7 @@ def _half_waves(nodal_lines: int) -> float:
 def worst(case: Case, height_m: float, evaluated: Callable[[Case], FidelityResult]) -> FidelityResult:
     """A design's result, and as worst_db its least confinement with all pillars as designed, too low and too high alike.
 
-    None where one of the three has no wanted mode.
+    None where one of the three has no target mode.
     """
     results = [evaluated(_taller(case, change)) for change in (0.0, -height_m, height_m)]
     levels = [each.confinement_db for each in results if each.confinement_db is not None]
@@ -99,10 +99,10 @@ def _taller(case: Case, change_m: float) -> Case:
 
 
 def by_strip(case: Case, softness: float) -> FidelityResult:
-    """Estimate the wanted mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
+    """Estimate the target mode by a strip whose pillars' feet have `softness` times a half-space's compliance."""
     design = case.design
     try:
-        solved = strip_modes(design.one_zone, *mesh_rules.wanted_window_hz(design), softness)
+        solved = strip_modes(design.one_zone, *mesh_rules.target_window_hz(design), softness)
         alone = _of_profile(STRIP, solved.frequency_hz, solved.confinement)
         if design.zones == 1 or alone.frequency_hz is None:
             return alone
@@ -114,7 +114,7 @@ def by_strip(case: Case, softness: float) -> FidelityResult:
 def evaluate(
     case: Case, fidelity: str, near_hz: float | None = None, cache: EvaluationCache | None = None, banded: bool = False
 ) -> FidelityResult:
-    """Compute the wanted mode at a fidelity, near a frequency where one is known, or take it from the cache.
+    """Compute the target mode at a fidelity, near a frequency where one is known, or take it from the cache.
 
     banded: with the band about it in which the rows take 10 dB or more from a wave, 0 where it lies in none.
     """
@@ -135,7 +135,7 @@ def evaluate(
 def _stopped_khz(case: Case, fidelity: str, frequency_hz: float) -> float:
     """Width of the band about a frequency in which the rows take 10 dB or more from a flexural wave, kHz."""
     accuracy = max(COLUMN_ACCURACY, case.solve.accuracy) if fidelity == COLUMN else case.solve.accuracy
-    window = mesh_rules.wanted_window_hz(case.design)
+    window = mesh_rules.target_window_hz(case.design)
     broad = broadband(case, WarningLog(), window, BAND_POINTS, accuracy, with_bars=False)
     return sum(high - low for low, high in broad["stopped"] if low <= frequency_hz <= high) / KHZ
 
@@ -162,7 +162,7 @@ def _by_column(case: Case, fidelity: str, near_hz: float | None) -> FidelityResu
     design = case.design
     if design.is_staggered:
         check_stagger(case)
-    low, high = mesh_rules.wanted_window_hz(design)
+    low, high = mesh_rules.target_window_hz(design)
     cell, kx = kept_cell(case), free_kx_per_m(design)
     if cell is not None:
         frequency_hz, profile = live_modes(case, LiveCell(cell), {}, (low, high))
@@ -214,10 +214,10 @@ def _by_zones(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
 
 def _of_profile(fidelity: str, frequency_hz: Any, level: Any) -> FidelityResult:
     if not len(frequency_hz):
-        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted symmetry in the window")
-    at = level.wanted.index
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the target symmetry in the window")
+    at = level.target.index
     if at is None:
-        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted shape in the window")
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the target shape in the window")
     names = ("confinement_db", "extension_db", "mac")
     return FidelityResult(
         fidelity=fidelity, frequency_hz=frequency_hz[at], **{name: getattr(level, name)[at] for name in names}
@@ -232,12 +232,12 @@ def _by_plate(case: Case, fidelity: str, near_hz: float | None) -> FidelityResul
     case = replace(case, solve=solve)
     request = of_case(case)
     if near_hz and fidelity == SOLID:  # a whole mesh pays for every mode
-        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.symmetry_wanted, search=False)
+        request = modes.Request("plate", near_hz=near_hz, count=NEAREST, symmetry=case.target_symmetry, search=False)
     log = WarningLog()
     part_modes = modes.solve_modes(case, request, log)
-    row = part_modes.wanted_row
+    row = part_modes.target_row
     if row is None:
-        return FidelityResult(fidelity=fidelity, why_not="no mode of the wanted shape in the window")
+        return FidelityResult(fidelity=fidelity, why_not="no mode of the target shape in the window")
     return FidelityResult.of(row, fidelity=fidelity, frequency_error=row.error, warnings=log.warnings)
 
 

@@ -1,4 +1,4 @@
-"""What a design must keep whatever it is searched for: heard by nobody, felt by a fingertip, printable, the wanted shape."""
+"""What a design must keep whatever it is searched for: heard by nobody, felt by a fingertip, printable, the target shape."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ class Limits(Part):
         return violations
 
     def of_mode(self, frequency_hz: float, mac: float, slack: float = 0.0) -> list[tuple[str, float]]:
-        """Limits that the wanted mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
+        """Limits that the target mode violates by more than `slack` (relative: what a cheap fidelity may err by)."""
         violations = []
         if frequency_hz < self.lowest_hz * (1.0 - slack):
             text = f"{frequency(frequency_hz)}, at least {self.lowest_hz / KHZ:g}"
             violations.append((text, 1.0 - frequency_hz / self.lowest_hz))
         if mac < self.mac * (1.0 - slack):
-            violations.append((f"MAC {figure(mac)} to the wanted shape, at least {self.mac:g}", 1.0 - mac / self.mac))
+            violations.append((f"MAC {figure(mac)} to the target shape, at least {self.mac:g}", 1.0 - mac / self.mac))
         return violations
 
     def of_zones(self, isolation_db: float | None, slack: float = 0.0) -> list[tuple[str, float]]:

@@ -1,4 +1,4 @@
-"""The design that confines the wanted mode best: cheap models look everywhere, expensive ones only where it pays.
+"""The design that confines the target mode best: cheap models look everywhere, expensive ones only where it pays.
 
 A strip evaluates a whole grid of designs in seconds; the best of it, well apart, go to a column of computed cells; the best of
 those to assembled plates. Each computed fidelity ends with a Nelder-Mead descent from its best design (scipy), and with steps
@@ -275,7 +275,7 @@ class _Search:
         return self.known[fidelity][values]
 
     def _near(self, values: Values) -> float | None:
-        """Frequency about which the plate's wanted mode is searched: the column's."""
+        """Frequency about which the plate's target mode is searched: the column's."""
         if not self.columns:
             return None
         column = self.known[COLUMN].get(values) or self._evaluated(values, COLUMN, None)

@@ -63,7 +63,7 @@ class Range(NamedTuple):
 
 
 class FidelityResult(Part):
-    """The wanted mode of one design as one model computed it; None where it has none, and then the reason.
+    """The target mode of one design as one model computed it; None where it has none, and then the reason.
 
     With several zones each is driven in turn: the lowest peak, and the least MAC, confinement and level over another zone.
     """

@@ -103,8 +103,8 @@ def further_degrees(parts: Sequence[FloatArray]) -> float:
     return float(min(1.0, max(SERIES * (1.0 + worst[-2] / worst[-1]) * max(falls, default=1.0), MIN_SHARE)))
 
 
-def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, wanted: float) -> float:
-    """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `wanted`.
+def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, allowed: float) -> float:
+    """The lowest cut-off of fixed-interface modes, Hz, that leaves the `count` lowest bands a half-width of at most `allowed`.
 
     The lattice's own where none below it does. A mode's part in a wave tells what it would add to the residual flexibility.
     """
@@ -124,7 +124,7 @@ def cutoff_hz(lattice: ReducedLattice, wavevectors: FloatArray, count: int, want
             eigenvalue = np.where(np.isinf(value), 0.0, value)
             bars = modes.bar(eigenvalue, eigenvalue + modes.softening(eigenvalue) * lost, lost)
             worst[index] = max(worst[index], float(bars.max()))
-    enough = np.flatnonzero(worst <= wanted)
+    enough = np.flatnonzero(worst <= allowed)
     return float(trials[enough[0]]) if len(enough) else own
 
 

@@ -180,7 +180,7 @@ def kirchhoff_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     )
     mass: FloatArray = np.asarray(np.kron(x0, y0), dtype=np.float64)
     values, vectors = _lowest(stiffness, strip.stack.mass_kg_m2 * mass, nodal_lines)
-    return _wanted(values, vectors, x, y, nodal_lines)
+    return _target(values, vectors, x, y, nodal_lines)
 
 
 def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
@@ -213,7 +213,7 @@ def mindlin_mode(strip: Strip, nodal_lines: int, sides: Sides) -> ZoneMode:
     mass[size : size + aa.shape[0], size : size + aa.shape[0]] = rotary * block(a, a, vv, vv)
     mass[-bb.shape[0] :, -bb.shape[0] :] = rotary * block(b, b, vv, vv)
     values, vectors = _lowest(stiffness, mass, nodal_lines)
-    return _wanted(values, vectors[:size], *w, nodal_lines)
+    return _target(values, vectors[:size], *w, nodal_lines)
 
 
 def _lowest(stiffness: FloatArray, mass: FloatArray, nodal_lines: int) -> tuple[FloatArray, FloatArray]:
@@ -281,7 +281,7 @@ def _pair(axis: _Axis, left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(left.T @ (axis.weights[:, None] * right))
 
 
-def _wanted(values: FloatArray, vectors: FloatArray, x: _Axis, y: _Axis, nodal_lines: int) -> ZoneMode:
+def _target(values: FloatArray, vectors: FloatArray, x: _Axis, y: _Axis, nodal_lines: int) -> ZoneMode:
     """The Ritz mode most like sin(pi y/W) times the free-free shape with N nodes."""
     points_x, _ = _gauss(len(x.weights))
     points_y, _ = _gauss(len(y.weights))

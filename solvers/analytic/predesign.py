@@ -87,7 +87,7 @@ def strip_of(design: Design) -> Strip | None:
 
 
 def free_kx_per_m(design: Design) -> float:
-    """Wavenumber along the zone of the wanted mode between free ends, by the exact thin plate with pinned sides, rad/m; 0 for
+    """Wavenumber along the zone of the target mode between free ends, by the exact thin plate with pinned sides, rad/m; 0 for
     the shapes that are rigid along x.
     """
     strip = strip_of(design)
@@ -127,31 +127,31 @@ def pillar_frequencies_hz(
     return frequency_hz(np.array(roots("clamped", "free", count)), beam.length_m, beam.bending_n_m2, beam.mass_kg_m)
 
 
-def pillar_height_m(pillar: Pillar, wanted_hz: float, theory: Theory) -> float:
-    """Height whose first bending frequency is wanted_hz, the section kept; SolverError unless wanted_hz > 0."""
-    check_above_zero("frequency", wanted_hz)
+def pillar_height_m(pillar: Pillar, target_hz: float, theory: Theory) -> float:
+    """Height whose first bending frequency is target_hz, the section kept; SolverError unless target_hz > 0."""
+    check_above_zero("frequency", target_hz)
 
     def first_hz(height_m: float) -> float:
         return float(pillar_frequencies_hz(pillar, theory, 1, height_m)[0])
 
-    return _solved(lambda height: first_hz(height) - wanted_hz, pillar.height_m)
+    return _solved(lambda height: first_hz(height) - target_hz, pillar.height_m)
 
 
-def zone_width_m(strip: Strip, nodal_lines: int, wanted_hz: float) -> float:
-    """Width between pinned sides that puts the mode (0, N) at wanted_hz (Levy).
+def zone_width_m(strip: Strip, nodal_lines: int, target_hz: float) -> float:
+    """Width between pinned sides that puts the mode (0, N) at target_hz (Levy).
 
     SolverError when even an infinitely wide zone is above: the free-free beam bound of N half-waves along x.
     """
-    check_above_zero("frequency", wanted_hz)
+    check_above_zero("frequency", target_hz)
     try:
-        return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - wanted_hz, strip.width_m)
+        return _solved(lambda width: levy_hz(replace(strip, width_m=width), nodal_lines) - target_hz, strip.width_m)
     except SolverError:
-        reason = f"no width gives {wanted_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
+        reason = f"no width gives {target_hz:g} Hz with {nodal_lines} nodal lines on {strip.length_m:g} m"
         raise SolverError(f"{reason}: take fewer lines, a longer or a thinner zone") from None
 
 
 def min_nodal_lines(strip: Strip, half_wavelength_m: float) -> int:
-    """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one wanted."""
+    """Smallest N whose half-wavelength L/(N - 1/2) is not larger than the one asked for."""
     check_above_zero("half-wavelength", half_wavelength_m)
     return max(2, ceil(strip.length_m / half_wavelength_m + 0.5 - 1e-9))
 
@@ -171,14 +171,14 @@ def _zone_size(strip: Strip, lines: int) -> ZoneSize:
     )
 
 
-def _pillar_size(pillar: Pillar, wanted_hz: float | None) -> PillarSize:
+def _pillar_size(pillar: Pillar, target_hz: float | None) -> PillarSize:
     euler = float(pillar_frequencies_hz(pillar, "euler")[0])
     first, second = (float(f) for f in pillar_frequencies_hz(pillar, "timoshenko", 2))
-    wanted = euler if wanted_hz is None else wanted_hz
+    target = euler if target_hz is None else target_hz
     return PillarSize(
-        height_m=pillar_height_m(pillar, wanted, "euler"),
-        frequency_hz=wanted,
-        timoshenko_height_m=pillar_height_m(pillar, wanted, "timoshenko"),
+        height_m=pillar_height_m(pillar, target, "euler"),
+        frequency_hz=target,
+        timoshenko_height_m=pillar_height_m(pillar, target, "timoshenko"),
         given_height_m=pillar.height_m,
         given_euler_hz=euler,
         given_timoshenko_hz=first,

@@ -115,9 +115,9 @@ class SampledPi:
 def sampled_gains(plant: ModePlant, response_s: float, period_s: float, proportional_max: float = inf) -> SampledPi:
     """Gains of the sampled loop; K_p at most proportional_max and at least a tenth of 1/G. SolverError as pi_gains."""
     check_above_zero("response, period in s", response_s, period_s)
-    pole, wanted = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
+    pole, desired = exp(-period_s / plant.tau_s), exp(-period_s / response_s)
     size = abs(plant.gain)
-    proportional = (1.0 - wanted) / ((1.0 - pole) * size)
+    proportional = (1.0 - desired) / ((1.0 - pole) * size)
     bounded = max(min(proportional, proportional_max), 0.1 / size)
     return SampledPi(bounded, (1.0 - pole) * bounded, bounded < proportional)
 
@@ -171,7 +171,7 @@ def feasibility(
 # full scale.
 
 AntiWindup = Literal["match", "freeze", "none"]
-NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the wanted one may have, whatever its phase
+NEIGHBOUR_LOOP = 0.5  # loop gain that a mode beside the target mode may have, whatever its phase
 LEAVING_S = 0.2e-3  # the loop's time constant on the way out of the drive's limit: about a period
 LIMITED = 2  # and one less a period: until the end of the limit shows in the measurement
 
@@ -271,14 +271,14 @@ class Trace:
 
     def reached_s(self, share: float = 0.95) -> float:
         """First time at which |U| is `share` of the last reference, between windows by interpolation; inf if never."""
-        size, wanted = np.abs(self.measured), share * abs(self.reference[-1])
-        above = np.flatnonzero(size >= wanted)
+        size, desired = np.abs(self.measured), share * abs(self.reference[-1])
+        above = np.flatnonzero(size >= desired)
         if above.size == 0:
             return inf
         i = int(above[0])
         if i == 0:
             return float(self.time_s[0])
-        part = (wanted - size[i - 1]) / (size[i] - size[i - 1])
+        part = (desired - size[i - 1]) / (size[i] - size[i - 1])
         return float(self.time_s[i - 1] + part * (self.time_s[i] - self.time_s[i - 1]))
 
     def settled_s(self, band: float = 0.05) -> float:

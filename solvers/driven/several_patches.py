@@ -14,7 +14,7 @@ import numpy as np
 from geometry.elements import ComplexArray, FloatArray
 from solvers.driven.curve_bars import Doubts, rms, rms_bars, with_peak
 from solvers.errors import SolverError
-from solvers.measures.confinement import peak_hz, ratio_db, wanted_shape, zone_parts
+from solvers.measures.confinement import peak_hz, ratio_db, target_shape, zone_parts
 from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import ForcedPlate, GroupModes
 from solvers.piezo.patched_plate import PatchedPlate
@@ -36,7 +36,7 @@ class Zones:
     """A driven plate's zones: rms of u_z over each and over the passive face, from Gram matrices over all columns, per m2.
 
     grams (zones + 1, columns, columns): the last is the passive face's; its area may be 0, and its mean then NaN. shapes
-    (zones, columns): means of u_z times the wanted shape of root mean square 1.
+    (zones, columns): means of u_z times the target shape of root mean square 1.
     """
 
     forced: ForcedPlate
@@ -49,7 +49,7 @@ class Zones:
         return np.sqrt(np.maximum(np.einsum("it,zit->tz", a.conj(), self.grams @ a).real, 0.0))
 
     def mac(self, volts: FloatArray, frequency_hz: float, zone: int) -> float:
-        """MAC of a zone's motion with the wanted shape."""
+        """MAC of a zone's motion with the target shape."""
         a = self._amplitudes(volts, np.array([frequency_hz]))[:, 0]
         return float(abs(self.shapes[zone] @ a) ** 2 / (a.conj() @ self.grams[zone] @ a).real)
 
@@ -88,13 +88,13 @@ def zones_of(forced: ForcedPlate) -> Zones:
         )
         weights = first.weights / len(flips)
         points = first.points * flip
-        wanted = wanted_shape(design, np.column_stack([points[:, 0], design.from_zone_m(points[:, 1])]))
+        target = target_shape(design, np.column_stack([points[:, 0], design.from_zone_m(points[:, 1])]))
         for place, part in enumerate(zone_parts(design, points[:, 1])):
             grams[place] += values[part].T @ (weights[part, None] * values[part])
             areas[place] += weights[part].sum()
             if place < design.zones:
-                shapes[place] += (weights[part] * wanted[part]) @ values[part]
-                norms[place] += weights[part] @ wanted[part] ** 2
+                shapes[place] += (weights[part] * target[part]) @ values[part]
+                norms[place] += weights[part] @ target[part] ** 2
     known = areas > 1e-9 * areas.max()
     with np.errstate(divide="ignore", invalid="ignore"):
         means = np.where(known[:, None, None], grams / areas[:, None, None], np.nan)
@@ -108,13 +108,13 @@ def _added(symmetries: tuple[str, ...], fields: list, flip: FloatArray) -> Float
 
 
 def zone_volts(forced: ForcedPlate, centres_m: FloatArray) -> FloatArray:
-    """Voltages (zones, patches) that drive one zone each: its own drivers at +-1 V, as the wanted shape has them in phase."""
+    """Voltages (zones, patches) that drive one zone each: its own drivers at +-1 V, as the target shape has them in phase."""
     design = forced.design
     volts = np.zeros((design.zones, len(centres_m)))
     for zone, middle in enumerate(design.zone_centres_m):
         local = centres_m - np.array([0.0, middle])
         own = [i for i in forced.drivers if abs(local[i, 1]) < design.width_m / 2.0]
-        volts[zone, own] = np.where(wanted_shape(design, local[own]) < 0.0, -1.0, 1.0)
+        volts[zone, own] = np.where(target_shape(design, local[own]) < 0.0, -1.0, 1.0)
     return volts
 
 

@@ -14,7 +14,7 @@ from geometry.elements import FloatArray
 
 BLOCK = 8
 SLICE, MAX_SLICE = 120, 300  # eigenpairs a shift at most, where the whole basis is not kept and where it is
-MAX_COUNT = 6.0  # vectors of the basis over pairs wanted: beyond, restarts are the better way
+MAX_COUNT = 6.0  # vectors of the basis over pairs asked for: beyond, restarts are the better way
 TOLERANCE = 1e-11  # residual over the inverse's eigenvalue; the errors of eigenvalues go with its square
 WIDE = 15  # degrees of freedom a pair at least: below, the basis would be most of the space
 MASSLESS = 1e-14  # v'Mv over the largest seen: v'v is 1 for each, and such a direction moves no mass

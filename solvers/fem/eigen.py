@@ -136,17 +136,17 @@ def modes_near(pencil: PlainPencil, near_hz: float, count: int, backend: str | S
     solver = _Solver(pencil, backend)
     target = pencil.scale.eigenvalue(near_hz)
     count = min(count, pencil.dof - pencil.rigid_count)
-    wanted = count + 1
+    requested = count + 1
     while True:
-        values, vectors = solver.nearest(target, min(wanted + pencil.rigid_count, pencil.dof))
+        values, vectors = solver.nearest(target, min(requested + pencil.rigid_count, pencil.dof))
         floor = solver.floor_among(values) if values.min(initial=np.inf) <= RIGID[0] * solver.norm_ratio else 0.0
         elastic = values > floor
         if not pencil.rigid_count and not elastic.all():
             raise SolverError("an eigenvalue below zero: rounding hides the lowest modes of so slender a body")
         kept, low, high = _closed_interval(values[elastic], target, count, pencil, floor)
-        if kept is not None or wanted >= pencil.dof:
+        if kept is not None or requested >= pencil.dof:
             break
-        wanted += max(4, count // 4)
+        requested += max(4, count // 4)
     if kept is None:
         raise CountMismatch(f"no gap ends the cluster of modes near {near_hz:.1f} Hz; ask for a band instead")
     below = solver.count_below(low) if low > 0.0 else 0

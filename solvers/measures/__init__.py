@@ -1,1 +1,1 @@
-"""What is measured on a motion: confinement, the wanted mode, mode mixing, fields compared."""
+"""What is measured on a motion: confinement, the target mode, mode mixing, fields compared."""

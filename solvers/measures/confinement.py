@@ -1,4 +1,4 @@
-"""Confinement of a motion in dB: of the wanted mode, and of several zones each driven at its own peak."""
+"""Confinement of a motion in dB: of the target mode, and of several zones each driven at its own peak."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geometry.elements import BoolArray, FloatArray
 from geometry.layout import Design
 from solvers.analytic.beams import free_free_mode
 from solvers.errors import SolverError
-from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.measures.target_mode import Verdict, verdict
 
 # -- levels ------------------------------------------------------------------------------------------------------------
 # Levels in dB of one part of a plate over another, and from which on a motion counts as confined.
@@ -45,8 +45,8 @@ def share_error(share: float | None, level_error_db: float | None) -> float | No
     return max(abs(each - share) for each in moved)
 
 
-# -- the wanted mode ---------------------------------------------------------------------------------------------------
-# The wanted mode: its shape and symmetry class, how well the plate confines it, how its motion falls off.
+# -- the target mode ---------------------------------------------------------------------------------------------------
+# The target mode: its shape and symmetry class, how well the plate confines it, how its motion falls off.
 
 NEGLIGIBLE = 1e-9  # of the larger part's area: a smaller part is rounding
 
@@ -56,7 +56,7 @@ class Confinement:
     """Measures per mode, (k,) each; NaN where the plate has no such part.
 
     zone_share: of |u_z|^2 over the touch face, on its active part. confinement_db, extension_db: 20 log10 of rms |u_z| on the
-    active touch face over that on the passive one, and over that beyond the last row. mac: with the wanted shape on the active
+    active touch face over that on the passive one, and over that beyond the last row. mac: with the target shape on the active
     face. strength: rho h <u_z, shape>^2 / (<shape, shape> modal mass), NaN where the modal mass is not known.
     """
 
@@ -67,8 +67,8 @@ class Confinement:
     strength: FloatArray
 
     @property
-    def wanted(self) -> Verdict:
-        """The wanted mode among them, by the rule of `solvers.measures.wanted_mode`."""
+    def target(self) -> Verdict:
+        """The target mode among them, by the rule of `solvers.measures.target_mode`."""
         return verdict(self.strength, self.zone_share, self.mac)
 
 
@@ -82,15 +82,15 @@ class AcrossModes:
     confinement: Confinement
 
 
-def wanted_shape(design: Design, points: FloatArray) -> FloatArray:
+def target_shape(design: Design, points: FloatArray) -> FloatArray:
     """The analytic (0, N) shape at points (q, 2 or 3) in m: half a sine across the zone, a free-free beam along it."""
     across = np.sin(np.pi * (points[:, 1] + design.width_m / 2.0) / design.width_m)
     along = free_free_mode(design.nodal_lines).shape(points[:, 0] / design.length_m + 0.5)
     return np.asarray(across * along)
 
 
-def wanted_symmetry(nodal_lines: int) -> str:
-    """Signs (x, y) of u_z of the wanted mode: a free-free beam with N nodes is even for even N; half a sine is even."""
+def target_symmetry(nodal_lines: int) -> str:
+    """Signs (x, y) of u_z of the target mode: a free-free beam with N nodes is even for even N; half a sine is even."""
     return ("S" if nodal_lines % 2 == 0 else "A") + "S"
 
 
@@ -113,7 +113,7 @@ class TouchField:
 
 @dataclass(frozen=True)
 class Profile:
-    """u_z over y: places y_m (q,), weights (q,), values (q, k) real or complex, and the wanted motion there, shape (q,).
+    """u_z over y: places y_m (q,), weights (q,), values (q, k) real or complex, and the target motion there, shape (q,).
 
     modal_mass: of each mode, kg over the weights' unit (kg/m for weights in m, kg for weights in m2).
     """
@@ -145,11 +145,11 @@ def strength_force(touch: TouchField, design: Design, symmetry: str | None) -> F
 
 
 def shape_at(touch: TouchField, design: Design, symmetry: str | None) -> FloatArray:
-    """Return the wanted shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
+    """Return the target shape at the points, (q,), 0 on the passive face and in a class that lacks it."""
     shape = np.zeros(len(touch.points))
-    if symmetry in (None, wanted_symmetry(design.nodal_lines)):
+    if symmetry in (None, target_symmetry(design.nodal_lines)):
         active = touch.is_active(design)
-        shape[active] = wanted_shape(design, touch.points[active])
+        shape[active] = target_shape(design, touch.points[active])
     return shape
 
 
@@ -159,7 +159,7 @@ def is_beyond_rows(y_m: FloatArray, design: Design) -> BoolArray:
 
 
 def measure_profile(profile: Profile, design: Design) -> Confinement:
-    """The same of a motion known over y and the wanted one there, which may be zero: nothing is alike then."""
+    """The same of a motion known over y and the target mode there, which may be zero: nothing is alike then."""
     y, weights = np.abs(profile.y_m), profile.weights
     squares = np.abs(profile.values) ** 2
     active = y < design.width_m / 2.0
@@ -176,7 +176,7 @@ def confined(
     squares: Sequence[FloatArray], areas: Sequence[float], projection: FloatArray, per_mass: float
 ) -> Confinement:
     """From integrals of |u_z|^2 (k,) over zone, passive face and the plate beyond the last row, their areas, and the squares
-    (k,) of what the zone's motion has of the wanted shape; per_mass: mass per area over the modal mass.
+    (k,) of what the zone's motion has of the target shape; per_mass: mass per area over the modal mass.
     """
     (inside, passive, beyond), (zone, aside, outer) = squares, areas
     level, further = _level_db(inside, zone, passive, aside), _level_db(inside, zone, beyond, outer)
@@ -202,7 +202,7 @@ FINE = 6  # points over a half-power width
 @dataclass(frozen=True)
 class DrivenZones:
     """Of every zone, driven: its peak in Hz, the rms of every zone and of the passive face over its own in dB, (zones,
-    zones + 1), and its motion's MAC with the wanted shape, (zones,).
+    zones + 1), and its motion's MAC with the target shape, (zones,).
     """
 
     peak_hz: FloatArray
@@ -241,7 +241,7 @@ def peak_hz(
 def drive_zones(
     design: Design, frequency_hz: FloatArray, profile: Profile, band_hz: tuple[float, float], quality_factor: float
 ) -> DrivenZones:
-    """Zones driven in turn by a pressure of the wanted shape, by M-orthonormal modes (k,) over the whole width of the plate:
+    """Zones driven in turn by a pressure of the target shape, by M-orthonormal modes (k,) over the whole width of the plate:
     a_k = phi_k' f / (f_k^2 (1 + i/Q) - f^2), each at its peak within the band. SolverError without modes.
     """
     if not len(frequency_hz):

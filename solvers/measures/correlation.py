@@ -12,7 +12,7 @@ from numpy.polynomial import legendre
 from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.errors import SolverError
-from solvers.measures.confinement import NEGLIGIBLE, TouchField, measure, wanted_shape
+from solvers.measures.confinement import NEGLIGIBLE, TouchField, measure, target_shape
 
 # -- modes followed ----------------------------------------------------------------------------------------------------
 # Modes followed from one plate to the next: their shapes on the active face, compared and assigned one to one.
@@ -129,7 +129,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class FieldMeasures:
-    """zone_share, confinement_db (None without a passive face or where nothing of it was measured), mac (wanted shape)."""
+    """zone_share, confinement_db (None without a passive face or where nothing of it was measured), mac (target shape)."""
 
     zone_share: float | None
     confinement_db: float | None
@@ -232,7 +232,7 @@ def confinement_of(weights: Weights, values: ComplexArray, design: Design) -> Fi
     )
     confinement = measure(both, design, None)
     on = np.abs(weights.points[:, 1]) < design.width_m / 2.0
-    shape = wanted_shape(design, weights.points[on])
+    shape = target_shape(design, weights.points[on])
     return FieldMeasures(
         _finite(confinement.zone_share[0]),
         _finite(confinement.confinement_db[0]),

@@ -20,7 +20,7 @@ DECIBELS = 20.0 / log(10.0)
 class Overlaps:
     """Products of the u_z of every two modes of a class over the active and the passive touch face, (k, k) each, m2.
 
-    projection: of each mode on the wanted shape of unit square, (k,) in m; strength: over its square, 1/m2.
+    projection: of each mode on the target shape of unit square, (k,) in m; strength: over its square, 1/m2.
     """
 
     active: FloatArray
@@ -88,7 +88,7 @@ class Overlaps:
         """Bound what the same neighbours move a mode's MAC and strength by, `share` of each counted.
 
         With c of mode j mixed in, of either sign, the MAC is (q_i + c q_j)^2 / (A_ii + 2 c A_ij + c^2 A_jj) and the strength
-        s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the wanted shape. Parameters as of `mixing_db`.
+        s (q_i + c q_j)^2 / (1 + c^2), with the projections q on the target shape. Parameters as of `mixing_db`.
         """
         mixed = share * mixed_shares(frequency_hz, index, error, ends_hz)
         others = np.delete(np.arange(len(frequency_hz)), index)

@@ -271,14 +271,14 @@ def fitted_touch(mesh: Mesh, lines: Sequence[Sequence[float]]) -> tuple[FloatArr
     return np.concatenate(points), np.concatenate(weights), np.concatenate(rows)
 
 
-def _fit(known: FloatArray, weights: FloatArray, wanted: FloatArray) -> FloatArray:
+def _fit(known: FloatArray, weights: FloatArray, target: FloatArray) -> FloatArray:
     """Values at points (p, 2) of the projection on most products that a rule's points (q, 2) and weights tell apart, (p, q)."""
     root = np.sqrt(weights / weights.sum())
     degrees = [(i, j) for i in range(COUNT) for j in range(COUNT)]
     for each in sorted(degrees, key=lambda each: -(each[0] + 1) * (each[1] + 1)):
         table = root[:, None] * _products(known, each)
         if table.shape[1] <= len(known) and np.linalg.cond(table) < APART:
-            return np.asarray(_products(wanted, each) @ np.linalg.pinv(table) * root)
+            return np.asarray(_products(target, each) @ np.linalg.pinv(table) * root)
     raise ValueError("no points of a rule lie in a part of the touch face")
 
 

@@ -25,20 +25,20 @@ import numpy as np
 from geometry.elements import BoolArray, ComplexArray, FloatArray, IntArray
 from geometry.layout import Design
 from solvers.fem.assembly import Scale
-from solvers.measures.confinement import NEGLIGIBLE, Confinement, confined, wanted_shape
+from solvers.measures.confinement import NEGLIGIBLE, Confinement, confined, target_shape
 from solvers.parametric.bare import bare_cell, bare_strip
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell, Expansion, SurfaceRule
 from solvers.threads import one_thread
 
 BEYOND = 1.2  # half the longest period over the plate's length
-MORE = 3.0  # half waves along the zone beyond the wanted mode's
+MORE = 3.0  # half waves along the zone beyond the target mode's
 INDEPENDENT = 1e-8  # of the largest: waves that add less to the scaled mass are told apart by rounding
 STILL = 1e-9  # of the largest diagonal of the mass: at k = 0 half of the waves have no even part
 
 
 def wavenumbers(design: Design) -> FloatArray:
-    """Wavenumbers along x of the trial functions of the wanted mode's class, (j,) rad/m."""
+    """Wavenumbers along x of the trial functions of the target mode's class, (j,) rad/m."""
     lines = design.nodal_lines
     last = ceil(BEYOND * (max(lines, 2) - 0.5 + MORE))
     return np.asarray(pi / (BEYOND * design.length_m) * np.arange(lines % 2, last + 1), dtype=float)
@@ -208,7 +208,7 @@ class FinitePlate:
         return self._whole(panels, ends), area
 
     def _overlap(self, half: float) -> tuple[FloatArray, float]:
-        """The integral of every trial function's u_z times the wanted shape over the zone, (n,), and of the shape's square."""
+        """The integral of every trial function's u_z times the target shape over the zone, (n,), and of the shape's square."""
         overlap, norm = np.zeros(len(self.kx)), 0.0
         along_x = [self._along(np.multiply.outer(x_m, self.kx)) for x_m in self.x_m]
         for piece in self.pieces:
@@ -228,9 +228,9 @@ class FinitePlate:
         return overlap, norm
 
     def _shape(self, points: FloatArray, x_m: FloatArray, middle: float) -> FloatArray:
-        """The wanted shape at points (q, 2 or 3) of cells about x_m (c,), (c, q)."""
+        """The target shape at points (q, 2 or 3) of cells about x_m (c,), (c, q)."""
         x, y = x_m[:, None] + points[:, 0], np.broadcast_to(points[:, 1] + middle, (len(x_m), len(points)))
-        return wanted_shape(self.design, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
+        return target_shape(self.design, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
 
 
 @dataclass(frozen=True)
@@ -260,7 +260,7 @@ class FiniteModes:
 class Faces:
     """Integrals of u_z^2 over zone, passive face and the plate beyond the last row as forms (n, n), and their areas in m2.
 
-    overlap (n,): with the wanted shape, norm: the integral of its square; factor: rho h over the unit of mass.
+    overlap (n,): with the target shape, norm: the integral of its square; factor: rho h over the unit of mass.
     """
 
     forms: list[FloatArray]
@@ -275,7 +275,7 @@ class Faces:
         return replace(self, forms=forms, overlap=self.overlap @ vectors)
 
     def measured(self, vectors: FloatArray) -> Confinement:
-        """How well modes (n, k) hold the wanted shape, as `measure` has it of a whole plate."""
+        """How well modes (n, k) hold the target shape, as `measure` has it of a whole plate."""
         squares = [np.einsum("ik,ik->k", vectors, form @ vectors) for form in self.forms]
         return confined(squares, self.areas, (self.overlap @ vectors) ** 2 / self.norm, self.factor)
 

@@ -34,7 +34,7 @@ from solvers.piezo.patch import BondedPatch
 from solvers.plates.assembled import Cache, Reductions
 from solvers.superelement.plate import AssembledPlate
 
-WAVE = 3.75  # elements along a half-wavelength of the wanted shape, at least
+WAVE = 3.75  # elements along a half-wavelength of the target shape, at least
 FOOT = 0.5  # of foot and thickness, the longest element of a patch over pillars: its plate bends between their feet
 COLUMNS = 240  # of forces solved for at once
 ROUGH = 0.35  # of the share: one radial function stands for both bodies at all edges and corners of a patch
@@ -126,7 +126,7 @@ class Beneath:
 
 
 def patch_mesh(design: Design, tiling: Tiling, box_m: FloatArray) -> HexSettings:
-    """Elements of a patch on the rectangle box_m: as short as the wanted shape asks for, over pillars as their feet and the
+    """Elements of a patch on the rectangle box_m: as short as the target shape asks for, over pillars as their feet and the
     plate between them do.
     """
     size = design.line_spacing_m / WAVE

@@ -22,8 +22,8 @@ from solvers.errors import SolverError
 from solvers.fem.eigen import Shared, factor_near, modes_in_band
 from solvers.fem.factor.factoriser import Factor, Factoriser, side_by_side
 from solvers.fem.missing_mode import largest_outside
-from solvers.measures.confinement import strength_force, wanted_symmetry
-from solvers.measures.wanted_mode import NONE, Found, Interval, Verdict, search, verdict
+from solvers.measures.confinement import strength_force, target_symmetry
+from solvers.measures.target_mode import NONE, Found, Interval, Verdict, search, verdict
 from solvers.piezo.coarser_bond import BondErrors, extrapolated_modes
 from solvers.piezo.patched_plate import Group, PatchedPlate, PressedPlate
 from solvers.superelement.plate import WHOLE
@@ -137,7 +137,7 @@ class Drive:
 
 
 class ForcedPlate:
-    """A patched plate driven by some patches, one volt each with the wanted mode's signs; the others listen.
+    """A patched plate driven by some patches, one volt each with the target mode's signs; the others listen.
 
     bytes_each: what a group's modes are foreseen to take.
     """
@@ -151,18 +151,18 @@ class ForcedPlate:
         drive: Drive,
         margin: tuple[float, float] = MARGIN,
         bytes_each: float = 0.0,
-        wanted_window_hz: Interval | None = None,
+        target_window_hz: Interval | None = None,
     ) -> None:
         self.plate, self.design, self.band_hz, self.circuit = plate, design, drive.band_hz, drive.circuit
         self.drivers, self.sensors, self.loss = list(drive.drivers), list(drive.sensors), 1.0 / drive.quality_factor
-        self.margin, self.wanted_window_hz = margin, wanted_window_hz
-        wanted = {wanted_symmetry(design.nodal_lines), WHOLE} if wanted_window_hz else set()
+        self.margin, self.target_window_hz = margin, target_window_hz
+        target = {target_symmetry(design.nodal_lines), WHOLE} if target_window_hz else set()
 
         # of this plate's own: digits do not depend on what else was asked of the groups
         self._kept = {
             group.symmetries: Shared(group.factorise)
             for group in plate.groups
-            if not wanted.isdisjoint(group.symmetries)
+            if not target.isdisjoint(group.symmetries)
         }
 
         def solved(group: Group) -> GroupModes:
@@ -177,19 +177,19 @@ class ForcedPlate:
 
     @cached_property
     def target(self) -> Found[PlateMode]:
-        """Search of the patched plate's wanted mode (`solvers.measures.wanted_mode`), beyond the band where it has to;
+        """Search of the patched plate's target mode (`solvers.measures.target_mode`), beyond the band where it has to;
         among the modes about the band where no window to begin with is given.
         """
-        basis = self._wanted_basis
+        basis = self._target_basis
         if basis is None:
-            window = self.wanted_window_hz or self.solved_hz
+            window = self.target_window_hz or self.solved_hz
             return Found(NONE, (), window, window, 0.0)
         vectors = basis.columns[:, : len(basis.frequency_hz)]
         known = self._touched[next(i for i, each in enumerate(self.modes) if each is basis)]
         places = np.arange(len(basis.frequency_hz)).tolist()
         own = self._measured(basis.group, basis.frequency_hz, vectors, places, known)
-        if self.wanted_window_hz is not None:
-            group, window = basis.group, self.wanted_window_hz
+        if self.target_window_hz is not None:
+            group, window = basis.group, self.target_window_hz
             found = search(window, self.solved_hz, own, partial(self._between, group), partial(self._largest, group))
             self._kept[group.symmetries].near = None  # it served
             return self._extrapolated(group, found)
@@ -198,29 +198,29 @@ class ForcedPlate:
 
     @property
     def verdict(self) -> Verdict:
-        """Which of `target.modes` is the wanted one."""
+        """Which of `target.modes` is the target mode."""
         return self.target.verdict
 
     @property
-    def _wanted_basis(self) -> GroupModes | None:
-        """Modes of the group that holds the wanted mode's symmetry class; None where no load drives it."""
-        wanted = wanted_symmetry(self.design.nodal_lines)
-        has = (basis for basis in self.modes if {wanted, WHOLE} & set(basis.group.symmetries))
+    def _target_basis(self) -> GroupModes | None:
+        """Modes of the group that holds the target mode's symmetry class; None where no load drives it."""
+        target = target_symmetry(self.design.nodal_lines)
+        has = (basis for basis in self.modes if {target, WHOLE} & set(basis.group.symmetries))
         return next(has, None)
 
     @property
-    def _wanted(self) -> PlateMode | None:
-        """The wanted mode; None where the plate has none."""
+    def _target(self) -> PlateMode | None:
+        """The target mode; None where the plate has none."""
         index = self.verdict.index
         return None if index is None else self.target.modes[index]
 
     @cached_property
     def signs(self) -> FloatArray:
-        """Sign of each patch's load on the wanted mode, so that all of them push it the same way; 1 where it has none.
+        """Sign of each patch's load on the target mode, so that all of them push it the same way; 1 where it has none.
 
         The first driving patch that moves the mode has sign 1: an eigenvector's own sign means nothing.
         """
-        mode = self._wanted
+        mode = self._target
         if mode is None:
             return np.ones(len(self.plate.patches))
         return in_phase_signs(mode.vector @ mode.group.loads, self.drivers)
@@ -244,7 +244,7 @@ class ForcedPlate:
         return self._measured(group, modes.frequency_hz, modes.vectors, [None] * len(modes.frequency_hz))
 
     def _extrapolated(self, group: Group, found: Found[PlateMode]) -> Found[PlateMode]:
-        """The same with a wanted mode beyond the band at the mesh size of 0, as those about it are, its neighbours with it."""
+        """The same with a target mode beyond the band at the mesh size of 0, as those about it are, its neighbours with it."""
         if found.verdict.index is None or found.modes[found.verdict.index].place is not None:
             return found
         beyond = [number for number, mode in enumerate(found.modes) if mode.place is None]
@@ -298,22 +298,22 @@ class ForcedPlate:
         """Frequencies of the patched plate's modes about the band, group after group."""
         return np.concatenate([basis.frequency_hz for basis in self.modes])
 
-    def wanted_hz(self) -> float | None:
-        """Frequency of the patched plate's wanted mode, wherever it lies; None where it has none."""
-        return self._wanted.frequency_hz if self._wanted else None
+    def target_hz(self) -> float | None:
+        """Frequency of the patched plate's target mode, wherever it lies; None where it has none."""
+        return self._target.frequency_hz if self._target else None
 
-    def wanted_place(self) -> tuple[int, int] | None:
-        """Number of the wanted mode's group, and its own among that group's modes; None where it is not among those about the
+    def target_place(self) -> tuple[int, int] | None:
+        """Number of the target mode's group, and its own among that group's modes; None where it is not among those about the
         band.
         """
-        mode = self._wanted
+        mode = self._target
         if mode is None or mode.place is None:
             return None
         return next(i for i, basis in enumerate(self.modes) if basis.group is mode.group), mode.place
 
-    def wanted_column(self) -> int | None:
-        """Place of the wanted mode among the columns of all groups, one after another; None when the band holds none."""
-        place = self.wanted_place()
+    def target_column(self) -> int | None:
+        """Place of the target mode among the columns of all groups, one after another; None when the band holds none."""
+        place = self.target_place()
         return None if place is None else sum(one.columns.shape[1] for one in self.modes[: place[0]]) + place[1]
 
     def volts(self, eigenvalue: float) -> ComplexArray:
@@ -434,7 +434,7 @@ class Touched:
 def touched(group: Group, motions: FloatArray, design: Design) -> Touched:
     """Measures of motions (dof, k) of a group on the touch face, one class's field after the other.
 
-    Classes that the patches couple move together: the wanted class alone has a part in the shape, all have one in the rest.
+    Classes that the patches couple move together: the target class alone has a part in the shape, all have one in the rest.
     """
     count = motions.shape[1]
     grams, strength = (np.zeros((count, count)), np.zeros((count, count))), np.zeros(count)

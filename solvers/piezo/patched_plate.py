@@ -23,7 +23,7 @@ from solvers.errors import SolverError
 from solvers.fem.assembly import Scale
 from solvers.fem.eigen import PlainPencil
 from solvers.fem.factor.factoriser import Factoriser
-from solvers.measures.confinement import TouchField, wanted_shape, wanted_symmetry
+from solvers.measures.confinement import TouchField, target_shape, target_symmetry
 from solvers.piezo.beneath import Beneath
 from solvers.piezo.bond import Contact, PanelContact, displacement_on, mirror_signs, panel_contacts
 from solvers.piezo.patch import BondedPatch, bonded_patch
@@ -443,12 +443,12 @@ def coupled_classes(patches: Sequence[BondedPatch]) -> list[list[str]]:
 
 
 # -- pressure instead of patches ---------------------------------------------------------------------------------------
-# A plate without patches, pressed in the wanted shape: what drives the samples of a case that has no piezo.
+# A plate without patches, pressed in the target shape: what drives the samples of a case that has no piezo.
 # The pressure is sin(pi (y + W/2)/W) X_N(x) on the active touch face, scaled so that the integral of its size is 1 N.
 
 
 class PressedPlate:
-    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the wanted class feels it."""
+    """Symmetry classes of an assembled plate, one load of 1 N where patches would be; only the target class feels it."""
 
     def __init__(self, plates: Mapping[str, AssembledPlate], design: Design, name: str) -> None:
         self.name = name
@@ -456,10 +456,10 @@ class PressedPlate:
         self.scale = next(iter(plates.values())).placed_cells[0].cell.scale
         self.stiffness_unit = self.scale.young_pa * self.scale.length_m
         self.capacitance_f: FloatArray = np.ones(1)  # no circuit: never open
-        wanted = wanted_symmetry(design.nodal_lines)
-        self.everything = [self._group(plate, design, symmetry == wanted) for symmetry, plate in plates.items()]
-        self.groups = [group for group in self.everything if group.symmetries == (wanted,)]
-        self.undriven = [symmetry for symmetry in plates if symmetry != wanted]
+        target = target_symmetry(design.nodal_lines)
+        self.everything = [self._group(plate, design, symmetry == target) for symmetry, plate in plates.items()]
+        self.groups = [group for group in self.everything if group.symmetries == (target,)]
+        self.undriven = [symmetry for symmetry in plates if symmetry != target]
 
     def _group(self, plate: AssembledPlate, design: Design, pressed: bool) -> Group:
         load = _pressure(plate, design) / self.stiffness_unit if pressed else np.zeros(plate.dof)
@@ -473,7 +473,7 @@ def _pressure(plate: AssembledPlate, design: Design) -> FloatArray:
         rule = plate.touch_rule(placed_cell)
         points = rule.points[:, :2] + np.array(placed_cell.middle)
         active = np.abs(points[:, 1]) < design.width_m / 2.0
-        force = placed_cell.copies * np.where(active, rule.weights * wanted_shape(design, points), 0.0)
+        force = placed_cell.copies * np.where(active, rule.weights * target_shape(design, points), 0.0)
         size += float(np.abs(force).sum())
         live = placed_cell.coefficient != 0.0
         work = placed_cell.coefficient * rule.work(force)

@@ -66,7 +66,7 @@ def face_motion(group: Group, points_m: FloatArray, axis: int = 2, means: FloatA
 
 
 # -- peaks -------------------------------------------------------------------------------------------------------------
-# Peaks of a response: the wanted mode's own, and the highest of the band, which may be another mode's.
+# Peaks of a response: the target mode's own, and the highest of the band, which may be another mode's.
 
 PER_WIDTH = 6  # points over a resonance's half-power width about a peak
 SHARP = 1e-3  # of a half-power width: how finely a peak is found
@@ -195,7 +195,7 @@ SAME = 1e-10  # of the largest: directions of the space that are combinations of
 
 @dataclass(frozen=True)
 class CircuitShift:
-    """The wanted mode with every patch short and with some open: Hz, and the share of it in that open mode.
+    """The target mode with every patch short and with some open: Hz, and the share of it in that open mode.
 
     coupling = (f_open^2 - f_short^2)/f_open^2, the effective coupling factor squared (ieee176).
     """
@@ -236,9 +236,9 @@ def ritz_modes(stiffness: FloatArray, mass: FloatArray) -> tuple[FloatArray, Flo
 
 
 def circuit_shift(forced: ForcedPlate, opened: Sequence[int] | None = None) -> CircuitShift | None:
-    """What opening patches (default: all) does to the wanted mode; None when the band holds no wanted mode."""
-    place = forced.wanted_column()
-    short = forced.wanted_hz()
+    """What opening patches (default: all) does to the target mode; None when the band holds no target mode."""
+    place = forced.target_column()
+    short = forced.target_hz()
     if place is None or short is None:
         return None
     frequency, shares = open_modes(forced, range(len(forced.plate.patches)) if opened is None else opened)
@@ -252,9 +252,9 @@ def open_patches(forced: ForcedPlate) -> list[int]:
 
 
 def driven_hz(forced: ForcedPlate) -> float | None:
-    """Return the wanted mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
+    """Return the target mode's frequency with the patches' circuits as wired: sensors open, drivers as they are fed."""
     shift = circuit_shift(forced, opened) if (opened := open_patches(forced)) else None
-    return shift.open_hz if shift else forced.wanted_hz()
+    return shift.open_hz if shift else forced.target_hz()
 
 
 def resonances_hz(forced: ForcedPlate) -> FloatArray:

@@ -185,7 +185,7 @@ def forced_bars(
 
 
 # -- column ------------------------------------------------------------------------------------------------------------
-# One column of reduced cells across the plate, repeated along x with a phase: the plate as the wanted wave sees it.
+# One column of reduced cells across the plate, repeated along x with a phase: the plate as the target wave sees it.
 # K(k) and M(k) of the column are the cells' own, their sides x-, x+ tied by exp(i k p_x), their edges shared along y;
 # the mirror y = 0 halves it where the plate has one zone. What it leaves out is the plate's two ends; it costs one
 # column instead of all.
@@ -296,7 +296,7 @@ class Column:
         return np.asarray(transform @ np.where(live, vectors[np.maximum(placed_cell.dofs, 0)], 0.0))
 
     def driven(self, frequencies_hz: FloatArray, quality_factor: float) -> Driven:
-        """Motion forced by a pressure of the wanted shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
+        """Motion forced by a pressure of the target shape on the zone: (K (1 + i/Q) - omega^2 M) u = f, by all modes.
 
         SolverError as solve.
         """
@@ -351,8 +351,8 @@ class Column:
             across = np.cos(pi * self.design.from_zone_m(y) / self.design.width_m)
             x = touch.points[:, 0] + place.row.periodic.middles_m[place.index]
             shapes.append(np.exp(1j * self.kx * x) * across)
-        y_m, area_m2, moved, wanted = (np.concatenate(part) for part in (places, weights, values, shapes))
-        return Profile(y_m, area_m2, moved, wanted, self.scale.mass_kg)
+        y_m, area_m2, moved, target = (np.concatenate(part) for part in (places, weights, values, shapes))
+        return Profile(y_m, area_m2, moved, target, self.scale.mass_kg)
 
 
 def _numbered(live: BoolArray, start: int) -> tuple[IntArray, int]:

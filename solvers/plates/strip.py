@@ -130,9 +130,9 @@ def _own(stiffness: FloatArray, mass: FloatArray, coupling: FloatArray, inertia:
 # -- strip -------------------------------------------------------------------------------------------------------------
 # Zone, rows and extension as one thin strip across the plate, its pillars as beams smeared along x: milliseconds a
 # design.
-# w = Y(y) cos(k x) with the wanted wavenumber k; cubic elements over y (finite strips, cheung1976); every row is a
+# w = Y(y) cos(k x) with the target wavenumber k; cubic elements over y (finite strips, cheung1976); every row is a
 # line of pillars that carry their own vibrations. The plate's rigidity is lowered by what shear takes from the wave
-# that is wanted (Mindlin). Good for ranking designs: what a computed cell knows of the pillars' feet is missing.
+# that is target (Mindlin). Good for ranking designs: what a computed cell knows of the pillars' feet is missing.
 
 PER_WIDTH = 8  # elements across a zone's width: a wave of the zone's is 16 long, cubic ones are exact to 1e-5
 _GAUSS = legendre.leggauss(4)
@@ -199,7 +199,7 @@ def _nodes(design: Design) -> FloatArray:
 
 
 def _lowered(strip: Strip, kx: float) -> float:
-    """Factor on the rigidity with which the wave of the wanted shape has the frequency that shear gives it."""
+    """Factor on the rigidity with which the wave of the target shape has the frequency that shear gives it."""
     wave = kx, strip.across_per_m
     return (mindlin_wave_hz(strip, *wave) / thin_plate_hz(strip, *wave)) ** 2
 

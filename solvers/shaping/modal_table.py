@@ -104,7 +104,7 @@ def _check(table: ModalTable) -> None:
         if weights.ndim != 2 or weights.shape[1] == 0:
             raise SolverError(f"modal table: the list of {name} is empty, at least one {axis} is needed")
     points, sensors, actuators = len(table.points_m), table.sensors.shape[1], table.actuators.shape[1]
-    wanted = {
+    named = {
         "quality_factor": (modes,),
         "actuators": (modes, actuators),
         "sensors": (modes, sensors),
@@ -112,7 +112,7 @@ def _check(table: ModalTable) -> None:
         "sensor_residual": (sensors, actuators),
         "field_residual": (points, actuators),
     }
-    for name, shape in wanted.items():
+    for name, shape in named.items():
         values = getattr(table, name)
         if values is not None and values.shape != shape:
             raise SolverError(f"modal table: {name} has shape {values.shape}, must be {shape}")

@@ -155,24 +155,24 @@ def _raised(field: ComplexArray, start: ComplexArray) -> ComplexArray:
 # kept small.
 
 
-def hold_modes(table: ModalTable, frequency_hz: float, wanted: dict[int, complex], others: float = 1.0) -> Drive:
+def hold_modes(table: ModalTable, frequency_hz: float, held: dict[int, complex], others: float = 1.0) -> Drive:
     """Voltages that give modal coordinates {mode: amplitude} and keep the rest small: least squares over all modes.
 
     others: weight of the modes not named, against 1 for those that are; 0 leaves them free. Raises SolverError for a mode that
     is not in the table, a mode no actuator reaches, others < 0; as drive_voltages and receptance.
     """
     count = table.frequencies_hz.size
-    for mode in wanted:
+    for mode in held:
         if not 0 <= mode < count:
             raise SolverError(f"mode {mode}: the table has modes 0 to {count - 1}")
         if not np.abs(table.actuators[mode]).max() > 1e-9 * np.abs(table.actuators).max():
             raise SolverError(f"mode {mode}: every actuator sits on a node of it, it cannot be held")
     if not (np.isfinite(others) and others >= 0.0):
         raise SolverError(f"others = {others:g}: must be 0 or more")
-    named = np.array(list(wanted), dtype=int)
+    named = np.array(list(held), dtype=int)
     kept = np.arange(count) if others else named
     target = np.zeros(count, dtype=complex)
-    target[named] = list(wanted.values())
+    target[named] = list(held.values())
     weight = np.full(count, others)
     weight[named] = 1.0
     matrix = weight[:, None] * modal_drive(table, frequency_hz)

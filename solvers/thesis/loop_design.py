@@ -133,12 +133,12 @@ FIRMWARE_RESPONSE_S = 0.53e-3  # the time constant that the firmware plans with
 class DqData:
     """What is controlled and how. The thesis states no identified values; ours follow its prototype: 31 kHz.
 
-    wanted, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
+    target, neighbours: velocity response of each mode, signal over drive in full scales; for sensor "displacement" their
     gains are turned by -j. within_s: asked 95 % response. share: of G Vmax, the step asked for. delay_s: dead time beyond
     the hold; delay_guess_s: what is known of delay and hold before identification; noise: rms of a sample.
     """
 
-    wanted: ModePlant = field(default_factory=lambda: ModePlant.from_quality_factor(31_000.0, 300.0, 0.8))
+    target: ModePlant = field(default_factory=lambda: ModePlant.from_quality_factor(31_000.0, 300.0, 0.8))
     neighbours: tuple[ModePlant, ...] = ()
     within_s: float = THESIS_95_S
     share: float = 0.18
@@ -232,7 +232,7 @@ class DqStudy:
 
     def to_dict(self) -> dict[str, Any]:
         """Plant, design, feasibility, identification, margins, steps and what the mode table carries of this."""
-        data, plant, found = self.data, self.data.wanted, self.identified.to_dict()
+        data, plant, found = self.data, self.data.target, self.identified.to_dict()
         carried = {name: found[name] for name in ("frequency_hz", "tau_s", "gain", "delay_s")}
         return {
             "plant": {
@@ -317,12 +317,12 @@ def planned_response_s(setup: Setup, within_s: float) -> float:
 
 def _measured(data: DqData) -> Sweep:
     """The sweep the loop would measure: all modes, delay, the hold's droop and half sample, noise of a window's fit."""
-    f0, width = data.wanted.frequency_hz, data.wanted.bandwidth_rad_s / (2.0 * pi)
+    f0, width = data.target.frequency_hz, data.target.bandwidth_rad_s / (2.0 * pi)
     frequencies = np.linspace(f0 - SWEEP_WIDTHS * width, f0 + SWEEP_WIDTHS * width, SWEEP_POINTS)
     turn = 2j * pi * frequencies / data.rates.sample_rate_hz
     window = data.rates.period - data.rates.gap
     noise = data.noise * 2.0 / window**0.5  # of a phasor fitted to so many samples, drive 1
-    modes = (data.wanted, *data.neighbours)
+    modes = (data.target, *data.neighbours)
     sweep = noisy(sweep_of(modes, frequencies, data.sensor, data.delay_s, data.feedthrough), noise)
     return replace(sweep, response=sweep.response * (1.0 - np.exp(-turn)) / turn)
 
@@ -330,7 +330,7 @@ def _measured(data: DqData) -> Sweep:
 def _setup(data: DqData, identified: Identified) -> Setup:
     """The loop with the identified mode as what the controller knows."""
     return Setup(
-        modes=(_sensed(data.wanted, data.sensor),),
+        modes=(_sensed(data.target, data.sensor),),
         known=identified.plant,
         response_s=data.response_s,
         drive_limit=data.drive_limit,
@@ -352,8 +352,8 @@ def _with_neighbours(setup: Setup, data: DqData) -> Setup:
 def _steps(data: DqData, setup: Setup, reach: float) -> list[Step]:
     steps = []
     for detuning in data.detunings_hz:
-        detuned = abs(1.0 + 2j * pi * detuning * data.wanted.tau_s)
-        reference = data.share * reach / max(1.0, detuned * data.response_s / data.wanted.tau_s)
+        detuned = abs(1.0 + 2j * pi * detuning * data.target.tau_s)
+        reference = data.share * reach / max(1.0, detuned * data.response_s / data.target.tau_s)
         steps.append(_step("alone", replace(setup, detuning_hz=detuning), reference))
     steps.append(_step("firmware's constant", replace(setup, response_s=FIRMWARE_RESPONSE_S), 0.5 * data.share * reach))
     if data.neighbours:

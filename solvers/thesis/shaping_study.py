@@ -103,11 +103,11 @@ class ShapingStudy:
 
     def confinement(self, beam: str, signal: str, frequency: float, region: str, target: str) -> Confinement:
         """One confinement by its names."""
-        wanted = (beam, signal, frequency, region, target)
+        key = (beam, signal, frequency, region, target)
         return next(
             one
             for one in self.confinements
-            if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == wanted
+            if (one.beam, one.signal, one.frequency_hz, one.region, one.target) == key
         )
 
     def wave(self, beam: str, signal: str, frequency: float) -> Travelling:

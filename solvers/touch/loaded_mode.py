@@ -63,7 +63,7 @@ def loaded_mode(touched: TouchedPlate, start: LoadedMode | None = None, slopes: 
 
     slopes: with the slopes of the residual vectors; without them R matches two terms, and what changes bounds what four miss.
     """
-    free_hz, row = touched.free.wanted_hz(), touched.wanted_row
+    free_hz, row = touched.free.target_hz(), touched.target_row
     if free_hz is None or row is None:
         return None
     if touched.finger.tip.is_nothing:

@@ -209,9 +209,9 @@ class TouchedPlate(ForcedPlate):
         self.modes = [with_loads(basis, row.T / unit) for basis, row in zip(forced.all_modes, rows, strict=True)]
 
     @property
-    def wanted_row(self) -> int | None:
-        """Row of the free plate's wanted mode among the modes of all groups, one after another."""
-        place = self.free.wanted_place()
+    def target_row(self) -> int | None:
+        """Row of the free plate's target mode among the modes of all groups, one after another."""
+        place = self.free.target_place()
         if place is None:
             return None
         plates, before = self.free.modes[place[0]].group.plates, 0
@@ -219,7 +219,7 @@ class TouchedPlate(ForcedPlate):
             if basis.group.plates is plates:
                 return before + place[1]
             before += len(basis.frequency_hz)
-        raise SolverError("the wanted mode is in no group of the touched plate")
+        raise SolverError("the target mode is in no group of the touched plate")
 
     @cached_property
     def contact_rows(self) -> list[FloatArray]:

@@ -185,9 +185,9 @@ class _Sampler:
         build = CellBuilder(self.reductions.system(moved), self.build.interface, kept, self.panel.free)
         stiffness, mass = (np.zeros((self.cell.dof,) * 2) for _ in range(2))
         for signs in product((1, -1), repeat=len(kept)):
-            wanted = dict(zip(kept, signs, strict=True))
-            modes, fixed = self._fixed(still, opened, wanted)
-            stiff, heavy = self._of_class(build, wanted, modes, fixed)
+            target = dict(zip(kept, signs, strict=True))
+            modes, fixed = self._fixed(still, opened, target)
+            stiff, heavy = self._of_class(build, target, modes, fixed)
             stiffness += stiff
             mass += heavy
         return (stiffness + stiffness.T) / 2.0, (mass + mass.T) / 2.0

@@ -15,7 +15,7 @@ from geometry.elements import ComplexArray, FloatArray, IntArray
 from geometry.tiling import Signature, signature
 from solvers.errors import SolverError
 from solvers.fem.eigen import factor_near
-from solvers.measures.wanted_mode import Verdict, verdict
+from solvers.measures.target_mode import Verdict, verdict
 from solvers.piezo.bond import mirror_signs
 from solvers.piezo.forced import Curve, ForcedPlate, GroupModes, quadratic, rms, touched
 from solvers.variation.cells import CellFamily
@@ -43,8 +43,8 @@ class PlateSpace:
         self.forced, self.bases = forced, [orthonormal(basis, own) for basis, own in raw]
         self.starts = np.cumsum([0, *(basis.columns.shape[1] for basis in self.bases)])
         self.size = int(self.starts[-1])
-        place = forced.wanted_place()
-        self.wanted = None if place is None else int(self.starts[place[0]]) + place[1]
+        place = forced.target_place()
+        self.target = None if place is None else int(self.starts[place[0]]) + place[1]
         self.stiffness = scipy.linalg.block_diag(*(basis.projected[0] for basis in self.bases))
         self.loads = np.vstack([_gains(basis) for basis in self.bases])
         pairs = [touched(basis.group, basis.columns, forced.design).grams for basis in self.bases]
@@ -78,9 +78,9 @@ class PlateSpace:
         vectors = span @ vectors
         grams = tuple(vectors.T @ gram @ vectors for gram in (self.inside, self.outside))
         alike, share = np.zeros(len(values)), np.zeros(len(values))
-        if self.wanted is not None:
-            alike = (self.inside[self.wanted] @ vectors) ** 2 / self.inside[self.wanted, self.wanted]
-            share = vectors[self.wanted] ** 2 / (vectors**2).sum(axis=0)
+        if self.target is not None:
+            alike = (self.inside[self.target] @ vectors) ** 2 / self.inside[self.target, self.target]
+            share = vectors[self.target] ** 2 / (vectors**2).sum(axis=0)
         return ChangedPlate(self.forced, values, vectors.T @ self.loads, grams[0], grams[1], alike, share)
 
 
@@ -133,7 +133,7 @@ def _independent(columns: FloatArray) -> FloatArray:
 class ChangedPlate:
     """A plate's modes in that space: eigenvalues (n,), gains (n, patches), touch-face integrals (n, n) per pair.
 
-    w the nominal plate's wanted mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; wanted_share (n,): w's share in
+    w the nominal plate's target mode, alike (n,): <u, w>^2 / <w, w> over the active touch face; target_share (n,): w's share in
     the mode, of 1, by the nominal plate's mass. Both zero where it has none.
     """
 
@@ -143,7 +143,7 @@ class ChangedPlate:
     inside: FloatArray
     outside: FloatArray
     alike: FloatArray
-    wanted_share: FloatArray
+    target_share: FloatArray
 
     @property
     def loss(self) -> float:
@@ -152,12 +152,12 @@ class ChangedPlate:
 
     @property
     def tracked(self) -> Verdict:
-        """Which mode the nominal plate's wanted one has become (`solvers.measures.wanted_mode`): that which holds most of it,
+        """Which mode the nominal plate's target one has become (`solvers.measures.target_mode`): that which holds most of it,
         among those of its shape in the zone. Others of that shape, and what the answers to the loads add, hold none of it.
         """
         inside, outside = np.diag(self.inside), np.diag(self.outside)
         share = inside / np.maximum(inside + outside, 1e-300)
-        return verdict(self.wanted_share, share, self.alike / np.maximum(inside, 1e-300))
+        return verdict(self.target_share, share, self.alike / np.maximum(inside, 1e-300))
 
     @property
     def tracked_hz(self) -> float | None:
@@ -185,13 +185,13 @@ class ChangedPlate:
 
 
 # -- shapes that changes bring -----------------------------------------------------------------------------------------
-# How the wanted mode's field changes with each pillar: static answers to what a changed cell pulls at it.
+# How the target mode's field changes with each pillar: static answers to what a changed cell pulls at it.
 # Of K u = l M u a change dK, dM of one cell gives du = -(K - l M)^-1 (dK - l dM) u beside u itself: a field about
 # that cell, of modes far beyond any band. In a space of modes alone frequencies err in second order, fields and
 # levels in first (fox1968).
 
-BESIDE = 1e-3  # of the wanted mode's eigenvalue: a shift at which its own class has an answer
-LEFT = 1e-4  # of the wanted mode: a field that the shapes left out may add up to where every pillar is off by one deviation
+BESIDE = 1e-3  # of the target mode's eigenvalue: a shift at which its own class has an answer
+LEFT = 1e-4  # of the target mode: a field that the shapes left out may add up to where every pillar is off by one deviation
 Pulls = list[tuple[int, FloatArray]]
 
 
@@ -203,7 +203,7 @@ def derivative_shapes(
     Parameters
     ----------
     forced : ForcedPlate
-        The nominal plate; none of the groups has any where the band holds no wanted mode.
+        The nominal plate; none of the groups has any where the band holds no target mode.
     families : mapping
         Cells as functions of their pillars.
     deviations : float
@@ -214,7 +214,7 @@ def derivative_shapes(
     list of ndarray
         One array a group of `forced.all_modes`.
     """
-    place = forced.wanted_place()
+    place = forced.target_place()
     if place is None:
         return [np.zeros((len(basis.columns), 0)) for basis in forced.all_modes]
     basis, index = forced.modes[place[0]], place[1]
@@ -224,7 +224,7 @@ def derivative_shapes(
 
 
 def _pulls(basis: GroupModes, index: int, families: Mapping[Signature, CellFamily], deviations: float) -> Pulls:
-    """Numbers of the placed cells with a pillar, and the forces (cell dof, k) of their changes in the wanted mode."""
+    """Numbers of the placed cells with a pillar, and the forces (cell dof, k) of their changes in the target mode."""
     group, value = basis.group, float(basis.eigenvalue[index])
     parts = group.split(basis.columns[:, [index]])
     tiling, grid = group.plates[0].tiling, group.plates[0].grid

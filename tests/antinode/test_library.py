@@ -31,7 +31,7 @@ NAMES = [
     "Array", "Attenuation", "BandPath", "Bands", "Broadband", "Caution", "Crosstalk",
     "Damping", "Finger", "Hybrid", "InputError", "Mode",
     "Modes", "Patches", "Pillar", "Plate", "Predesign", "Response", "Scatter", "Search", "Solve", "SolverError",
-    "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Wanted", "Zone", "__version__", "load", "open", "sweep",
+    "SweepTable", "Tip", "Tolerance", "Touch", "Travel", "Target", "Zone", "__version__", "load", "open", "sweep",
 ]  # fmt: skip
 
 
@@ -112,7 +112,7 @@ def test_modes_are_those_of_the_command(plate: antinode.Plate, tmp_path: Path) -
     assert main([*args, "--quiet", "--json", str(tmp_path / "m.json")]) == 0
     document = json.loads((tmp_path / "m.json").read_text())
     assert [mode["frequency_hz"] for mode in document["modes"]] == pytest.approx(modes.frequency_hz.tolist(), rel=1e-9)
-    assert len(modes) == 3 and modes[0].symmetry in ("SA", "AS") and modes.wanted is None
+    assert len(modes) == 3 and modes[0].symmetry in ("SA", "AS") and modes.target is None
     assert modes.error.tolist() == [mode.error for mode in modes] and 0.0 < modes[0].error < 0.1
     again = antinode.open(tmp_path / "m.json")
     assert isinstance(again, antinode.Modes) and [m.frequency_hz for m in again] == pytest.approx(modes.frequency_hz)
@@ -188,7 +188,7 @@ def test_a_search_that_cannot_be_is_refused_in_words(plate: antinode.Plate, sett
         plate.search(**settings)
 
 
-NONE = antinode.Wanted(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
+NONE = antinode.Target(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
 
 
 def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
@@ -201,7 +201,7 @@ def test_what_was_made_never_changes(plate: antinode.Plate) -> None:
             setattr(frozen, name, 1.0)
     with pytest.raises(TypeError):
         row[0]["level_db"] = 2.0
-    peak = driven.wanted_peak
+    peak = driven.target_peak
     assert peak is not None and peak.quality_factor == 298.0
     with pytest.raises(AttributeError):
         peak.frequency_hz = 1.0
@@ -217,7 +217,7 @@ def test_a_notebook_sees_the_plate_its_modes_and_its_table(plate: antinode.Plate
         for hz, level in ((30e3, 2.0), (34e3, None))
     ]
     found = {"frequency_hz": 34e3, "mac": 0.9, "strength": 0.2, "confinement_db": 11.0}
-    page = synthetic.modes(antinode.Wanted(status="single", **found), both)._repr_html_()
+    page = synthetic.modes(antinode.Target(status="single", **found), both)._repr_html_()
     assert "<td><b>34.0 *</b></td>" in page and "<td>30.0</td>" in page and "(kHz)" in page
 
 
@@ -238,9 +238,9 @@ def test_a_sweeps_table_is_drawn_kept_and_read_again(tmp_path: Path) -> None:
     for place in (tmp_path, tmp_path / "table.csv"):
         again = antinode.open(place)
         assert isinstance(again, antinode.SweepTable) and again.swept == table.swept and list(again) == list(table)
-    (tmp_path / "said.csv").write_text("case,wanted_error,confined,array.stagger\na,0.0021,yes,false\nb,,no,true\n")
+    (tmp_path / "said.csv").write_text("case,target_error,confined,array.stagger\na,0.0021,yes,false\nb,,no,true\n")
     assert antinode.open(tmp_path / "said.csv").to_dict() == {
-        "case": ["a", "b"], "wanted_error": [0.0021, None], "confined": [True, False], "array.stagger": [False, True]
+        "case": ["a", "b"], "target_error": [0.0021, None], "confined": [True, False], "array.stagger": [False, True]
     }  # fmt: skip
     (tmp_path / "other.csv").write_text("a,b\n1,2\n")
     with pytest.raises(antinode.InputError, match="holds no table of a study"):

@@ -85,10 +85,10 @@ def drag(page: Any, name: str, value: float) -> None:
 
 def test_a_dragged_slider_changes_the_numbers(opened: Callable[..., Any]) -> None:
     page = opened()
-    before, path = number(page, "Wanted frequency"), page.locator("#bands path.line").first.get_attribute("d")
+    before, path = number(page, "Target frequency"), page.locator("#bands path.line").first.get_attribute("d")
     drag(page, "height", 6.7)
     until(page, f"document.querySelector('.card dd').textContent.split(' ')[0] != '{before:.2f}'")
-    assert number(page, "Wanted frequency") < before  # a taller pillar resonates lower and takes the mode along
+    assert number(page, "Target frequency") < before  # a taller pillar resonates lower and takes the mode along
     assert page.locator("#bands path.line").first.get_attribute("d") != path
     assert page.locator("#bands path.before").count() > 0
     assert "height=6.7" in page.url
@@ -152,10 +152,10 @@ def test_a_dot_of_the_cloud_sets_the_sliders(opened: Callable[..., Any]) -> None
     page.locator("#gather").click()
     until(page, "!cloud.running")
     dot = page.locator("#by-mass .dot.front").first
-    wanted = dot.locator("title").text_content().split(" dB")[0]
+    target = dot.locator("title").text_content().split(" dB")[0]
     dot.focus()
     page.keyboard.press("Enter")
-    chosen = f"cloud.points.find((point) => level(point.confinement_db, null) === '{wanted} dB').design"
+    chosen = f"cloud.points.find((point) => level(point.confinement_db, null) === '{target} dB').design"
     until(page, f"{READY} && Object.entries({chosen}).every(([name, value]) => state.shown.design[name] === value)")
     assert page.locator("#pins tbody tr").count() == 0 and not page.faults
 
@@ -257,10 +257,10 @@ def test_the_exported_page_is_dragged_refuses_and_saves(browser: Any, exported: 
     page.goto(exported.as_uri() + "#rows=2")
     until(page, READY)
     assert page.locator("#full").is_hidden() and page.locator("#alone").is_visible()
-    before = number(page, "Wanted frequency")
+    before = number(page, "Target frequency")
     drag(page, "height", 6.7)
     until(page, f"document.querySelector('.card dd').textContent.split(' ')[0] != '{before:.2f}'")
-    assert number(page, "Wanted frequency") < before
+    assert number(page, "Target frequency") < before
     with page.expect_download() as download:
         page.locator("#save").click()
     download.value.save_as(tmp_path / "saved.toml")

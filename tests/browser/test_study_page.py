@@ -239,7 +239,7 @@ def test_marks_tell_polarisations_apart_without_colour(visit: Visits, study: Pat
     ]
     assert page.locator("#dispersion-diagram .wave.hollow").count() > 0
     legend = page.locator("#dispersion-legend").inner_text()
-    assert "longitudinal" in legend and "mostly in the pillar" in legend and "wanted mode of the plate" in legend
+    assert "longitudinal" in legend and "mostly in the pillar" in legend and "target mode of the plate" in legend
 
 
 def test_a_click_on_a_wave_shows_its_shape_at_the_nearest_stored_point(visit: Visits, study: Path) -> None:
@@ -286,7 +286,7 @@ def test_a_phone_scrolls_in_one_direction_only(visit: Visits, study: Path, width
     assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
 
 
-def test_it_is_dark_where_dark_is_wanted(visit: Visits, study: Path) -> None:
+def test_it_is_dark_where_dark_is_target(visit: Visits, study: Path) -> None:
     shade = (
         "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).slice(0, 3).map(Number).reduce((a, b) => a + b)"
     )

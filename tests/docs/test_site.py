@@ -126,7 +126,7 @@ def test_generated_pages_hold_what_they_are_made_from(site: dict[str, ModuleType
     assert "| `confinement_db` |" in text["reference/columns.md"] and "| `tracked_hz` |" in text["reference/columns.md"]
     assert (
         "### ModeRecord" in text["reference/json.md"]
-        and "| `strength` | share of the wanted shape" in text["reference/json.md"]
+        and "| `strength` | share of the target shape" in text["reference/json.md"]
         and "### `antinode search --json FILE`" in text["reference/json.md"]
         and "### `antinode active dq --json FILE`" in text["reference/json.md"]
     )

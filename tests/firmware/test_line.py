@@ -21,7 +21,7 @@ DROOP = abs(hold(TRUE, 250e3))
 PLATE = Plate((Resonance(TRUE, TAU, GAIN),), delay_s=7.3e-6, noise=1e-3)
 MEASURED = Mode(TRUE, TAU, -1j * GAIN * DROOP, 9.3e-6, frequency_identified=True)
 KNOWN = to_bytes(ModeTable(250e3, bytes(range(16)), (MEASURED,)))
-OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(29000.0, 250.0), Mode(30500.0, 3e-3)), wanted=1))
+OTHER = to_bytes(ModeTable(250e3, bytes(16), (Mode.from_quality_factor(29000.0, 250.0), Mode(30500.0, 3e-3)), target=1))
 
 
 @pytest.fixture

@@ -37,7 +37,7 @@ class Linked:
         answers = []
         for byte in data:
             self.lib.an_link_feed(self.link, byte)
-            if self.link.store_wanted:
+            if self.link.store_target:
                 self.lib.an_link_stored(self.link, True)
             if self.link.out_length:
                 frame = bytes(self.link.out)[: self.link.out_length]
@@ -250,8 +250,8 @@ def test_shapes_and_patterns_are_chosen_where_they_may_be(core) -> None:
     shapes = (Shape(2400.0, 5e-3, patterns, rows), Shape(500.0, 5e-3, patterns[:1]))
     linked = Linked(core, "six", to_bytes(ModeTable(40e3, bytes(16), (), shapes=shapes)), 40e3)
     linked.window()
-    for wanted, result in ((2, 0), (2, 2)), ((0, 2), (2, 2)), ((0, 1), (0, 3)), ((1, 0), (1, 0)), ((0, 0), (0, 0)):
-        assert answer(linked, Kind.PATTERN, struct.pack("<II", *wanted)) == bytes([result[1]]), wanted
+    for target, result in ((2, 0), (2, 2)), ((0, 2), (2, 2)), ((0, 1), (0, 3)), ((1, 0), (1, 0)), ((0, 0), (0, 0)):
+        assert answer(linked, Kind.PATTERN, struct.pack("<II", *target)) == bytes([result[1]]), target
         linked.window()
         linked.window()
     assert answer(linked, Kind.REFERENCE, struct.pack("<f", 0.1)) == b"\3"

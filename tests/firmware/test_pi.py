@@ -69,18 +69,18 @@ class DoubleLaw:
         decay = cmath.exp(-(1.0 + 1j * self.slope) * AHEAD / TAU)
         now = decay * measured + (1.0 - decay) * self.gain / (1.0 + 1j * self.slope) * self.drive
         proportional = self.leaving if self.limited == 2 else self.proportional
-        wanted = proportional * (reference - now) + self.integral + 1j * self.slope / self.gain * now
+        target = proportional * (reference - now) + self.integral + 1j * self.slope / self.gain * now
         then = reference + AHEAD / PERIOD * (self.reference - reference)
         self.reference = reference
-        if abs(wanted) > LIMIT:
+        if abs(target) > LIMIT:
             self.integral, self.limited = measured / self.gain, 2
-            self.drive = wanted * LIMIT / abs(wanted)
+            self.drive = target * LIMIT / abs(target)
         elif self.limited:
             self.integral, self.limited = measured / self.gain, self.limited - 1
-            self.drive = wanted
+            self.drive = target
         else:
             self.integral += self.integral_gain * (then - measured)
-            self.drive = wanted
+            self.drive = target
         return self.drive
 
 

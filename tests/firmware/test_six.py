@@ -124,8 +124,8 @@ def test_confinement_left_middle_and_right_and_a_travelling_wave(hosted) -> None
             assert board.lib.an_six_change(board.app, pattern)
         board.run(0.5)
         assert board.state == RUN, (pattern, board.faults)
-        wanted = board.app.slow.reference * np.array(PATTERNS[pattern].targets)
-        assert np.abs(board.measured - wanted).max() < 0.02 * np.abs(wanted).max()
+        target = board.app.slow.reference * np.array(PATTERNS[pattern].targets)
+        assert np.abs(board.measured - target).max() < 0.02 * np.abs(target).max()
         field = field_of(board, at_m)
         if zone is not None:
             assert field[third == zone].max() > 3.0 * field[third != zone].max()
@@ -249,7 +249,7 @@ def test_a_broken_sensor_rests_all_outputs(hosted, change, faults: int) -> None:
 
 @pytest.mark.parametrize("reference", [0.004, 0.03])
 @pytest.mark.parametrize("channel", [0, 3, 5])
-def test_a_dead_sensor_is_noticed_however_little_is_wanted(hosted, reference: float, channel: int) -> None:
+def test_a_dead_sensor_is_noticed_however_little_is_target(hosted, reference: float, channel: int) -> None:
     """Of a plate that answers weakly the drive reaches its limit, and its integrals stop, long before a tenth of full scale."""
     weak = dataclasses.replace(QUICK, largest=0.05)
     board = hosted(table(matrix=seen_matrix(weak), tau_s=weak.slowest_s), weak)
@@ -285,7 +285,7 @@ def warmed(structure, share: float):
 
 @pytest.mark.parametrize("change", [pressed, warmed])
 def test_neither_a_finger_nor_warmth_is_a_fault(hosted, change) -> None:
-    """Within 50 ms; the integrals bring every sensor back to where it is wanted."""
+    """Within 50 ms; the integrals bring every sensor back to where it is target."""
     board = hosted(table(matrix=seen_matrix()), BEAM)
     board.run(5e-3)
     assert board.lib.an_six_start(board.app, 0, 0.1)

@@ -25,7 +25,7 @@ TABLE = ModeTable(
         Mode(31404.5, 0.0029296875, None, 2.0**-18, 0.75, 0.5, SIX, SIX),
         Mode(31e3, 0.0039, 0.5 - 0.75j, 0.0, 1, 1, SIX, SIX),
     ),
-    wanted=1,
+    target=1,
     shapes=(SHAPE, dataclasses.replace(SHAPE, matrix=None)),
 )
 SMALL = ModeTable(250e3, bytes(16), (Mode(31404.5, 0.003),))
@@ -52,7 +52,7 @@ def test_every_value_is_read_where_it_was_written(core) -> None:
     table, mode, head = core.ffi.new("an_table *"), core.ffi.new("an_mode *"), core.ffi.new("an_shape_head *")
     buffer = core.ffi.from_buffer("uint8_t[]", data)
     assert core.lib.an_table_open(table, buffer, len(data)) == core.lib.AN_TABLE_OK
-    assert (table.mode_count, table.shape_count, table.wanted, table.sample_rate_hz) == (2, 2, 1, 250e3)
+    assert (table.mode_count, table.shape_count, table.target, table.sample_rate_hz) == (2, 2, 1, 250e3)
     assert core.lib.an_table_mode(table, 0, mode) == 0
     assert (mode.frequency_hz, mode.tau_s, mode.delay_s) == (31404.5, 0.0029296875, 2.0**-18)
     assert (mode.drive_limit, mode.amplitude_limit) == (0.75, 0.5)

@@ -1,4 +1,4 @@
-"""The half-wavelength of the wanted mode: one rule for design, case, search and pre-design."""
+"""The half-wavelength of the target mode: one rule for design, case, search and pre-design."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_design_case_search_and_predesign_say_the_same() -> None:
     case = load_case(CASE)
     half = case.design.half_wavelength_m
     assert half == pytest.approx(0.1155 / 7.5, rel=1e-15)
-    assert case.kx_wanted_per_m == pytest.approx(pi / half, rel=1e-15)
+    assert case.target_kx_per_m == pytest.approx(pi / half, rel=1e-15)
     zone = predesign(case.design).zone
     assert zone and zone.half_wavelength_m == half
     assert not Limits(half_wavelength_m=1.0001 * half).of_design(case.design)

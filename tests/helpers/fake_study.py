@@ -45,8 +45,8 @@ def compute(payload, folder, log):
         values = np.random.default_rng(payload["value"]).normal(size=1000)
         store.save_arrays(folder, {"values": values})
         time.sleep(payload["seconds"] / 2)
-    wanted = synthetic.wanted(12.0, 30e3 + float(values.sum()))
-    return {"modes": synthetic.modes(wanted, dof=values.size), "threads": os.environ["OMP_NUM_THREADS"]}
+    target = synthetic.target(12.0, 30e3 + float(values.sum()))
+    return {"modes": synthetic.modes(target, dof=values.size), "threads": os.environ["OMP_NUM_THREADS"]}
 
 
 def signals_held_back():

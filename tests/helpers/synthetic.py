@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, WantedMode, WantedRecord
+from pipeline.models.mode_parts import CountRecord, ModeRecord, RivalRecord, TargetMode, TargetRecord
 from pipeline.models.wave_parts import AttenuationPoint, Transmission, Wave
 from pipeline.questions.attenuation import AttenuationResult, PredictionResult
 from pipeline.questions.bands import BandPoint, BandsResult, Gap
@@ -243,12 +243,12 @@ def response(level_db: float | None) -> ResponseResult:
         sensor_V_per_V=np.column_stack([heard.real, heard.imag]).tolist(),
         sensors=[7],
         polarisation_signs=[1],
-        wanted_hz=31500.0,
+        target_hz=31500.0,
         quality_factor_given=300.0,
         expected_error=None,
         circuit={"drivers": "short"},
-        wanted_status="single",
-        wanted_peak=highest,
+        target_status="single",
+        target_peak=highest,
         highest_peak=highest,
     )
 
@@ -285,20 +285,20 @@ def count(expected: int, result: int) -> CountRecord:
     return CountRecord(low_hz=25e3, high_hz=45e3, expected=expected, found=result)
 
 
-def wanted(level_db: float | None, frequency_hz: float = 31500.0, **more: Any) -> WantedMode:
-    """A wanted mode, confined by so much."""
+def target(level_db: float | None, frequency_hz: float = 31500.0, **more: Any) -> TargetMode:
+    """A target mode, confined by so much."""
     rival = RivalRecord(frequency_hz=27300.0, strength=0.08, mac=0.9, confinement_db=3.0)
     own = {"status": "single", "mac": 0.93, "strength": 0.3, "zone_share": 0.82, "share": 0.7, "rivals": [rival]}
-    return WantedMode(frequency_hz=frequency_hz, confinement_db=level_db, **{**own, **more})
+    return TargetMode(frequency_hz=frequency_hz, confinement_db=level_db, **{**own, **more})
 
 
-NO_MODE = WantedRecord(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
+NO_MODE = TargetRecord(status="none", frequency_hz=None, mac=None, strength=None, confinement_db=None)
 
 
-def modes(one: WantedRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesResult:
-    """The modes of a plate with its wanted one."""
+def modes(one: TargetRecord, result: Sequence[ModeRecord] = (), dof: int = 120000, **more: Any) -> ModesResult:
+    """The modes of a plate with its target mode."""
     about = {"model": "solid", "part": "plate", "dof": dof, "rigid_count": 6, "count_check": count(4, 4)}
-    return ModesResult(**{**about, **more}, modes=list(result), wanted=one)
+    return ModesResult(**{**about, **more}, modes=list(result), target=one)
 
 
 def case(case_id: str, sweep: dict[str, Any] | None = None, status: str = "OK", **sections: Any) -> StoredCase:
@@ -340,7 +340,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
             overhang=0.0,
         ),
         meshes=[mesh("hex", 5000, 120000), mesh("tet", 40000, 210000)],
-        modes=modes(wanted(level_db, index=0, extension_db=level_db, pillar_energy_share=0.4), [confined, *near]),
+        modes=modes(target(level_db, index=0, extension_db=level_db, pillar_energy_share=0.4), [confined, *near]),
         tet_modes=TetModesResult(
             model="solid tet2",
             dof=210000,

@@ -27,7 +27,7 @@ def test_both_bars_count_each_of_its_own_figure() -> None:
 
 
 def test_a_mode_that_the_plate_lacks_is_outside() -> None:
-    lacking = BesidePlate.of(LIVE, {"why_not": "no mode of the wanted shape in the window"})
+    lacking = BesidePlate.of(LIVE, {"why_not": "no mode of the target shape in the window"})
     assert not lacking.within and "1 plates lack the mode" in summary([lacking])
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from pipeline.batch.study_file import load_study
-from pipeline.models.mode_parts import WantedMode
+from pipeline.models.mode_parts import TargetMode
 from pipeline.models.touch_parts import TouchStateRecord
 from pipeline.models.zone_parts import DrivenZone
 from pipeline.questions.crosstalk import CrosstalkResult
@@ -98,17 +98,17 @@ def test_the_outlook_appears_once_its_study_is_stored(tmp_path: Path, monkeypatc
 
 
 def test_the_cover_glass_appears_once_its_study_is_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A plate with tips and its wanted mode; a bare one without any says none in every place."""
+    """A plate with tips and its target mode; a bare one without any says none in every place."""
     glass = next(wish for wish in reproduction.WISHES if wish.study == "glass")
     assert glass.text(tmp_path) == "" and load_study("glass").name == "glass"
     small = {"shape": "square", "base_m": 1e-3, "tip_m": 1e-3, "height_m": 2e-3, "fillet_m": 0.0}
     heavy = PillarRecord(**small, heavy_tip=TipRecord(side_m=1.5e-3, height_m=9e-4))
     plate = design(3, 4e-3, 0.01).model_copy(update={"pillar": heavy})
-    mode = WantedMode(
+    mode = TargetMode(
         status="single", frequency_hz=30e3, mac=0.9, strength=0.5, confinement_db=15.5, confinement_error_db=0.25
     )
-    known = SimpleNamespace(design=plate, wanted=mode, confinement_db=15.5)
-    bare = SimpleNamespace(design=design(0, 4e-3, 0.01), wanted=None, confinement_db=None)
+    known = SimpleNamespace(design=plate, target=mode, confinement_db=15.5)
+    bare = SimpleNamespace(design=design(0, 4e-3, 0.01), target=None, confinement_db=None)
     cases = [SimpleNamespace(record=record) for record in (known, bare)]
     monkeypatch.setattr(reproduction, "read_study", lambda folder: SimpleNamespace(cases=cases))
     monkeypatch.setattr(reproduction, "PAGE", tmp_path / "page.md")
@@ -138,7 +138,7 @@ def test_pillars_on_both_faces_stand_beside_those_on_one() -> None:
     both = plate.model_copy(update={"pillar": plate.pillar.model_copy(update={"faces": 2})})
     bands = None, SimpleNamespace(stopped_hz=(28e3, 36.5e3))
     records = [
-        SimpleNamespace(design=each, wanted=None, confinement_db=12.0, of=lambda kind, band=band: band)
+        SimpleNamespace(design=each, target=None, confinement_db=12.0, of=lambda kind, band=band: band)
         for each, band in zip((plate, both), bands, strict=True)
     ]
     rows = [reproduction._of_faces(record) for record in records]  # type: ignore[arg-type]
@@ -152,7 +152,7 @@ def test_shifted_rows_stand_beside_rows_in_line_with_the_gap_of_their_own_lattic
     gaps = [SimpleNamespace(lower_hz=158.4e3, upper_hz=170.2e3)], []
     bands = [SimpleNamespace(gaps=own, known_to_hz=110e3) for own in gaps]
     records = [
-        SimpleNamespace(design=each, wanted=None, confinement_db=None, of=lambda kind, own=own: own)
+        SimpleNamespace(design=each, target=None, confinement_db=None, of=lambda kind, own=own: own)
         for each, own in zip((plate, shifted), bands, strict=True)
     ]
     rows = [reproduction._of_staggered(record) for record in records]  # type: ignore[arg-type]

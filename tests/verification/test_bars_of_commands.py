@@ -35,9 +35,9 @@ EXACT = {
     "Limits.lowest_hz": GIVEN,
     "CountRecord.low_hz": GIVEN,
     "CountRecord.high_hz": GIVEN,
-    "WantedRecord.window_hz": GIVEN,
-    "WantedMode.window_hz": GIVEN,
-    "PredictionResult.frequency_hz": OTHERWISE + ": that of the wanted mode",
+    "TargetRecord.window_hz": GIVEN,
+    "TargetMode.window_hz": GIVEN,
+    "PredictionResult.frequency_hz": OTHERWISE + ": that of the target mode",
     "ShapesResult.frequency_hz": OTHERWISE + ": that of the mode",
     "BoardResult.frequency_hz": "as the table has it, or the image found it",
     **{f"ZoneSizes.{name}_hz": THEORY for name in ("frequency", "formula", "pinned", "thin_clamped", "clamped")},
@@ -52,8 +52,8 @@ EXACT = {
     "ComputedMap.confinement_at_points_db": "a map does not tell its noise",
     "ComputedMap.frequency_hz": OTHERWISE + ": that of the peak",
     "ComputedMap.confinement_db": OTHERWISE + ": that of the peak",
-    "WantedRecord.driven_confinement_db": ABSENT,
-    "WantedMode.driven_confinement_db": ABSENT,
+    "TargetRecord.driven_confinement_db": ABSENT,
+    "TargetMode.driven_confinement_db": ABSENT,
 }
 PRINTED = re.compile(r"(?<![\d.])-?\d[\d.]* (?:[GMk]?Hz|dB)")
 BARRED = re.compile(

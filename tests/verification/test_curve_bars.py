@@ -86,7 +86,7 @@ def test_every_zone_s_curve_lies_within_its_bar_of_a_finer_one(monkeypatch: pyte
 
 @pytest.mark.slow
 def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    """At the same tones; at the wanted mode's peak, which is elsewhere on the finer mesh, alike."""
+    """At the same tones; at the target mode's peak, which is elsewhere on the finer mesh, alike."""
     records: tuple[HybridResult, HybridResult] = both(
         FOUR, lambda case, log, **given: ask(case, Hybrid(**given), log), monkeypatch
     )
@@ -97,7 +97,7 @@ def test_every_level_of_four_methods_lies_within_its_bar_of_a_finer_one(monkeypa
             if values is not None:
                 held = inside(values, getattr(coarse, f"{name}_error_db"), getattr(fine, f"{name}_db"))
                 assert held.mean() >= 0.95, (coarse.method, name)
-                assert records[0].wanted_place is not None and held[records[0].wanted_place]
+                assert records[0].target_place is not None and held[records[0].target_place]
         assert inside(coarse.volts_per_um, coarse.volts_error_per_um, fine.volts_per_um).mean() >= 0.95
 
 

@@ -52,11 +52,11 @@ def part(name: str, overrides: list[str], accuracy: float, count: int = 4) -> tu
     return np.array([row.frequency_hz for row in result.rows[:count]]), result.expected_error
 
 
-def wanted(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
-    """The wanted mode's frequency and confinement (dB), and the bars of both."""
+def target(name: str, overrides: list[str], accuracy: float) -> tuple[float, float, float | None, float | None]:
+    """The target mode's frequency and confinement (dB), and the bars of both."""
     case = load_case(CASE, [*overrides, f"solve.accuracy={accuracy}"])
-    result = solve_modes(case, Request(name, symmetry=case.symmetry_wanted), CALM)
-    row = result.wanted.row if result.wanted else None
+    result = solve_modes(case, Request(name, symmetry=case.target_symmetry), CALM)
+    row = result.target.row if result.target else None
     assert row is not None and row.error is not None
     return row.frequency_hz, row.error, row.confinement_db, row.confinement_error_db
 
@@ -93,11 +93,11 @@ def test_bars_of_lone_parts(name: str) -> None:
 
 @pytest.mark.slow
 def test_bars_of_the_bare_zones_mode_in_a_band() -> None:
-    """The mode most like the wanted one from 25 to 45 kHz: in a thin zone one that lies well above it."""
+    """The mode most like the target mode from 25 to 45 kHz: in a thin zone one that lies well above it."""
     for overrides in scenes(8):
-        fine, fine_bar, _, _ = wanted("zone", overrides, FINE)
+        fine, fine_bar, _, _ = target("zone", overrides, FINE)
         for accuracy in COARSE:
-            coarse, bar, _, _ = wanted("zone", overrides, accuracy)
+            coarse, bar, _, _ = target("zone", overrides, accuracy)
             assert abs(coarse / fine - 1.0) <= bar + fine_bar, overrides
 
 
@@ -113,7 +113,7 @@ def test_bars_of_modes_far_above_those_of_the_calibration(name: str, count: int)
 
 
 def plates(count: int) -> list[list[str]]:
-    """Small plates of one row; their wanted mode is held by 3 to 15 dB."""
+    """Small plates of one row; their target mode is held by 3 to 15 dB."""
     draw = np.random.default_rng(SEED)
     result = []
     for _ in range(count):
@@ -136,9 +136,9 @@ def plates(count: int) -> list[list[str]]:
 def test_bars_of_plates_and_of_their_confinement() -> None:
     tones, levels = [], []
     for overrides in plates(6):
-        fine, fine_bar, fine_db, fine_db_bar = wanted("plate", overrides, FINE_PLATE)
+        fine, fine_bar, fine_db, fine_db_bar = target("plate", overrides, FINE_PLATE)
         for accuracy in COARSE:
-            coarse, bar, db, db_bar = wanted("plate", overrides, accuracy)
+            coarse, bar, db, db_bar = target("plate", overrides, accuracy)
             assert None not in (fine_db, fine_db_bar, db, db_bar)
             tones.append((abs(coarse / fine - 1.0), bar + fine_bar))
             levels.append((abs(db - fine_db), db_bar + fine_db_bar))

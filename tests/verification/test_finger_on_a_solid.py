@@ -133,8 +133,8 @@ def loaded(body: Solid, near_hz: float, resistance: float, quality: float) -> tu
     inverse = spla.LinearOperator(stiffness.shape, matvec=factor.solve, dtype=float)
     start = factor.solve(mass @ np.ones(stiffness.shape[0]))
     values, vectors = spla.eigsh(stiffness, KNOWN, mass, sigma=1.0, OPinv=inverse, v0=start)
-    wanted = int(np.argmin(np.abs(values - 1.0)))
-    free = vectors[:, wanted] / np.sqrt(vectors[:, wanted] @ (mass @ vectors[:, wanted]))
+    target = int(np.argmin(np.abs(values - 1.0)))
+    free = vectors[:, target] / np.sqrt(vectors[:, target] @ (mass @ vectors[:, target]))
     damping = contact * (1j * 2.0 * np.pi * near_hz * resistance)
     loss, held = 1.0 + 1j / quality, mass @ free
     basis = np.linalg.qr(np.column_stack([vectors, *(factor.solve((contact @ each).copy()) for each in vectors.T)]))[0]
@@ -151,7 +151,7 @@ def loaded(body: Solid, near_hz: float, resistance: float, quality: float) -> tu
         left = loss * (stiffness @ motion) + root * (damping @ motion) - root**2 * (mass @ motion)
         change = factor.solve(left.real.copy()) + 1j * factor.solve(left.imag.copy())
         if np.linalg.norm(change) <= SETTLED * np.linalg.norm(motion):
-            return near_hz * float(np.sqrt(values[wanted])), complex(root**2 / values[wanted])
+            return near_hz * float(np.sqrt(values[target])), complex(root**2 / values[target])
         for _ in range(2):
             change = change - basis @ (basis.conj().T @ change)
         basis = np.column_stack([basis, change / np.linalg.norm(change)])

@@ -72,7 +72,7 @@ def test_a_finer_column_lies_within_the_bars(column: Any, level: str, bar: str) 
     bars = figures(column.points, bar), figures(other.points, bar)
     assert (moved <= bars[0] + bars[1]).all() and moved.max() > 0.0
     assert np.median(bars[0]) < 1.0 and np.median(bars[1]) < np.median(bars[0])
-    assert abs(column.wanted_hz / other.wanted_hz - 1.0) <= column.wanted_error + other.wanted_error
+    assert abs(column.target_hz / other.target_hz - 1.0) <= column.target_error + other.target_error
 
 
 def test_levels_of_all_modes_of_a_finer_plate_lie_within_the_bars(
@@ -93,11 +93,11 @@ def test_levels_of_all_modes_of_a_finer_plate_lie_within_the_bars(
             bars = getattr(one, f"{name}_error"), getattr(two, f"{name}_error")
             assert abs(getattr(one, name) - getattr(two, name)) <= sum(bars), name
     levels, errors = (
-        [getattr(each.wanted_part(), name) for each in (own, other)] for name in ("extension_db", "extension_error_db")
+        [getattr(each.target_part(), name) for each in (own, other)] for name in ("extension_db", "extension_error_db")
     )
     assert 0.0 < abs(levels[0] - levels[1]) <= sum(errors) and max(errors) < 1.0
     pairs = [
-        (each.wanted_part().pillar_energy_share, each.wanted_part().pillar_energy_share_error) for each in (own, other)
+        (each.target_part().pillar_energy_share, each.target_part().pillar_energy_share_error) for each in (own, other)
     ]
     assert 0.0 < abs(pairs[0][0] - pairs[1][0]) <= pairs[0][1] + pairs[1][1] and pairs[0][1] < 0.1
 

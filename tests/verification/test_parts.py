@@ -44,7 +44,7 @@ def zone(accuracy: float) -> np.ndarray:
 def test_zone_coarse_settings_meet_the_accuracy_they_promise() -> None:
     error = zone(0.01)[:14] / ZONE_HZ - 1.0
     assert np.abs(error).max() < 0.01
-    assert np.abs(error[:10]).max() < 0.005  # up to and past the wanted mode, 39.8 kHz
+    assert np.abs(error[:10]).max() < 0.005  # up to and past the target mode, 39.8 kHz
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ void line_serve(an_link *link)
     if (link->out_length != 0u && uart_send(link->out, link->out_length)) {
         link->out_length = 0u;
     }
-    while (link->out_length == 0u && !link->store_wanted && uart_receive(&byte, 1u) != 0u) {
+    while (link->out_length == 0u && !link->store_target && uart_receive(&byte, 1u) != 0u) {
         an_link_feed(link, byte);
     }
 }

@@ -45,7 +45,7 @@ static void serve_line(void)
     static uint32_t logged;
     float record[AN_LOG_FLOATS];
     line_serve(&line);
-    if (line.store_wanted) {
+    if (line.store_target) {
         store_staged();
     }
     if (application_answers() != logged) {

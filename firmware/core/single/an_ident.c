@@ -173,22 +173,22 @@ static bool has_found_a_peak(const an_ident *ident)
 
 static float aim(const an_ident *ident)
 {
-    const float wanted = AN_AIM * ident->mode.amplitude_limit * ident->level / ident->best_size;
-    return wanted < ident->mode.drive_limit ? wanted : ident->mode.drive_limit;
+    const float aimed = AN_AIM * ident->mode.amplitude_limit * ident->level / ident->best_size;
+    return aimed < ident->mode.drive_limit ? aimed : ident->mode.drive_limit;
 }
 
 /* A step towards the level of the fine sweep. */
 static void raise(an_ident *ident)
 {
-    const float wanted = aim(ident);
-    if (wanted <= ident->level) {
-        ident->level = wanted;
+    const float aimed = aim(ident);
+    if (aimed <= ident->level) {
+        ident->level = aimed;
         begin_fine(ident);
         return;
     }
     const float louder = AN_LOUDER * ident->level;
-    ident->best_size *= (louder < wanted ? louder : wanted) / ident->level; /* what it ought to become */
-    ident->level = louder < wanted ? louder : wanted;
+    ident->best_size *= (louder < aimed ? louder : aimed) / ident->level; /* what it ought to become */
+    ident->level = louder < aimed ? louder : aimed;
     ident->stage = AN_IDENT_RAISE;
 }
 

@@ -1,10 +1,10 @@
-/* Identification of the wanted mode by a sweep: frequency, time constant, gain, delay.
+/* Identification of the target mode by a sweep: frequency, time constant, gain, delay.
  *
  * A coarse sweep at a low level goes outward from the guess, to 4 % on either side, until it has passed a peak well above
  * its own noise and the median of all it saw; noise alone is never driven at more than a sixth of the drive limit. At the
  * peak the level is raised in steps, each of which must answer in proportion. A fine sweep about it is fitted, and
  * repeated while it shows that it was planned with a wrong frequency or time constant. A survey of the surroundings then tells how
- * strongly the plate answers other than by the wanted mode, which bounds the gain of the loop. Runs in the main
+ * strongly the plate answers other than by the target mode, which bounds the gain of the loop. Runs in the main
  * loop: it asks for one steady measurement at a time.
  */
 #ifndef AN_IDENT_H
@@ -54,7 +54,7 @@ typedef struct {
     float noise2; /* coarse: sum over the points of the noise's square in a mean */
     uint16_t sizes[AN_IDENT_BINS]; /* coarse: responses by size, in half octaves */
     float misfit;
-    float neighbour; /* largest response beside the wanted mode's, sensor over drive */
+    float neighbour; /* largest response beside the target mode's, sensor over drive */
     an_complex response[AN_RESONANCE_POINTS];
 } an_ident;
 

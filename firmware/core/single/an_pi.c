@@ -43,8 +43,8 @@ static an_pi_law law_of(const an_basis *basis, float taken, uint32_t limited)
 {
     const float spent = 1.0f - decay_of(basis->push * taken);
     const float least = AN_MIN_SHARE * taken;
-    const float wanted = basis->reached[limited] * taken / spent;
-    const float bounded = wanted < basis->proportional_max ? wanted : basis->proportional_max;
+    const float aimed = basis->reached[limited] * taken / spent;
+    const float bounded = aimed < basis->proportional_max ? aimed : basis->proportional_max;
     const float proportional = bounded > least ? bounded : least;
     const an_complex feedback = an_cplx(proportional, -basis->turning);
     const an_complex decay = an_scale(basis->turn, decay_of(basis->age * basis->push * taken));

@@ -11,7 +11,7 @@
 
 #define AN_RESPONSE_S 0.53e-3f   /* the loop's time constant: 95 % in 1.6 ms, plus the age of a measurement */
 #define AN_LEAVING_S 0.2e-3f    /* the same from the drive's limit */
-#define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the wanted one may have, whatever its phase */
+#define AN_NEIGHBOUR_LOOP 0.5f   /* loop gain that a mode beside the target mode may have, whatever its phase */
 #define AN_NO_BOUND 1e9f
 #define AN_USEFUL 0.2f             /* of G Vmax: the largest level that still rises at full speed */
 #define AN_REFERENCE_MAX 0.9f      /* of the amplitude limit */
@@ -123,7 +123,7 @@ static bool begin_track(an_single *app)
     const an_pi_wish wish = wish_of(app);
     an_track_begin(&app->track, &app->mode, &wish, app->detuning_hz, app->slow.quiet);
     app->slow.noted = 0u; /* the slow step rests */
-    an_single_set_reference(app, app->wanted_reference > 0.0f ? app->wanted_reference : lowest_useful(app));
+    an_single_set_reference(app, app->target_reference > 0.0f ? app->target_reference : lowest_useful(app));
     return post_track(app);
 }
 
@@ -138,7 +138,7 @@ static float strongest_neighbour(const an_table *table)
     for (uint32_t i = 0u; i < table->mode_count; i++) {
         an_mode mode;
         an_table_mode(table, i, &mode);
-        if (i != table->wanted && an_abs(mode.gain) > strongest) {
+        if (i != table->target && an_abs(mode.gain) > strongest) {
             strongest = an_abs(mode.gain);
         }
     }
@@ -151,7 +151,7 @@ static an_table_result accepts(const an_table *table, float sample_rate_hz)
     if (table->mode_count == 0u || table->sample_rate_hz != sample_rate_hz) {
         return AN_TABLE_OTHER_BUILD;
     }
-    an_table_mode(table, table->wanted, &mode);
+    an_table_mode(table, table->target, &mode);
     return mode.frequency_hz < (float)AN_SINGLE_FREQUENCY_MIN_HZ ? AN_TABLE_RANGE : AN_TABLE_OK;
 }
 
@@ -165,7 +165,7 @@ void an_single_boot(an_single *app, const uint8_t *table, uint32_t length, float
     const bool accepted = an_table_open(&app->table, table, length) == AN_TABLE_OK &&
                           accepts(&app->table, sample_rate_hz) == AN_TABLE_OK;
     if (accepted) {
-        app->mode_flags = an_table_mode(&app->table, app->table.wanted, &app->mode);
+        app->mode_flags = an_table_mode(&app->table, app->table.target, &app->mode);
         app->centre = an_dds_step(app->mode.frequency_hz, sample_rate_hz);
         app->neighbour = strongest_neighbour(&app->table);
     }
@@ -220,7 +220,7 @@ bool an_single_start(an_single *app, float reference, float detuning_hz)
     if (!an_single_may_start(reference, detuning_hz) || !an_application_is_ready(&app->base, &an_single_build)) {
         return false;
     }
-    app->wanted_reference = reference;
+    app->target_reference = reference;
     app->detuning_hz = detuning_hz;
     if (was_measured(app)) {
         an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
@@ -297,9 +297,9 @@ static void follow(an_application *base)
     const volatile uint32_t *noted = &app->slow.noted;
     const uint32_t written = *noted;
     atomic_signal_fence(memory_order_acquire);
-    const float wanted = app->slow.reference * app->slow.envelope; /* a texture that has come to rest disturbs nothing */
-    if (wanted != app->followed_reference) {
-        app->followed_reference = wanted;
+    const float target = app->slow.reference * app->slow.envelope; /* a texture that has come to rest disturbs nothing */
+    if (target != app->followed_reference) {
+        app->followed_reference = target;
         an_track_disturb(&app->track);
     }
     const an_track_result found = an_track_read(&app->track, app->slow.notes, written);

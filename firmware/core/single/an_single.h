@@ -28,10 +28,10 @@ typedef struct {
     uint32_t mode_flags;
     uint32_t centre; /* phase step of the mode as identified */
     uint32_t probing; /* a dwell has been posted */
-    float wanted_reference; /* 0: the lowest useful level */
+    float target_reference; /* 0: the lowest useful level */
     float detuning_hz;
     float followed_reference; /* at the last look at the plate's balance */
-    float neighbour; /* largest response beside the wanted mode's, as far as it is known */
+    float neighbour; /* largest response beside the target mode's, as far as it is known */
     an_table table; /* last: it holds the one pointer, so that all else lies alike on any machine */
 } an_single;
 
@@ -68,7 +68,7 @@ void an_single_record(const an_single *app, float *record);
 /* True for a reference from 0 to 1 and a detuning within 500 Hz. */
 bool an_single_may_start(float reference, float detuning_hz);
 
-/* Drives the wanted mode at reference (fraction of full scale at the sensor, 0: lowest useful level), detuning_hz
+/* Drives the target mode at reference (fraction of full scale at the sensor, 0: lowest useful level), detuning_hz
  * away from its resonance; identifies first unless gain and frequency were measured. False unless idle and the
  * values are in range. */
 bool an_single_start(an_single *app, float reference, float detuning_hz);

@@ -141,7 +141,7 @@ static bool post_track(an_six *app)
 static void begin_run(an_six *app)
 {
     app->reachable = reach_of(app);
-    an_six_set_reference(app, app->half_reach ? 0.5f * app->reachable : app->wanted_reference);
+    an_six_set_reference(app, app->half_reach ? 0.5f * app->reachable : app->target_reference);
     app->half_reach = false;
     if (post_track(app)) {
         an_supervisor_enter(&app->base.supervisor, AN_STATE_RUN);
@@ -242,7 +242,7 @@ bool an_six_start(an_six *app, uint32_t pattern, float reference)
         return false;
     }
     app->pattern = pattern;
-    app->wanted_reference = reference;
+    app->target_reference = reference;
     app->half_reach = reference == 0.0f;
     if (app->identified != 0u) {
         an_supervisor_begin(&app->base.supervisor, AN_STATE_RUN);
@@ -268,7 +268,7 @@ bool an_six_change(an_six *app, uint32_t pattern)
 void an_six_set_reference(an_six *app, float reference)
 {
     if (reference >= 0.0f) {
-        app->wanted_reference = reference;
+        app->target_reference = reference;
         app->slow.reference = reference < app->reachable ? reference : app->reachable;
     }
 }

@@ -23,7 +23,7 @@ typedef struct {
     uint32_t identified; /* nonzero: shaping holds T and its inverse */
     an_shaping shaping;  /* the drive one sample ahead */
     float reachable; /* largest reference that the drive limit allows for the pattern */
-    float wanted_reference;
+    float target_reference;
     bool half_reach; /* started without a reference */
     float probe_level;
     uint32_t probe; /* the actuator being measured */

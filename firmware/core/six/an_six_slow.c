@@ -11,8 +11,8 @@
 #define AN_OFFSET_MAX 0.25f       /* of full scale */
 #define AN_OFFSET_SHARE 0.0625f   /* of a window in the smoothed offset */
 #define AN_MISMATCH_FLOOR2 1e-4f  /* squared: a hundredth of full scale, for the noise */
-#define AN_MISMATCH_SHARE2 0.25f  /* squared: half of what is wanted, for a finger or a matrix may be wrong by that */
-#define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest that is wanted anywhere: an integral for a wrong matrix */
+#define AN_MISMATCH_SHARE2 0.25f  /* squared: half of the target, for a finger or a matrix may be wrong by that */
+#define AN_INTEGRAL_LARGEST2 0.1f /* squared, of the largest target anywhere: an integral for a wrong matrix */
 #define AN_LIMITED_LARGEST2 0.02f /* the same of an error that no integral takes out */
 
 bool an_six_slow_init(an_six_slow *slow, an_six_fast *fast, uint32_t step, uint32_t window)
@@ -43,7 +43,7 @@ bool an_six_slow_finished(const an_six_slow *slow)
 static void begin_track(an_six_slow *slow, an_job_kind kind_before)
 {
     for (uint32_t i = 0u; i < AN_SIX && kind_before != AN_JOB_TRACK; i++) {
-        slow->wanted[i] = an_cplx(0.0f, 0.0f);
+        slow->target[i] = an_cplx(0.0f, 0.0f);
         slow->integral[i] = an_cplx(0.0f, 0.0f);
     }
 }
@@ -118,16 +118,16 @@ static float largest2(const an_complex *values, uint32_t count)
     return largest;
 }
 
-/* True when some sensor is not where it ought to be: at what is wanted and the integral added to it, which a sensor that
- * shows nothing lets grow; at what is wanted alone while the drive is limited, for no integral grows then. */
+/* True when some sensor is not where it ought to be: at its target and the integral added to it, which a sensor that
+ * shows nothing lets grow; at its target alone while the drive is limited, for no integral grows then. */
 static bool sensors_differ(const an_six_slow *slow, const an_six_job *job)
 {
     const float share2 = slow->limited != 0u ? AN_LIMITED_LARGEST2 : AN_INTEGRAL_LARGEST2;
-    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2(slow->wanted, job->channels);
+    const float common2 = AN_MISMATCH_FLOOR2 + share2 * largest2(slow->target, job->channels);
     for (uint32_t i = 0u; i < job->channels; i++) {
-        const float allowed2 = common2 + AN_MISMATCH_SHARE2 * an_abs2(slow->wanted[i]);
+        const float allowed2 = common2 + AN_MISMATCH_SHARE2 * an_abs2(slow->target[i]);
         const an_complex grown = slow->limited != 0u ? an_cplx(0.0f, 0.0f) : slow->integral[i];
-        const an_complex model = an_add(slow->wanted[i], grown);
+        const an_complex model = an_add(slow->target[i], grown);
         if (!(an_abs2(an_sub(slow->measured[i], model)) <= allowed2)) {
             return true;
         }
@@ -172,9 +172,9 @@ static void invert(an_six_slow *slow, const an_six_job *job)
         slow->drive[i] = an_cplx(0.0f, 0.0f);
     }
     for (uint32_t j = 0u; j < job->channels; j++) {
-        const an_complex wanted = an_add(slow->wanted[j], slow->integral[j]);
+        const an_complex target = an_add(slow->target[j], slow->integral[j]);
         for (uint32_t i = 0u; i < job->channels; i++) {
-            slow->drive[i] = an_add(slow->drive[i], an_mul(job->inverse[i * AN_SIX + j], wanted));
+            slow->drive[i] = an_add(slow->drive[i], an_mul(job->inverse[i * AN_SIX + j], target));
         }
     }
 }
@@ -185,12 +185,12 @@ static void track(an_six_slow *slow, const an_six_job *job)
     const float reference = slow->reference * slow->envelope;
     check_model(slow, job);
     for (uint32_t i = 0u; i < job->channels; i++) {
-        const an_complex error = an_sub(slow->wanted[i], slow->measured[i]);
+        const an_complex error = an_sub(slow->target[i], slow->measured[i]);
         const an_complex goal = an_scale(job->target[i], reference);
         if (slow->limited == 0u) {
             slow->integral[i] = an_add(slow->integral[i], an_scale(error, job->integral));
         }
-        slow->wanted[i] = nearer(slow->wanted[i], goal, job->soft);
+        slow->target[i] = nearer(slow->target[i], goal, job->soft);
     }
     invert(slow, job);
     limit(slow, job);

@@ -1,6 +1,6 @@
 /* The slow step of the six-channel build: once a period, from six measured phasors to six drives.
  *
- * V = T^-1 (W + I): the wanted pattern W acts through the inverse of the measured matrix, softly, for a jump would
+ * V = T^-1 (W + I): the target pattern W acts through the inverse of the measured matrix, softly, for a jump would
  * ring the plate's lowest modes; each sensor's integral I takes out what T was wrong about. The measurement has no
  * proportional path: beside its resonances a plate answers the differences between frequencies far more strongly
  * than the drive itself, and an integral of AN_SIX_INTEGRAL per time constant is stable whatever those differences
@@ -42,7 +42,7 @@ typedef struct {
     an_complex measured[AN_SIX];
     float offset[AN_SIX]; /* smoothed: a slow mode that rings moves a single window's */
     an_complex drive[AN_SIX];
-    an_complex wanted[AN_SIX]; /* W, as it acted in the last window */
+    an_complex target[AN_SIX]; /* W, as it acted in the last window */
     an_complex integral[AN_SIX];
     an_complex total[AN_SIX]; /* dwell: sums of the averaged windows */
     uint32_t waited;

@@ -49,10 +49,10 @@ function say(text, bad) {
 }
 
 function fromAddress(own) {
-  const wanted = new URLSearchParams(location.hash.slice(1));
+  const query = new URLSearchParams(location.hash.slice(1));
   const design = { ...own };
   for (const name of Object.keys(own)) {
-    const text = wanted.get(name);
+    const text = query.get(name);
     if (text !== null && text.trim() !== "" && Number.isFinite(Number(text))) design[name] = Number(text);
   }
   return design;
@@ -121,13 +121,13 @@ async function refresh() {
 function headline(found) {
   const plate = found.plate, gap = [...found.bands.gaps].sort((a, b) => (b.upper_hz - b.lower_hz) - (a.upper_hz - a.lower_hz))[0];
   const numbers = [];
-  if (plate.why_not) numbers.push(["Wanted mode", "none", plate.why_not]);
+  if (plate.why_not) numbers.push(["Target mode", "none", plate.why_not]);
   else {
-    numbers.push(["Wanted frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}${plate.status === "split" ? ", split among several modes" : ""}`]);
+    numbers.push(["Target frequency", frequency(plate.frequency_hz, plate.frequency_error), `${frequencyBar(plate.frequency_hz, plate.frequency_error)}${plate.status === "split" ? ", split among several modes" : ""}`]);
     numbers.push(["Confinement", plate.confinement_db === null ? "no passive part" : level(plate.confinement_db, plate.confinement_error_db), plate.confinement_error_db === null ? "no bar known" : `${ofBar(plate.confinement_error_db, "dB")}${plate.near_hz === null ? "" : `, a mode at ${frequency(plate.near_hz, null)} is near`}`]);
     if (plate.extension_db !== null) numbers.push(["Zone over extension", level(plate.extension_db, plate.extension_error_db), ofBar(plate.extension_error_db, "dB")]);
     const decay = decayAt(found.rows, plate.frequency_hz);
-    if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the wanted frequency and wavenumber"]);
+    if (decay !== null) numbers.push(["Decay per row", level(decay, null), "at the target frequency and wavenumber"]);
   }
   if (gap) numbers.push(["Widest gap", interval(gap.lower_hz, gap.upper_hz, gap.error), gap.error === null ? "the bar of its edges is not known" : `edges at most ${figure(100 * gap.error, 100 * gap.error)} % too high`]);
   else numbers.push(["Widest gap", "none", "among the ten lowest bands"]);
@@ -220,12 +220,12 @@ function drawBands(found, before) {
     curve(svg, name, at, xs, table.map((row) => row[band] / 1000 <= high * 1.03 ? row[band] / 1000 : null)));
   if (before) lines("before", before.bands.frequency_hz);
   lines("line", bands.frequency_hz);
-  if (!found.plate.why_not) put(svg, "line", { class: "wanted", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
+  if (!found.plate.why_not) put(svg, "line", { class: "target", x1: at.left, x2: at.left + at.width, y1: at.y(found.plate.frequency_hz / 1000), y2: at.y(found.plate.frequency_hz / 1000) });
   svg.setAttribute("aria-label", `Dispersion diagram, ten bands up to ${figure(high)} kHz, ${bands.gaps.length} complete gaps`);
 }
 function drawDecay(found, before) {
   const rows = found.rows, svg = $("decay");
-  if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, "the wanted wavenumber lies beyond the zone's edge"); return; }
+  if (!rows.frequency_hz.length) { svg.replaceChildren(); put(svg, "text", { x: 20, y: 40 }, "the target wavenumber lies beyond the zone's edge"); return; }
   const low = rows.frequency_hz[0], span = rows.frequency_hz[rows.frequency_hz.length - 1] - low;
   const known = rows.db_per_row.filter((v) => v !== null), high = Math.max(1, ...known) * 1.08;
   const ticks = steps(low + span).map((v) => [(v - low), (v / 1000).toFixed(0)]).filter(([v]) => v >= 0);
@@ -233,7 +233,7 @@ function drawDecay(found, before) {
   const inside = (other) => other.db_per_row.map((v, i) => (v !== null && v <= high && other.frequency_hz[i] >= low && other.frequency_hz[i] <= low + span) ? v : null);
   if (before && before.rows.frequency_hz.length) curve(svg, "before", at, before.rows.frequency_hz.map((v) => v - low), inside(before.rows));
   curve(svg, "line", at, rows.frequency_hz.map((v) => v - low), rows.db_per_row);
-  if (!found.plate.why_not) put(svg, "line", { class: "wanted", x1: at.x(found.plate.frequency_hz - low), x2: at.x(found.plate.frequency_hz - low), y1: at.top, y2: at.top + at.height });
+  if (!found.plate.why_not) put(svg, "line", { class: "target", x1: at.x(found.plate.frequency_hz - low), x2: at.x(found.plate.frequency_hz - low), y1: at.top, y2: at.top + at.height });
 }
 function drawProfile(found, before) {
   const plate = found.plate, svg = $("profile");
@@ -258,7 +258,7 @@ async function gather() {
       try { more = await answer("cloud", { first }); } catch (why) { fault = why; cloud.again.push(first); cloud.running = false; return; }
       cloud.count += more.length;
       cloud.points.push(...more.filter((point) => point.frequency_hz !== null && point.confinement_db !== null));
-      $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a wanted mode`;
+      $("gathered").textContent = `${cloud.count} designs computed, ${cloud.points.length} have a target mode`;
       drawCloud();
       ended ||= !more.length;
     }
@@ -293,7 +293,7 @@ function drawCloud() {
 }
 
 function drawPins() {
-  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Wanted", "Confinement", "Widest gap"];
+  const heads = ["", ...Object.values(state.limits).map((limit) => limit.word), "Target", "Confinement", "Widest gap"];
   const row = (tag, texts) => {
     const tr = document.createElement("tr");
     tr.append(...texts.map((text) => text instanceof Node ? text : Object.assign(document.createElement(tag), { textContent: text })));
@@ -354,7 +354,7 @@ function compared(live, real) {
   if (live.why_not) return text;
   const off = 100 * (live.frequency_hz / real.frequency_hz - 1);
   if ((split || live.status === "split") && Math.abs(off) > 100 * (live.frequency_error + (real.frequency_error || 0)))
-    return `${text} The live answer names another of the modes that share the wanted shape, at ${frequency(live.frequency_hz, live.frequency_error)}.`;
+    return `${text} The live answer names another of the modes that share the target shape, at ${frequency(live.frequency_hz, live.frequency_error)}.`;
   const levels = real.confinement_db === null || live.confinement_db === null ? "" : `, ${level(live.confinement_db - real.confinement_db, own)}`;
   return `${text} The live answer was off by ${figure(off, isKnown(real.frequency_error) ? 100 * real.frequency_error : null)} %${levels}.`;
 }

@@ -597,7 +597,7 @@ function profileOf(data, design, { motions, half_span }) { // u_z on the touch f
     return cell.points.map((point, i) => ({ x: point[0], y: point[1] + middle, weight: cell.weights[i], re: x.a.subarray(i * count, (i + 1) * count), im: y.a.subarray(i * count, (i + 1) * count) }));
   });
 }
-function measured(data, found, design) { // the wanted one of a column's modes, and its level: solvers/measures
+function measured(data, found, design) { // the target mode of a column's modes, and its level: solvers/measures
   const half = data.zone_width / 2, everything = [-Infinity, Infinity], { free_kx } = data.finite, places = profileOf(data, design, found);
   const modes = found.frequency.map((hz, c) => {
     let active = 0, area = 0, passive = 0, passiveArea = 0, own = 0, re = 0, im = 0;
@@ -624,7 +624,7 @@ function windowsOf(data, thickness, search = false) { // pipeline/planning/mesh_
 }
 
 // ---- the finite plate: solvers/parametric/finite.py, pipeline/models/live_column.py ----
-function wantedAlong(data, x) { // the free-free beam's shape, even or odd about the middle
+function targetAlong(data, x) { // the free-free beam's shape, even or odd about the middle
   const { lines, kappa } = data.finite, s = x / data.zone_length;
   if (lines < 2) return lines ? s : 1;
   return lines % 2 ? Math.sin(kappa * s) / Math.sin(kappa / 2) + Math.sinh(kappa * s) / Math.sinh(kappa / 2) : Math.cos(kappa * s) / Math.cos(kappa / 2) + Math.cosh(kappa * s) / Math.cosh(kappa / 2);
@@ -709,10 +709,10 @@ function facesOf(data, design, { pieces, strips, weight, xs, kx, along, form, la
       if (parts[0](Math.abs(y))) { inside.push(i); across.push(Math.sin(Math.PI * (y + half) / data.zone_width)); }
     });
     if (!inside.length) return;
-    for (const x of places) { // the wanted shape's work on every degree of freedom, then on the trial functions
+    for (const x of places) { // the target shape's work on every degree of freedom, then on the trial functions
       const work = mat(1, cell.touch.m);
       inside.forEach((i, r) => {
-        const shape = across[r] * wantedAlong(data, x + cell.points[i][0]), w = factor * cell.weights[i] * shape;
+        const shape = across[r] * targetAlong(data, x + cell.points[i][0]), w = factor * cell.weights[i] * shape;
         norm += w * shape;
         for (let c = 0; c < work.m; c++) work.a[c] += w * cell.touch.a[i * work.m + c];
       });
@@ -741,7 +741,7 @@ function detuned(data, plate, zone, rows) { // frequencies and measures where zo
   return { modes, vectors };
 }
 const weightOf = (one) => one.strength * (one.zone_share === null ? 1 : one.zone_share) * one.mac;
-function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/measures/wanted_mode.py over modes within reach
+function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/measures/target_mode.py over modes within reach
   const { similar, clear, lead, majority, rival, named } = rule, inside = ([from, to], { hz }) => hz >= from && hz <= to, known = modes.map((one) => inside(reach, one));
   const weights = modes.map((one, i) => known[i] ? weightOf(one) : 0), candidate = modes.map((one, i) => known[i] && one.hz >= low && one.mac >= similar);
   let best = -1;
@@ -753,7 +753,7 @@ function verdictOf(rule, modes, low, ends, reach, missing = null) { // solvers/m
   return { index: best, status: single ? "single" : "split", open: lead * bound > own, rivals: Math.min(others.filter((w) => w >= rival * own).length, named),
     tied: (least) => [best, ...range(0, modes.length).filter((i) => i !== best && candidate[i] && weights[i] >= least * own)] };
 }
-function searched(rule, modes, window) { // solvers/measures/wanted_mode.py where all modes that are known are at hand
+function searched(rule, modes, window) { // solvers/measures/target_mode.py where all modes that are known are at hand
   let ends = window, reach = window, steps = 0, found = null;
   for (let round = 0; round < rule.rounds; round++) {
     found = verdictOf(rule, modes, window[0], ends, reach);
@@ -776,8 +776,8 @@ function plateOf(data, pillarCell, design, meshError) {
   if (!found) return { why_not: said(data, "no_mode") };
   const best = modes[found.index], { waves, sides, layer, changes, near, sharing, tied: tied_db } = data.finite, end = layer * design.thickness / 2, frequency_hz = best.hz * (1 - end);
   const error = waves + sides * design.thickness ** 2 + end + meshError(frequency_hz), each = [1, -1].flatMap((sign) => range(0, changes).map((i) => { const change = error * (2 * i / (changes - 1) - 1); return changed(data, plate, search, change, sign * change); }));
-  const others = each.filter((one) => one.found), wanted = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
-  const frequency_error = Math.max(error, ...wanted.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...wanted].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
+  const others = each.filter((one) => one.found), target = [...tied, ...others.flatMap((one) => one.tied)], single = others.length === each.length && others.every((one) => one.found.status === "single");
+  const frequency_error = Math.max(error, ...target.map((one) => Math.abs(one.hz / best.hz - 1)).map((off) => off > error ? off + error : error)), between = (name) => { const every = [best, ...target].map((one) => one[name]); return best[name] === null ? null : [Math.min(...every), Math.max(...every)]; };
   const half_db = (range, own) => range && tied_db + Math.max(range[1] - own, own - range[0]), range_db = between("confinement_db"), close = modes.filter((one) => one !== best && one.strength >= sharing * best.strength && Math.abs(one.hz / best.hz - 1) <= near * error);
   const rival = close.length ? close.reduce((a, b) => Math.abs(b.hz - best.hz) < Math.abs(a.hz - best.hz) ? b : a).hz : null, warnings = [];
   if (rival !== null && range_db) warnings.push(said(data, "near", { hz: frequency(rival, error), error: percent(error), least: level(range_db[0], null), most: level(range_db[1], null) }));

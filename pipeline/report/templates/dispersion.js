@@ -37,7 +37,7 @@
     cursor = chosen = null;
     tip.hidden = true;
     document.querySelector("#dispersion-gap").hidden = !cell.gaps.length;
-    document.querySelector("#dispersion-wanted").hidden = !cell.wanted_hz;
+    document.querySelector("#dispersion-target").hidden = !cell.target_hz;
     zoom_to(whole);
     draw(); // at once: who comes early, by hand or by keyboard, finds the diagram there
     write_legend();
@@ -58,7 +58,7 @@
     draw_gaps(plot);
     draw_axes(plot);
     draw_bands(plot);
-    if (cell.wanted_hz) draw_wanted(plot);
+    if (cell.target_hz) draw_target(plot);
     for (const [wave, name] of [[chosen, "chosen"], [cursor, "cursor"]]) {
       if (wave) element(plot, "circle", { class: name, cx: px(cell.arc[wave.point]), cy: py(cell.hz[wave.point][wave.band]), r: 8 });
     }
@@ -128,9 +128,9 @@
     return element(parent, "circle", { class: name, cx: x, cy: y, r: kind < 0 ? 2 : 2.8 });
   }
 
-  function draw_wanted(plot) {
-    const y = py(cell.wanted_hz);
-    element(plot, "line", { class: "wanted-line", x1: LEFT, x2: frame.width - RIGHT, y1: y, y2: y });
+  function draw_target(plot) {
+    const y = py(cell.target_hz);
+    element(plot, "line", { class: "target-line", x1: LEFT, x2: frame.width - RIGHT, y1: y, y2: y });
   }
 
   function write_legend() {
@@ -148,11 +148,11 @@
       legend.append(item);
     }
     if (!cell.kind) legend.append(Object.assign(document.createElement("li"), { textContent: "polarisation: not in this record" }));
-    if (cell.wanted_hz) {
+    if (cell.target_hz) {
       const item = document.createElement("li");
       const line = element(item, "svg", { width: 22, height: 14, "aria-hidden": "true" });
-      element(line, "line", { class: "wanted-line", x1: 0, x2: 22, y1: 7, y2: 7 });
-      item.append(` wanted mode of the plate, ${cell.wanted_shown}`);
+      element(line, "line", { class: "target-line", x1: 0, x2: 22, y1: 7, y2: 7 });
+      item.append(` target mode of the plate, ${cell.target_shown}`);
       legend.append(item);
     }
   }
@@ -252,7 +252,7 @@
     const room = 0.6 * (widest.upper_hz - widest.lower_hz);
     zoom_to({ x: whole.x, y: [widest.lower_hz - room, widest.upper_hz + room] });
   }
-  const to_wanted = () => zoom_to({ x: whole.x, y: [0, 2 * cell.wanted_hz] });
+  const to_target = () => zoom_to({ x: whole.x, y: [0, 2 * cell.target_hz] });
   const on_cursor = () => cursor && [cell.arc[cursor.point], cell.hz[cursor.point][cursor.band]];
 
   // --- what people do ----------------------------------------------------------------------------------------------
@@ -303,7 +303,7 @@
     const act = !event.ctrlKey && !event.metaKey && !event.altKey && KEYS[event.key];
     if (act) { event.preventDefault(); act(); }
   });
-  const buttons = { in: () => zoom(1.5), out: () => zoom(1 / 1.5), all: () => zoom_to(whole), gap: to_gap, wanted: to_wanted };
+  const buttons = { in: () => zoom(1.5), out: () => zoom(1 / 1.5), all: () => zoom_to(whole), gap: to_gap, target: to_target };
   for (const [name, act] of Object.entries(buttons)) document.querySelector(`#dispersion-${name}`).addEventListener("click", act);
   picker?.addEventListener("change", () => choose(picker.selectedIndex));
   new ResizeObserver(later).observe(host);

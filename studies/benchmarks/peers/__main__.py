@@ -45,7 +45,7 @@ TETRAHEDRA = {  # order, size in mm, levels of elements shrunk towards singular 
     "cell": ((3, 2.0, 1), (3, 2.0, 2), (4, 2.0, 2)),
     "plate": ((3, 4.0, 0), (3, 4.0, 1), (3, 2.0, 1), (4, 4.0, 2)),
 }
-# elements across a pillar: with one its bending lies so high that it mixes with the wanted mode
+# elements across a pillar: with one its bending lies so high that it mixes with the target mode
 MIN_ACROSS = {"plate": 2}
 HEXAHEDRA = {  # size in the plate and along a pillar in mm, layers shrunk towards singular edges
     "zone": ((4.0, 4.0, 0), (4.0, 4.0, 1), (2.0, 2.0, 1)),

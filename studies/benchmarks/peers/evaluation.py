@@ -13,14 +13,14 @@ from studies.benchmarks.peers.scene import KEPT, PARTS, merged
 
 SLOWEST = 1e-3  # of the highest frequency: slower waves are rigid-body modes
 TARGETS = (0.01, 0.003, 0.001)
-WINDOW = 0.1  # about the reference, relative: where a plate's wanted mode is looked for
+WINDOW = 0.1  # about the reference, relative: where a plate's target mode is looked for
 MIN_ERROR = 1e-6  # errors below are drawn here
 ZONE_MODE = 8  # the mode (0, 8) among the zone's: each has one line more than the one below it
 
 
 @dataclass(frozen=True)
 class Solution:
-    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the wanted shape."""
+    """What a program gave of a part: frequencies by symmetry class or wavevector, strengths of modes in the target shape."""
 
     part: str
     program: str
@@ -53,13 +53,13 @@ def _errors(solution: Solution, reference: Solution) -> np.ndarray:
 
 
 def _strongest(solution: Solution, near_hz: float) -> float:
-    """The frequency of the mode of largest strength in the wanted shape, of those about the reference."""
+    """The frequency of the mode of largest strength in the target shape, of those about the reference."""
     hz = np.array(solution.frequencies_hz[0])
     about = np.abs(hz / near_hz - 1.0) < WINDOW
     return float(hz[int(np.argmax(np.where(about, solution.strengths, -1.0)))])
 
 
-def wanted_error(solution: Solution, reference: Solution) -> float | None:
+def target_error(solution: Solution, reference: Solution) -> float | None:
     """The same of the zone's mode (0, 8) alone; None of other parts."""
     return float(_errors(solution, reference)[ZONE_MODE]) if solution.part == "zone" else None
 
@@ -72,7 +72,7 @@ def rows(results: Sequence[Solution], references: dict[str, Solution]) -> list[s
     ]
     for one in results:
         known = references[one.part]
-        of_mode = wanted_error(one, known)
+        of_mode = target_error(one, known)
         error_columns = (
             ("reference", "")
             if one == known

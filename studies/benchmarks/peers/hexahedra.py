@@ -22,7 +22,7 @@ from geometry.elements import FloatArray, IntArray
 from geometry.hex.boxes import hex_mesh
 from geometry.hex.scenes import HexSettings
 from geometry.mesh import Mesh
-from solvers.measures.confinement import wanted_shape
+from solvers.measures.confinement import target_shape
 from studies import ladder
 from studies.benchmarks.peers.scene import boxes, seconds
 
@@ -104,7 +104,7 @@ def nearest(stiffness: Any, mass: Any, count: int, near_hz: float) -> tuple[list
 
 
 def _strengths(basis: skfem.Basis, modes: FloatArray, probe: dict[str, Any]) -> list[float]:
-    """Squares of the product of each mode and the wanted shape on the touch face."""
+    """Squares of the product of each mode and the target shape on the touch face."""
     points = np.array(probe["points"])
     at = basis.probes(np.vstack([points.T, np.full(len(points), 1e-9)])) @ modes
     across = at.reshape(3, len(points), -1)[2]
@@ -161,7 +161,7 @@ def calculix(task: dict[str, Any]) -> dict[str, Any]:
         dofs += 3 * len(used) - len(stopped)
         if touch:
             points = mesh.nodes[touch]
-            weights = _weights(points) * wanted_shape(ladder.plate_design(), points)
+            weights = _weights(points) * target_shape(ladder.plate_design(), points)
             strengths = ((motions @ weights) ** 2).tolist()
     return {"frequencies_hz": frequencies_hz, "dofs": dofs, "strengths": strengths, "seconds": seconds() - start}
 

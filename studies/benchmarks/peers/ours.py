@@ -43,7 +43,7 @@ def run(task: dict[str, Any]) -> dict[str, Any]:
         symmetry = given.classes[0] if len(given.classes) == 1 else None
         request = Request(part, near_hz=LOWEST_HZ, count=KEPT[part], symmetry=symmetry, search=False)
     modes = solve_modes(case, request, QUIET)
-    row = modes.wanted.row if modes.wanted else None
+    row = modes.target.row if modes.target else None
     frequencies_hz = [row.frequency_hz] if part == "plate" and row else [each.frequency_hz for each in modes.rows]
     return {"frequencies_hz": [sorted(frequencies_hz)], "dofs": modes.dof, "seconds": seconds() - start}
 

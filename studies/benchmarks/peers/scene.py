@@ -12,7 +12,7 @@ import numpy as np
 from geometry.elements import FloatArray
 from geometry.hex.boxes import Boxes, boxes_of
 from geometry.hex.scenes import HexSettings, Scene, cell_scene, pillar_scene, plate_scene, zone_scene
-from solvers.measures.confinement import wanted_shape
+from solvers.measures.confinement import target_shape
 from studies import ladder
 
 AXES = "xyz"
@@ -36,7 +36,7 @@ PARTS = {
     "zone": Part("Zone between clamped sides, first 14 modes", ("SS", "SA", "AS", "AA"), 8, 0.0, ("y+",)),
     "pillar": Part("Lone pillar, first three bending modes", ("AS",), 3, 0.0, ("touch",)),
     "cell": Part("Unit cell, ten bands at G, X and M", ("",), 10, 0.0),
-    "plate": Part("Plate of one row and 5 mm, wanted mode", ("SS",), 12, 34.6e3),
+    "plate": Part("Plate of one row and 5 mm, target mode", ("SS",), 12, 34.6e3),
 }
 KEPT = {"zone": 14, "pillar": 3}  # frequencies compared of all classes together
 
@@ -100,11 +100,11 @@ def task(part: str, settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def probe() -> dict[str, list[Any]]:
-    """Points of the touch face's active quarter, m, and the wanted shape there."""
+    """Points of the touch face's active quarter, m, and the target shape there."""
     d = ladder.plate_design()
     middles = [(np.arange(count) + 0.5) / count * half for count, half in ((48, d.length_m / 2), (8, d.width_m / 2))]
     points: FloatArray = np.stack(np.meshgrid(*middles, indexing="ij"), axis=-1).reshape(-1, 2)
-    return {"points": points.tolist(), "shape": wanted_shape(d, points).tolist()}
+    return {"points": points.tolist(), "shape": target_shape(d, points).tolist()}
 
 
 def seconds() -> float:

@@ -112,7 +112,7 @@ def lowest(space: Any, task: dict[str, Any], near_hz: float) -> tuple[list[float
 
 
 def _strength(space: Any, free: Any, vector: Any, probe: dict[str, Any]) -> float:
-    """Square of the product of a mode, of modal mass 1, and the wanted shape on the touch face."""
+    """Square of the product of a mode, of modal mass 1, and the target shape on the touch face."""
     motion = GridFunction(space)
     motion.vec.FV().NumPy()[free] = vector
     points = MM * np.array(probe["points"])

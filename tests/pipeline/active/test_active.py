@@ -344,12 +344,12 @@ def test_a_measured_sweep_becomes_the_tables_mode(displacement: bool, tmp_path: 
     out = tmp_path / "out"
     assert run("dq", "--table", str(old), "--sweep", str(sweep), "--out", str(out), "--quiet") == 0
     new = table_file.from_bytes((out / "mode_table.bin").read_bytes())
-    mode = new.modes[new.wanted]
+    mode = new.modes[new.target]
     assert mode.frequency_identified and mode.tau_identified
     assert mode.frequency_hz == pytest.approx(31_437.3, abs=0.1) and mode.tau_s == pytest.approx(truth.tau_s, rel=2e-3)
     assert mode.gain == pytest.approx(-0.6j if displacement else 0.6, rel=2e-3)
     assert mode.delay_s == pytest.approx(8e-6, abs=2e-8)
-    assert [one.gain for i, one in enumerate(new.modes) if i != new.wanted] == [None, None]
+    assert [one.gain for i, one in enumerate(new.modes) if i != new.target] == [None, None]
     header = (out / "mode_table.h").read_text()
     assert table_file.header_text(table_file.to_bytes(new)) == header
     document = json.loads((out / "active_dq.json").read_text())

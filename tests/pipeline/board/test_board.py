@@ -57,7 +57,7 @@ def a_run(overshoot: float = 0.01) -> emulate.BoardRun:
 def played(folder: Path, log: RecordingLog) -> tuple[BoardResult, dict[str, Any]]:
     """The answer of the board to a case with a target mode, and its arrays."""
     run = Run(log, folder=folder)
-    run.found["modes"] = synthetic.modes(synthetic.wanted(12.0))
+    run.found["modes"] = synthetic.modes(synthetic.target(12.0))
     return ask(load_case(str(folder / "small.toml"), []), Board(), run), run.arrays
 
 
@@ -121,10 +121,10 @@ def test_a_case_with_patches_is_played_with_its_computed_gain(tmp_path: Path) ->
     with RunLog(tmp_path / "run.mess") as log:
         record = case_study.compute(str(one.case_path), job.payload, tmp_path, log)
     table = from_bytes((tmp_path / board.TABLE).read_bytes())
-    gain = table.modes[table.wanted].gain
+    gain = table.modes[table.target].gain
     assert gain is not None
     result = record["board"]
     assert result.swept and result.frequency_hz == pytest.approx(
-        1.002 * table.modes[table.wanted].frequency_hz, abs=0.1
+        1.002 * table.modes[table.target].frequency_hz, abs=0.1
     )
     assert abs(complex(*result.gain)) == pytest.approx(abs(gain), rel=5e-3)

@@ -35,7 +35,7 @@ TABLE = ModeTable(
         Mode(31404.5, 0.003, None, 2.0**-18, 0.75, 0.5, SIX, SIX),
         Mode(31000.25, 0.0029296875, 0.5 - 0.75j, 2.0**-19, 1.0, 0.5, SIX, SIX, True, True),
     ),
-    wanted=1,
+    target=1,
     shapes=(SHAPE, dataclasses.replace(SHAPE, matrix=None)),
     senses_displacement=False,
 )
@@ -105,7 +105,7 @@ def resealed(at: int, value: bytes) -> bytes:
         (6, struct.pack("<H", 52), "record lengths"),
         (12, struct.pack("<H", 3), "do not hold 3 modes"),
         (20, b"\x07", "actuator_count is 7"),
-        (22, struct.pack("<H", 2), "wanted is 2, allowed 0 to 1"),
+        (22, struct.pack("<H", 2), "target is 2, allowed 0 to 1"),
         (24, struct.pack("<f", math.nan), "sample_rate_hz is nan"),
         (28, struct.pack("<I", 2), "flags are 0x2"),
         (48, struct.pack("<f", -1.0), "mode 0: frequency_hz is -1"),
@@ -131,12 +131,12 @@ def test_a_value_out_of_range_is_refused_in_one_line_though_the_crc_fits(at: int
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"wanted": 2}, "wanted is 2"),
+        ({"target": 2}, "target is 2"),
         ({"design_hash": b"short"}, "5 bytes, allowed 16"),
         ({"modes": (), "shapes": ()}, "neither a mode nor a shape"),
         ({"modes": TABLE.modes * 9}, "18 modes"),
-        ({"modes": (Mode(31e3, 1e40),), "wanted": 0, "shapes": ()}, "tau_s is inf"),
-        ({"modes": (Mode(31e3, 3e-3, gain=0j),), "wanted": 0, "shapes": ()}, "gain (larger of its parts) is 0"),
+        ({"modes": (Mode(31e3, 1e40),), "target": 0, "shapes": ()}, "tau_s is inf"),
+        ({"modes": (Mode(31e3, 3e-3, gain=0j),), "target": 0, "shapes": ()}, "gain (larger of its parts) is 0"),
         ({"modes": (Mode(31e3, 3e-3), Mode(31e3, 3e-3, actuator_weights=(1, 1)))}, "differ from entry to entry"),
     ],
 )
@@ -157,5 +157,5 @@ def test_description_tells_assumed_from_identified() -> None:
     unknown, known = (next(line for line in lines if line.startswith(f"mode {i}")) for i in (0, 1))
     assert "gain unidentified" in unknown and "(assumed)" in unknown and "(computed)" in unknown
     assert "gain 0.901388 at -56.31 deg" in known and "(identified)" in known and "(measured)" in known
-    assert "(wanted)" in known and "(wanted)" not in unknown
+    assert "(target)" in known and "(target)" not in unknown
     assert "velocity" in lines[1]

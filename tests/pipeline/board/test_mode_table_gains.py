@@ -38,10 +38,10 @@ def forced(case: Case, coarsest_cells: None) -> ForcedPlate:
 
 @pytest.fixture(scope="module")
 def likest_hz(forced: ForcedPlate) -> float:
-    """The mode of the band most like the wanted one, which lies far above it."""
+    """The mode of the band most like the target mode, which lies far above it."""
     low, high = forced.band_hz
-    assert forced.wanted_place() is None and (forced.wanted_hz() or 0.0) > high
-    assert forced.wanted_window_hz is not None
+    assert forced.target_place() is None and (forced.target_hz() or 0.0) > high
+    assert forced.target_window_hz is not None
     (basis,) = forced.modes  # patches off both mirror lines: the plate is solved whole
     tones = basis.frequency_hz  # extrapolated by the bond's two meshes, as the gains are
     modes = forced._measured(basis.group, tones, basis.columns[:, : len(tones)], [None] * len(tones))
@@ -64,23 +64,23 @@ def fitted(forced: ForcedPlate, gains: ModalGains, index: int) -> complex:
 
 
 def test_residues_are_what_the_forced_response_shows(forced: ForcedPlate, gains: ModalGains) -> None:
-    """Within the rest's own error: it is taken at the wanted mode, where both agree best; above the band nobody asks."""
+    """Within the rest's own error: it is taken at the target mode, where both agree best; above the band nobody asks."""
     largest = np.abs(gains.gain).max()
     inside = np.flatnonzero(gains.frequency_hz <= forced.band_hz[1])
     assert len(inside) >= 4
     for index in inside:
-        wanted = index == gains.wanted
+        target = index == gains.target
         error = abs(fitted(forced, gains, index) - gains.gain[index, 0])
-        assert error < (1e-3 if wanted else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
+        assert error < (1e-3 if target else 2e-2) * abs(gains.gain[index, 0]) + 1e-5 * largest, index
 
 
 def test_open_sensors_stiffen_the_modes_and_the_signs_add_up(likest_hz: float, gains: ModalGains) -> None:
-    assert 1.0 <= gains.frequency_hz[gains.wanted] / likest_hz < 1.01
+    assert 1.0 <= gains.frequency_hz[gains.target] / likest_hz < 1.01
     assert gains.tau_s * np.pi * gains.frequency_hz == pytest.approx(300.0, rel=0.02)
-    wanted = gains.parts[gains.wanted, :, 0]
+    target = gains.parts[gains.target, :, 0]
     assert set(gains.signs.tolist()) == {1.0, -1.0}  # the shape bends one way on the left, the other on the right
-    assert abs(gains.gain[gains.wanted, 0]) == pytest.approx(np.abs(wanted).sum(), rel=1e-2)
-    phase = np.degrees(np.angle(gains.gain[gains.wanted, 0]))
+    assert abs(gains.gain[gains.target, 0]) == pytest.approx(np.abs(target).sum(), rel=1e-2)
+    phase = np.degrees(np.angle(gains.gain[gains.target, 0]))
     assert abs(abs(phase) - 90.0) < 1.0  # displacement, 90 degrees behind or ahead
 
 
@@ -92,11 +92,11 @@ def test_the_sign_of_an_eigenvector_decides_nothing() -> None:
 
 def test_the_table_carries_them(case: Case, gains: ModalGains) -> None:
     table = table_with_gains(case, gains)
-    mode = table.modes[table.wanted]
+    mode = table.modes[table.target]
     droop = abs(hold(mode.frequency_hz, SAMPLE_RATE_HZ))
-    assert mode.gain is not None and abs(mode.gain) == pytest.approx(abs(gains.gain[gains.wanted, 0]) * droop, rel=1e-9)
+    assert mode.gain is not None and abs(mode.gain) == pytest.approx(abs(gains.gain[gains.target, 0]) * droop, rel=1e-9)
     delayed = np.exp(-2j * np.pi * mode.frequency_hz * mode.delay_s)
-    exact = gains.gain[gains.wanted, 0] * hold(mode.frequency_hz, SAMPLE_RATE_HZ)
+    exact = gains.gain[gains.target, 0] * hold(mode.frequency_hz, SAMPLE_RATE_HZ)
     assert mode.gain * delayed == pytest.approx(exact, rel=1e-9)
     pa4, pa5 = mode.actuator_weights
     assert max(abs(pa4), abs(pa5)) == pytest.approx(1.0, abs=1e-12) and (pa4 / pa5).real < 0.0
@@ -109,7 +109,7 @@ def test_export_computes_them_only_for_patches_that_drive_and_listen(file: Path,
     assert main(["export", "table", str(file), "-o", str(target), "--force"]) == 0
     text = capsys.readouterr().err
     table = from_bytes(target.read_bytes())
-    assert table.modes[table.wanted].gain is not None and "gain 0." in text and "on PA5" in text
+    assert table.modes[table.target].gain is not None and "gain 0." in text and "on PA5" in text
     assert main(["export", "table", str(file), "-o", str(target), "--force", "--set", "patches.sensors=[]"]) == 0
     text = capsys.readouterr().err
     assert all(mode.gain is None for mode in from_bytes(target.read_bytes()).modes)

@@ -1,4 +1,4 @@
-"""A plate whose wanted mode no converter of the board can play: one line, and a study that goes on."""
+"""A plate whose target mode no converter of the board can play: one line, and a study that goes on."""
 
 from __future__ import annotations
 

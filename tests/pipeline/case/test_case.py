@@ -35,7 +35,7 @@ def test_every_value_in_si():
     assert (case.solve.accuracy, case.solve.model, case.solve.mesh) == (0.003, "auto", "auto")
     assert (case.bands.path, case.bands.points, case.bands.count, case.quality_factor) == ("GXMG", 25, 10, 300.0)
     assert case.patches.size_m == pytest.approx((12e-3, 3e-3, 0.3e-3), rel=1e-15)
-    assert case.kx_wanted_per_m == pytest.approx(7.5 * pi / 0.1155)
+    assert case.target_kx_per_m == pytest.approx(7.5 * pi / 0.1155)
 
 
 def test_defaults_when_settings_are_left_out():
@@ -51,19 +51,19 @@ def test_a_rectangular_lattice_walks_the_other_corner_too():
 
 
 @pytest.mark.parametrize(("lines", "symmetry"), [(0, "SS"), (1, "AS"), (2, "SS"), (7, "AS"), (8, "SS")])
-def test_parity_of_the_wanted_mode(lines, symmetry):
+def test_parity_of_the_target_mode(lines, symmetry):
     case = case_from_dict(without("patches"), overrides=[f"zone.nodal_lines={lines}"])
-    assert case.symmetry_wanted == symmetry
+    assert case.target_symmetry == symmetry
 
 
 def test_rigid_shapes_have_no_wavenumber():
-    assert case_from_dict(without("patches"), overrides=["zone.nodal_lines=1"]).kx_wanted_per_m == 0.0
+    assert case_from_dict(without("patches"), overrides=["zone.nodal_lines=1"]).target_kx_per_m == 0.0
 
 
 def test_tables_may_be_absent_until_a_command_needs_them():
     cell = case_from_dict(without("zone", "patches"))
     assert isnan(cell.design.length_m) and cell.design.pitch_x_m == 4e-3
-    assert cell.symmetry_wanted is None
+    assert cell.target_symmetry is None
     cell.require("plate", "array", "array.pitch_mm")
     with pytest.raises(InputError, match=r"\[zone\]: missing, antinode response needs it") as fault:
         cell.require("zone", "patches", command="antinode response")

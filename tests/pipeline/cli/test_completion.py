@@ -26,7 +26,7 @@ def offered(line: str, folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("line", "wanted", "unwanted"),
+    ("line", "target", "unwanted"),
     [
         ("antinode atten", {"attenuation"}, {"modes"}),
         ("antinode modes --sym", {"--symmetry"}, {"--band"}),
@@ -38,11 +38,11 @@ def offered(line: str, folder: Path) -> list[str]:
         ("antinode search plate.toml --vary pillar.h", {"pillar.height_mm="}, {"pillar.shape="}),
     ],
 )
-def test_a_shell_is_told_what_could_come_next(line: str, wanted: set, unwanted: set, tmp_path: Path) -> None:
+def test_a_shell_is_told_what_could_come_next(line: str, target: set, unwanted: set, tmp_path: Path) -> None:
     (tmp_path / "plate.toml").touch()
     (tmp_path / "plate.csv").touch()
     words = set(offered(line, tmp_path))
-    assert wanted <= words and not unwanted & words, words
+    assert target <= words and not unwanted & words, words
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

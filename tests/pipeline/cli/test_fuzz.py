@@ -166,7 +166,7 @@ class Mutants:
             "schema": store.SCHEMA,
             "case_id": "base",
             "status": "OK",
-            "wanted": {"frequency_hz": 3.5e4},
+            "target": {"frequency_hz": 3.5e4},
             "cases": [1, 2.0, None],
         }
         self.write(store.RECORD, damaged(json.dumps(record).encode(), draw))

@@ -310,7 +310,7 @@ def test_a_stored_study_is_shown_with_its_answer_and_its_table(
     assert main(["show", "rows", *place]) == 0
     said = capsys.readouterr().out
     assert (
-        "Best of this study: 2 rows of pillars" in said and "pitch_mm=4,rows=1" in said and "wanted mode (kHz)" in said
+        "Best of this study: 2 rows of pillars" in said and "pitch_mm=4,rows=1" in said and "target mode (kHz)" in said
     )
     assert main(["show", "rows", *place, "--json", "-"]) == 0
     document = json.loads(capsys.readouterr().out)

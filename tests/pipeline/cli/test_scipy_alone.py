@@ -99,7 +99,7 @@ def test_a_cross_check_that_memory_cannot_hold_is_left_out_and_told(monkeypatch:
     def too_large(*_: Any) -> None:
         raise TooLarge("factorising 314396 degrees of freedom needs about 7.5 GiB, 4.0 GiB are free")
 
-    part_modes = SimpleNamespace(wanted_row=SimpleNamespace(error=None))
+    part_modes = SimpleNamespace(target_row=SimpleNamespace(error=None))
     monkeypatch.setattr(cross_check.modes, "solve_modes", lambda *_: part_modes)
     monkeypatch.setattr(cross_check, "compared", too_large)
     monkeypatch.setattr(TetBands, "compute", lambda *_: synthetic.bands(0.004))

@@ -76,7 +76,7 @@ def test_a_study_shows_its_best_plate_or_the_one_named(tmp_path: Path, monkeypat
     monkeypatch.setattr(paths, "RESULTS", tmp_path)
     best = view.of_study("rows")
     assert (
-        best.title == "pitch_mm=4,rows=2" and "wanted" in best.shapes[0][0] and best.reach == pytest.approx(0.4 * 6.3)
+        best.title == "pitch_mm=4,rows=2" and "target" in best.shapes[0][0] and best.reach == pytest.approx(0.4 * 6.3)
     )
     assert np.ptp(best.points[:, 0]) == pytest.approx(115.5)  # mm
     assert view.of_study("rows", "pitch_mm=4,rows=1").title == "pitch_mm=4,rows=1"

@@ -172,7 +172,7 @@ def test_a_sweep_is_compared_with_the_peak_that_it_covers(responses: Path, tmp_p
     seen_by = ["--measured", str(responses), "--map", str(responses)]
     assert main(["response", SMALL, *options, *seen_by, "--json", str(tmp_path / "r")]) == 0
     record = json.loads((tmp_path / "r").read_text())
-    assert record["highest_peak"]["frequency_hz"] < 0.8 * record["wanted_peak"]["frequency_hz"]
+    assert record["highest_peak"]["frequency_hz"] < 0.8 * record["target_peak"]["frequency_hz"]
     seen = record["measured"]
     assert abs(seen["sweep"]["frequency_shift"]) < 1e-4 and seen["map"]["mac_operating"] > 0.99
 

@@ -92,8 +92,8 @@ def test_a_plate_that_lies_elsewhere_has_the_figures_of_the_plate_in_place(
     for ours, theirs in zip(there["modes"], in_place["modes"], strict=True):
         for name in MEASURES:
             assert ours[name] == pytest.approx(theirs[name], rel=ROUNDING, abs=ROUNDING), name
-    assert there["wanted"]["index"] == in_place["wanted"]["index"]
-    assert there["wanted"]["status"] == in_place["wanted"]["status"]
+    assert there["target"]["index"] == in_place["target"]["index"]
+    assert there["target"]["status"] == in_place["target"]["status"]
 
 
 def bent(nodes: np.ndarray) -> np.ndarray:
@@ -124,7 +124,7 @@ def test_a_face_within_a_percent_of_the_length_serves(tmp_path: Path) -> None:
 
 
 def test_a_half_between_mirror_planes_is_measured_where_it_lies(tmp_path: Path) -> None:
-    """Three lines, one of them at x = 0: the wanted mode is antisymmetric there, u_y and u_z at rest on the cut."""
+    """Three lines, one of them at x = 0: the target mode is antisymmetric there, u_y and u_z at rest on the cut."""
     whole, half = plate(lump=-1), plate(0.0, lump=-1)
     modes = document(whole, whole.nodes, tmp_path)["modes"]
     halved = document(half, half.nodes, tmp_path, "--support", "CUT:yz")["modes"]

@@ -129,7 +129,7 @@ def test_no_figure_of_the_mesh_is_told_where_none_was_measured(explorer: Explore
 def test_a_levels_bar_holds_what_zone_and_rows_may_be_off_by_against_each_other(explorer: Explorer) -> None:
     """The bar covers the level at every change within the frequency's error, and grows with that error."""
     case = load_case(SMALL)
-    live = LivePlate(case, LiveCell(explorer.model.cell), {}, mesh_rules.wanted_window_hz(case.design))
+    live = LivePlate(case, LiveCell(explorer.model.cell), {}, mesh_rules.target_window_hz(case.design))
     bars = []
     for mesh in (0.0, 0.01, 0.03):
         plate = explorer.plate(case, lambda hz: mesh)  # noqa: B023  called before mesh changes
@@ -145,7 +145,7 @@ def test_a_levels_bar_holds_what_zone_and_rows_may_be_off_by_against_each_other(
 
 
 def detuned(frequency_hz: list[float], strength: list[float], level_db: list[float]) -> Detuned:
-    """A live plate's answer in which three clear modes share the wanted shape."""
+    """A live plate's answer in which three clear modes share the target shape."""
     columns = [np.array(column) for column in (frequency_hz, strength, level_db)]
     ones = np.ones(len(strength))
     level = Confinement(ones, columns[2], ones, np.full(len(strength), np.nan), columns[1])
@@ -174,8 +174,8 @@ def test_the_live_mode_is_searched_where_every_commands_is() -> None:
     assert detuned([44e3], [0.55], [3.0]).verdict.status == "split", "0.45 may lie elsewhere"
 
 
-def test_a_mode_of_the_passive_plate_near_the_wanted_one_is_said(explorer: Explorer) -> None:
-    """Of extensions from 5 to 40 mm some resonate near the wanted mode: these are said, with the levels between."""
+def test_a_mode_of_the_passive_plate_near_the_target_one_is_said(explorer: Explorer) -> None:
+    """Of extensions from 5 to 40 mm some resonate near the target mode: these are said, with the levels between."""
     said = set()
     for extension in np.arange(5.0, 41.0, 5.0):
         plate = explorer.plate(explorer.scene.at(OWN | {"extension": float(extension)}))
@@ -201,7 +201,7 @@ def test_a_live_plate_is_measured_over_its_whole_touch_face(explorer: Explorer, 
     """Half the zone and half the passive face, whether the last row's cell is a base or meshed because the edge cuts it."""
     case = explorer.scene.at(OWN | {"extension": extension})
     design = case.design
-    live = LivePlate(case, LiveCell(explorer.model.cell), {}, mesh_rules.wanted_window_hz(design))
+    live = LivePlate(case, LiveCell(explorer.model.cell), {}, mesh_rules.target_window_hz(design))
     zone, passive, beyond = live.plate.faces.areas
     assert zone == pytest.approx(design.length_m * design.width_m / 2.0)
     assert passive == pytest.approx(design.length_m * (design.half_span_m - design.width_m / 2.0))
@@ -283,10 +283,10 @@ class OwnMesh(LiveReductions):
 def test_an_estimate_is_that_of_a_column_from_its_own_mesh(explorer: Explorer) -> None:
     case = load_case(SMALL)
     answer = explorer.estimate(case)
-    window = mesh_rules.wanted_window_hz(case.design)
+    window = mesh_rules.target_window_hz(case.design)
     reductions = OwnMesh(LiveCell(explorer.model.cell), case.design, {}, window[1])
     modes = Column(case.design, reductions, free_kx_per_m(case.design)).modes(*window)
-    at = modes.confinement.wanted.index
+    at = modes.confinement.target.index
     assert at is not None
     twice_the_bar = 2e-3  # of the coarse bases
     assert answer["frequency_hz"] == pytest.approx(modes.frequency_hz[at], rel=twice_the_bar)
@@ -325,7 +325,7 @@ def test_the_live_plate_lies_within_its_bars(explorer: Explorer, change: dict[st
 def test_decay_follows_the_pillars(explorer: Explorer) -> None:
     """A wave passes at 0 dB or decays; another height moves the pillars' resonance and with it the decay."""
     one, other = (explorer.answer(OWN | {"height": height})["rows"] for height in (6.1, 6.9))
-    assert one["kx_per_m"] == pytest.approx(load_case(SMALL).kx_wanted_per_m)
+    assert one["kx_per_m"] == pytest.approx(load_case(SMALL).target_kx_per_m)
     known = [value for value in one["db_per_row"] if value is not None]
     assert min(known) >= 0.0
     assert one["db_per_row"] != other["db_per_row"]

@@ -199,7 +199,7 @@ def test_designs_of_the_cloud_have_pythons_numbers(whole_boxes: list[Explorer], 
 
 @needs_node
 def test_a_page_of_round_pillars_has_pythons_numbers(explorer: Explorer, tmp_path: Path) -> None:
-    """Designs with and without a mode of the passive plate near the wanted one, without rows, and cut by the plate's edge."""
+    """Designs with and without a mode of the passive plate near the target mode, without rows, and cut by the plate's edge."""
     own = explorer.scene.own()
     designs = [own | {"extension": float(extension)} for extension in (0, 5, 12)] + [own | {"rows": 0.0}]
     (told,) = answers([(explorer, [("answer", given) for given in designs])], tmp_path / "worker.js")

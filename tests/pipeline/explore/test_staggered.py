@@ -26,7 +26,7 @@ from pipeline.planning import mesh_rules
 from pipeline.questions.question import ask
 from pipeline.questions.tolerance import AlikeTolerance
 from solvers.fem.eigen import modes_in_band
-from solvers.measures.confinement import measure, wanted_symmetry
+from solvers.measures.confinement import measure, target_symmetry
 from solvers.parametric.affine import DesignBox
 from solvers.parametric.bare import bare_cell
 from solvers.plates.assembled import PlateModel
@@ -39,7 +39,7 @@ from tests.pipeline.explore.test_explore import coarse_error
 
 STAGGERED = ("array.stagger=true", "array.pitch_x_mm=6", "array.pitch_y_mm=4", "array.rows=2")
 WIDE = replace(OFFLINE, box=DesignBox((1.8e-3, 6e-3, 1.8e-3, 5.5e-3), (2.2e-3, 7e-3, 2.2e-3, 7e-3)))
-SYMMETRY = wanted_symmetry(4)  # of examples/small.toml
+SYMMETRY = target_symmetry(4)  # of examples/small.toml
 CHANGES: tuple[dict[str, float], ...] = (
     {},
     {"rows": 1.0, "pitch": 5.6},
@@ -77,14 +77,14 @@ def test_bands_and_decay_are_those_of_the_lattice(explorer: Explorer) -> None:
     assert [found["labels"][number] for number in at] == ["G", "X", "S", "X1", "Y", "G"]
     places = case.design.lattice.high_symmetry
     for number in at:
-        wanted = row.frequencies(places[found["labels"][number]], 10)
+        target = row.frequencies(places[found["labels"][number]], 10)
         ours = np.array(explorer.model.bases.fractions[number]) * np.pi / sizes[3]
         assert ours == pytest.approx(places[found["labels"][number]], abs=1e-6)
-        moving = wanted > 1e-3 * wanted[-1]
-        assert np.array(found["frequency_hz"][number])[moving] == pytest.approx(wanted[moving], rel=0.01)
+        moving = target > 1e-3 * target[-1]
+        assert np.array(found["frequency_hz"][number])[moving] == pytest.approx(target[moving], rel=0.01)
     live = explorer._live.row(sizes, case.design.stack.material)
     assert live.cells[0].interface == FACE and live.shift == 1
-    kx = case.kx_wanted_per_m
+    kx = case.target_kx_per_m
     (flexural_hz,) = live.frequencies(np.array([kx, 0.4 * np.pi / case.design.pitch_y_m]), 4)[2:3]
     assert np.abs(Row(live, kx).waves(float(flexural_hz)).db_per_row).min() < 1e-3
 
@@ -93,7 +93,7 @@ def test_bands_and_decay_are_those_of_the_lattice(explorer: Explorer) -> None:
 def test_the_live_plate_is_the_plate_assembled_of_the_same_cells(explorer: Explorer, change: dict[str, float]) -> None:
     """What waves of one column leave out of two free ends lies within the bar."""
     case = explorer.scene.at(explorer.scene.own() | change)
-    design, window = case.design, mesh_rules.wanted_window_hz(case.design)
+    design, window = case.design, mesh_rules.target_window_hz(case.design)
     plate, live = explorer.plate(case), LiveCell(explorer.model.cell)
     whole, error = PlateModel(design, LiveReductions(live, design, {}, window[1])), boundary_error(design)
     near = plate["frequency_hz"] * np.array([1.0 - error, 1.0 + error])
@@ -111,7 +111,7 @@ def test_a_live_plate_is_measured_over_its_whole_touch_face(explorer: Explorer, 
     for pitch in (5.6, 6.5):
         case = explorer.scene.at(explorer.scene.own() | {"rows": rows, "extension": extension, "pitch": pitch})
         design, live = case.design, LiveCell(explorer.model.cell)
-        zone, passive, beyond = LivePlate(case, live, {}, mesh_rules.wanted_window_hz(design)).plate.faces.areas
+        zone, passive, beyond = LivePlate(case, live, {}, mesh_rules.target_window_hz(design)).plate.faces.areas
         assert zone == pytest.approx(design.length_m * design.width_m / 2.0)
         assert passive == pytest.approx(design.length_m * (design.half_span_m - design.width_m / 2.0))
         assert beyond == pytest.approx(design.length_m * extension * 1e-3)

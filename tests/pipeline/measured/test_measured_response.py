@@ -87,13 +87,13 @@ def close(first: np.ndarray, second: np.ndarray) -> None:
 def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, specimen: Path) -> None:
     """Five standard deviations of noise/sqrt(points) about the specimen's own peak and its given losses."""
     result, given = document(compared)["measured"]["sweep"], document(specimen)
-    width = given["wanted_peak"]["frequency_hz"] / given["quality_factor_given"]
+    width = given["target_peak"]["frequency_hz"] / given["quality_factor_given"]
     assert result["synthetic"] and result["quantity"] == "velocity"
     assert result["quality_factor"] == pytest.approx(given["quality_factor_given"], rel=0.05)
-    assert result["frequency_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"], abs=0.05 * width)
-    ours = document(compared)["wanted_peak"]["frequency_hz"]
+    assert result["frequency_hz"] == pytest.approx(given["target_peak"]["frequency_hz"], abs=0.05 * width)
+    ours = document(compared)["target_peak"]["frequency_hz"]
     assert result["computed"]["frequency_hz"] == pytest.approx(ours, abs=0.1 * width)
-    assert result["frequency_shift_hz"] == pytest.approx(given["wanted_peak"]["frequency_hz"] - ours, abs=0.15 * width)
+    assert result["frequency_shift_hz"] == pytest.approx(given["target_peak"]["frequency_hz"] - ours, abs=0.15 * width)
     assert result["frequency_shift_hz"] < -width  # the shipped specimen is softer than the case
     assert result["computed"]["quality_factor"] == pytest.approx(document(compared)["quality_factor_given"], rel=0.05)
 
@@ -101,7 +101,7 @@ def test_the_shift_and_the_losses_of_the_specimen_are_found(compared: Path, spec
 @pytest.mark.slow
 def test_the_map_is_held_as_the_specimen_was(compared: Path, specimen: Path) -> None:
     """Noise of 1 % of the peak fills the passive face with its own power; the expected confinement counts it in."""
-    result, peak = document(compared)["measured"]["map"], document(specimen)["wanted_peak"]
+    result, peak = document(compared)["measured"]["map"], document(specimen)["target_peak"]
     values = read_field(FOLDER / "field.csv", load_case(CASE).design).values
     floor = (NOISE * np.abs(values).max()) ** 2
     tone = 2.0 * np.pi * peak["frequency_hz"]

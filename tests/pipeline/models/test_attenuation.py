@@ -68,7 +68,7 @@ def test_the_last_field_is_the_least_attenuated_flexural_wave(document: dict) ->
 
 
 def test_flexural_waves_are_stopped_above_the_pillars_resonance_and_pass_beyond(document: dict) -> None:
-    """The stop band that holds the wanted mode: no wave passes at 36 kHz, one does at 27 and at 42 kHz."""
+    """The stop band that holds the target mode: no wave passes at 36 kHz, one does at 27 and at 42 kHz."""
     at = {round(p["frequency_hz"] / 1e3): p for p in document["points"]}
     assert at[36]["db_per_row"] > 2.0 and at[27]["db_per_row"] == 0.0 and at[42]["db_per_row"] == 0.0
     assert at[36]["transmission"]["flexural"] < 0.2 < 0.5 < at[42]["transmission"]["flexural"]

@@ -63,11 +63,11 @@ def test_power_is_shared_out_whole_and_the_intervals_are_those_of_the_points(doc
         assert shares["reflected"] + shares["flexural"] + shares["shear"] + shares["longitudinal"] == pytest.approx(1.0)
         inside = any(low <= point["frequency_hz"] <= high for low, high in document["stopped"])
         assert inside == (shares["flexural"] <= 0.1)
-    assert 30e3 < document["wanted_hz"] < 42e3 and document["wanted_db"] is not None
+    assert 30e3 < document["target_hz"] < 42e3 and document["target_db"] is not None
 
 
 def test_a_mesh_without_a_coarser_one_gives_no_bars(document: dict) -> None:
-    assert document["frequency_error"] is None and document["wanted_error"] is None
+    assert document["frequency_error"] is None and document["target_error"] is None
     assert {point[name] for point in document["points"] for name in ("confinement_error_db", "taken_error_db")} == {
         None
     }

@@ -17,7 +17,7 @@ from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request, of_case
 from pipeline.search.fidelity import PLATE, evaluate
 from solvers.accuracy.plate import MARGIN
-from solvers.measures.wanted_mode import LEAD, weights
+from solvers.measures.target_mode import LEAD, weights
 from solvers.piezo.forced import GroupModes
 from solvers.plates.assembled import PlateModel
 from tests.helpers.recording_log import RecordingLog
@@ -51,9 +51,9 @@ def case(number: int, *more: str) -> Case:
 def plate_modes(number: int, low: float | None = None, high: float | None = None) -> PartModes:
     """Modes in a band given in parts of the zone's thin-plate frequency; without one, as a study asks."""
     own = case(number)
-    zone_hz = mesh_rules.wanted_window_hz(own.design)[0] / mesh_rules.WINDOW[0]
+    zone_hz = mesh_rules.target_window_hz(own.design)[0] / mesh_rules.WINDOW[0]
     band = (
-        Request("plate", (low * zone_hz, high * zone_hz), symmetry=own.symmetry_wanted)
+        Request("plate", (low * zone_hz, high * zone_hz), symmetry=own.target_symmetry)
         if low and high
         else of_case(own)
     )
@@ -62,10 +62,10 @@ def plate_modes(number: int, low: float | None = None, high: float | None = None
 
 @pytest.mark.parametrize("number", ALL)
 def test_the_target_is_the_same_from_every_band(number: int) -> None:
-    ours = plate_modes(number).wanted
+    ours = plate_modes(number).target
     assert ours and ours.row
     for band in ((0.6, 0.9), (0.9, 1.6), (1.2, 1.25)):
-        theirs = plate_modes(number, *band).wanted
+        theirs = plate_modes(number, *band).target
         assert theirs and theirs.row and theirs.status == ours.status
         assert theirs.row.frequency_hz == pytest.approx(ours.row.frequency_hz, rel=2e-3)
 
@@ -73,7 +73,7 @@ def test_the_target_is_the_same_from_every_band(number: int) -> None:
 @pytest.mark.parametrize("number", ALL)
 def test_no_mode_of_the_plate_overturns_what_is_said(number: int) -> None:
     """Against every mode up to twice the zone's frequency, the target is the strongest of the shape, and single by LEAD."""
-    ours, every = plate_modes(number).wanted, plate_modes(number, 0.05, 2.0).rows
+    ours, every = plate_modes(number).target, plate_modes(number, 0.05, 2.0).rows
     assert ours and ours.row
     carried = weights(every)
     low = mesh_rules.search_window_hz(case(number).design)[0]
@@ -87,16 +87,16 @@ def test_no_mode_of_the_plate_overturns_what_is_said(number: int) -> None:
 def test_a_driven_plate_has_one_target_in_every_band() -> None:
     """One model, two bands: they differ by how the bond's extrapolation mixes the modes solved, of second order."""
     own = case(0, PATCHES)
-    low, high = mesh_rules.wanted_window_hz(own.design)
+    low, high = mesh_rules.target_window_hz(own.design)
     model = parts.build(own, "plate", high, RecordingLog(), [])
     assert isinstance(model, PlateModel)
     within, beyond = (
         driven(own, model, band, RecordingLog()) for band in ((0.95 * low, 1.1 * low), (0.8 * high, high))
     )
-    assert within.wanted_place() is not None and beyond.wanted_place() is None
+    assert within.target_place() is not None and beyond.target_place() is None
     lowered = [_lowered(basis).max() for basis in within.modes if basis.bond]
     assert max(lowered) > 1e-4
-    assert beyond.wanted_hz() == pytest.approx(within.wanted_hz(), rel=1e-5)
+    assert beyond.target_hz() == pytest.approx(within.target_hz(), rel=1e-5)
     assert within.verdict.status == beyond.verdict.status and np.array_equal(within.signs, beyond.signs)
 
 
@@ -109,19 +109,19 @@ def _lowered(basis: GroupModes) -> FloatArray:
 
 def test_modes_and_responses_mean_one_target_within_their_bars() -> None:
     own, ours = case(0, SPECK), plate_modes(0)
-    low, high = mesh_rules.wanted_window_hz(own.design)
-    assert ours.wanted and ours.wanted.row and ours.errors
-    by_truncation = MARGIN * ours.errors[ours.wanted.row.symmetry].total[ours.wanted.row.column]  # one mesh serves both
+    low, high = mesh_rules.target_window_hz(own.design)
+    assert ours.target and ours.target.row and ours.errors
+    by_truncation = MARGIN * ours.errors[ours.target.row.symmetry].total[ours.target.row.column]  # one mesh serves both
     assert by_truncation > 0.0
     for band in ((0.95 * low, 1.1 * low), (0.8 * high, high)):
         plate = forced_plate(own, RecordingLog(), band)
-        assert plate.verdict.status == ours.wanted.status
-        assert plate.wanted_hz() == pytest.approx(ours.wanted.row.frequency_hz, rel=2.0 * by_truncation + 1e-4)
+        assert plate.verdict.status == ours.target.status
+        assert plate.target_hz() == pytest.approx(ours.target.row.frequency_hz, rel=2.0 * by_truncation + 1e-4)
 
 
 @pytest.mark.slow
 def test_the_search_for_designs_means_the_mode_that_modes_means(tmp_path: Path) -> None:
     """However far from it the column's mode lies."""
-    found = evaluate(case(0), PLATE, mesh_rules.wanted_window_hz(case(0).design)[1])
-    ours = plate_modes(0).wanted
+    found = evaluate(case(0), PLATE, mesh_rules.target_window_hz(case(0).design)[1])
+    ours = plate_modes(0).target
     assert ours and ours.row and found.frequency_hz == pytest.approx(ours.row.frequency_hz, rel=1e-3)

@@ -105,9 +105,9 @@ def test_a_bar_beyond_the_accuracy_is_a_warning() -> None:
     assert "70.1 kHz is 3.1 %, most of it bonding; solve.accuracy asks for 3.0 %" in log.warnings["ACCURACY"]
 
 
-def test_opening_the_patches_stiffens_the_wanted_mode(document: dict) -> None:
+def test_opening_the_patches_stiffens_the_target_mode(document: dict) -> None:
     circuit = document["circuit"]
-    assert circuit["drivers"] == "short" and circuit["short_hz"] == document["wanted_hz"]
+    assert circuit["drivers"] == "short" and circuit["short_hz"] == document["target_hz"]
     assert circuit["open_hz"] > circuit["short_hz"]
     assert circuit["coupling"] == pytest.approx(1.0 - (circuit["short_hz"] / circuit["open_hz"]) ** 2)
 
@@ -118,7 +118,7 @@ def test_a_charge_drives_where_the_case_says_so(case: Path, document: dict, tmp_
     assert main(["response", str(case), "--quiet", *fed]) == 0
     result = json.loads(file.read_text())
     assert result["circuit"]["drivers"] == "open"
-    short, opened = (one["wanted_peak"] or one["highest_peak"] for one in (document, result))
+    short, opened = (one["target_peak"] or one["highest_peak"] for one in (document, result))
     assert short["frequency_hz"] < opened["frequency_hz"] <= document["circuit"]["open_hz"] * 1.001
 
 

@@ -68,7 +68,7 @@ def document(case: Path) -> dict:
 
 def test_the_document_holds_samples_and_their_statistics(document: dict) -> None:
     assert document["schema"] == 1 and document["pillars"] == 8
-    assert document["drive"] == "pressure in the wanted shape" and document["rms_unit"] == "m/N"
+    assert document["drive"] == "pressure in the target shape" and document["rms_unit"] == "m/N"
     peaks = [one["peak_hz"] for one in document["samples"]]
     assert len(set(peaks)) == 3
     assert document["peak_hz"]["mean"] == pytest.approx(np.mean(peaks))

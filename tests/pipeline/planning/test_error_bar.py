@@ -99,7 +99,7 @@ def test_the_study_measures_the_very_elements_of_the_planner(part: str) -> None:
 
 
 def test_a_zones_error_counts_from_the_mode_at_which_it_was_measured() -> None:
-    """Modes above the wanted one are given more, those within its window too: what was measured lies no lower than good."""
+    """Modes above the target mode are given more, those within its window too: what was measured lies no lower than good."""
     design = ladder.design()
     measured_hz = ladder.zone({"model": "hex", **ladder.of_the_planner("zone", mesh_rules.mesh_levels("zone")[0])})[0][
         "zone"

@@ -170,7 +170,7 @@ def test_tetrahedra_that_miss_are_meshed_anew() -> None:
     """Against hexahedra, within both bars, at an accuracy that the first edges miss."""
     log, asked = RecordingLog(), (0.001, 6.3, 4, "GXMG")
     by_tetrahedra = solve_bands(case(*asked, mesh="tet"), log)
-    assert any("wanted: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
+    assert any("target: tetrahedra" in fact for fact in log.facts) and len(by_tetrahedra.meshes) == 1
     assert by_tetrahedra.expected_error and by_tetrahedra.expected_error < 0.001
     hexahedra = solve_bands(case(*asked), RecordingLog())
     moving = hexahedra.frequencies_hz > 1.0

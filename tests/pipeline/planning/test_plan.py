@@ -450,11 +450,11 @@ def test_the_trace_sees_all_of_what_a_scene_does_ask_for(tmp_path: Path) -> None
     assert "cadquery" in result["modules"]
 
 
-def test_the_wanted_window_reaches_to_the_zone_between_clamped_sides() -> None:
+def test_the_target_window_reaches_to_the_zone_between_clamped_sides() -> None:
     """A zone narrower than half a wave: rows may hold its border so fast that 1.35 times the pinned zone lies too low."""
     for name in ("three-rows.toml", "glass-plate.toml"):
         design = load_case(STUDIES / name).design
-        low, high = mesh_rules.wanted_window_hz(design)
+        low, high = mesh_rules.target_window_hz(design)
         zone = predesign(design).zone
         assert zone and zone.clamped_hz and low < zone.frequency_hz < zone.clamped_hz <= high
     assert high > mesh_rules.WINDOW[1] * zone.frequency_hz
@@ -464,5 +464,5 @@ def test_the_window_of_a_rigid_shape_reaches_to_the_clamped_beam_across() -> Non
     """Cylindrical bending: (4.7300/pi)^2 = 2.2669 times the frequency between pinned sides."""
     for lines in (0, 1):
         design = load_case(STUDIES / "three-rows.toml", [f"zone.nodal_lines={lines}", "patches.sensors=[]"]).design
-        low, high = mesh_rules.wanted_window_hz(design)
+        low, high = mesh_rules.target_window_hz(design)
         assert high / low * mesh_rules.WINDOW[0] == pytest.approx(2.2669, rel=1e-4)

@@ -1,4 +1,4 @@
-"""One mesh level finer: taken where the wanted mode's own estimate asks for it, not taken where it does not, and
+"""One mesh level finer: taken where the target mode's own estimate asks for it, not taken where it does not, and
 said when it fails.
 """
 
@@ -41,7 +41,7 @@ def solved(accuracy: float) -> tuple[modes.PartModes, RecordingLog]:
 
 @pytest.fixture
 def too_low(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A planner that starts at a degree that cannot carry the wanted mode."""
+    """A planner that starts at a degree that cannot carry the target mode."""
     monkeypatch.setattr(mesh_rules, "ALONG", {0.0: {2: 100.0}})
 
 
@@ -81,11 +81,11 @@ def test_a_mesh_level_that_cannot_be_solved_leaves_the_modes_of_the_one_below(mo
 
 
 def test_modes_that_nobody_is_told_ask_for_no_finer_mesh() -> None:
-    """Every class solves as many as are wanted of all together: the highest of them are left out, and their errors, too."""
+    """Every class solves as many as are target of all together: the highest of them are left out, and their errors, too."""
     log = RecordingLog()
     result = modes.solve_modes(case(0.01), Request("zone", near_hz=1e3, count=3, search=False), log)
     assert len(result.rows) == 3 and not any("finer ones" in fact for fact in log.facts)
-    assert result.wanted and max(row.frequency_hz for row in result.wanted.rows) > 1.5 * result.rows[-1].frequency_hz
+    assert result.target and max(row.frequency_hz for row in result.target.rows) > 1.5 * result.rows[-1].frequency_hz
     assert result.expected_error == max(row.error for row in result.rows if row.error is not None)
 
 

@@ -29,7 +29,7 @@ def case(study: StoredStudy) -> StoredCase:
 
 @pytest.fixture
 def by_hand(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(rendering, "_faults", ["not wanted in this test"])
+    monkeypatch.setattr(rendering, "_faults", ["not target in this test"])
 
 
 def labels(figure) -> str:
@@ -162,12 +162,12 @@ def test_confinement_against_what_was_swept(study: StoredStudy):
 
 
 def test_only_points_of_one_and_the_same_mode_are_joined(tmp_path: Path):
-    """Three plates whose wanted shape is tracked from the first to the second and is another mode's at the third."""
+    """Three plates whose target shape is tracked from the first to the second and is another mode's at the third."""
     folder = synthetic.put_study(tmp_path / "sweep", pitches=(0.004, 0.005, 0.006), rows=(3,))
     shapes = {4: [[1.0, 0.0], [0.0, 1.0]], 5: [[0.99, 0.1], [0.0, 1.0]], 6: [[0.0, 1.0], [1.0, 0.0]]}
     for pitch, coefficients in shapes.items():
         (path,) = folder.glob(f"pitch_mm={pitch}*/record.json")
-        kept = ShapesResult(wanted=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
+        kept = ShapesResult(target=0, frequency_hz=[31e3, 33e3], share=[0.9] * 2, coefficients=coefficients)
         synthetic.change(path.parent, shapes=kept)
     level, tone = sweep.against_sweep(read_study(folder)).figure.axes
     for axes in (level, tone):

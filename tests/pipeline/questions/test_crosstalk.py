@@ -35,8 +35,8 @@ from solvers.driven.error_bars import Variation
 from solvers.driven.several_patches import Zones, power_flow, zone_volts, zones_of
 from solvers.fem.eigen import modes_near
 from solvers.fem.solid import SolidModel
-from solvers.measures.confinement import wanted_shape
-from solvers.measures.wanted_mode import SIMILAR
+from solvers.measures.confinement import target_shape
+from solvers.measures.target_mode import SIMILAR
 from solvers.piezo.forced import ForcedPlate
 from solvers.piezo.responses import resonances_hz
 from solvers.plates.assembled import PlateModel
@@ -170,14 +170,14 @@ def test_a_zone_s_motion_is_that_of_the_whole_face(forced: ForcedPlate) -> None:
         part = part & (np.abs(points[:, 1]) < 11e-3)
         rms = np.sqrt((weights[part] @ np.abs(values[part]) ** 2) / weights[part].sum())
         assert ours[place] == pytest.approx(rms, rel=1e-9)
-        own = wanted_shape(forced.design, points[part] - [0.0, forced.design.zone_centres_m[place]])
+        own = target_shape(forced.design, points[part] - [0.0, forced.design.zone_centres_m[place]])
         alike = abs((weights[part] * own) @ values[part]) ** 2 / (weights[part] @ own**2) / weights[part].sum() / rms**2
         assert zones.mac(volts[0], tone, place) == pytest.approx(alike, rel=1e-9)
     assert ours[0] != pytest.approx(ours[1], rel=0.05)
     lower = np.abs(points[:, 1] + 6e-3) < 5e-3
-    wanted = wanted_shape(case_of(ZONE).design, points[lower] + [0.0, 6e-3])
-    norms = weights[lower] @ wanted**2, weights[lower] @ np.abs(values[lower]) ** 2
-    mac = abs((weights[lower] * wanted) @ values[lower]) ** 2 / np.prod(norms)
+    target = target_shape(case_of(ZONE).design, points[lower] + [0.0, 6e-3])
+    norms = weights[lower] @ target**2, weights[lower] @ np.abs(values[lower]) ** 2
+    mac = abs((weights[lower] * target) @ values[lower]) ** 2 / np.prod(norms)
     assert zones.mac(volts[0], tone, 0) == pytest.approx(mac, rel=1e-9)
     flow = power_flow(forced.driven_by(volts[0].astype(complex)), tone)
     assert flow.patches_w.sum() == pytest.approx(flow.lost_w, rel=1e-9) and flow.lost_w > 0.0
@@ -308,10 +308,10 @@ def test_a_peak_s_bars_follow_its_mode(forced: ForcedPlate, monkeypatch: pytest.
         assert (np.abs(moved[:-1] - rms) <= half * (1.0 + 1e-9)).all()
 
 
-def test_a_zone_whose_peak_is_not_its_wanted_mode_is_told(
+def test_a_zone_whose_peak_is_not_its_target_mode_is_told(
     forced: ForcedPlate, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """At one of the plate's resonances the zone moves in its wanted shape, at another in another: only the latter is told."""
+    """At one of the plate's resonances the zone moves in its target shape, at another in another: only the latter is told."""
     volts = zone_volts(forced, np.array([[-5e-3, -6e-3], [5e-3, 6e-3], [0.0, 6e-3]]))[0]
     zones = zones_of(forced)
     tones = resonances_hz(forced)

@@ -61,12 +61,12 @@ def test_patches_that_modes_leave_out_are_said(capsys: pytest.CaptureFixture[str
     assert "no_patches" in {each.rule for each in step.left_out}
 
 
-@pytest.mark.parametrize("wanted", [synthetic.wanted(12.0), synthetic.NO_MODE, None])
-def test_modes_go_through_a_record_and_back(wanted: Any) -> None:
-    modes = synthetic.modes(wanted, [synthetic.mode(31e3), synthetic.mode(32e3)])
+@pytest.mark.parametrize("target", [synthetic.target(12.0), synthetic.NO_MODE, None])
+def test_modes_go_through_a_record_and_back(target: Any) -> None:
+    modes = synthetic.modes(target, [synthetic.mode(31e3), synthetic.mode(32e3)])
     whole = Record(case_id="one", status="OK", modes=modes)
     assert Record.model_validate(whole.to_dict()) == whole and whole.of(ModesResult) == modes
-    assert type(Record.model_validate(whole.to_dict()).modes.wanted) is type(wanted)
+    assert type(Record.model_validate(whole.to_dict()).modes.target) is type(target)
 
 
 def test_a_record_of_the_version_before_is_read() -> None:

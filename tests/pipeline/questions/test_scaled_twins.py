@@ -100,8 +100,8 @@ def figures(record: Any, command: str) -> dict[str, tuple[float, float | None, i
         add("volts", record.drive_V_at_1um, record.drive_error_V_at_1um)
         add("lost", record.lost_W, record.lost_error_W)
     elif command == "hybrid":
-        add("hz", record.wanted_hz, record.wanted_error, 1, True)
-        place = record.wanted_place
+        add("hz", record.target_hz, record.target_error, 1, True)
+        place = record.target_place
         for method in record.methods:
             add(f"{method.method} db", method.confinement_db[place], method.confinement_error_db[place])
             add(f"{method.method} volts", method.volts_per_um[place], method.volts_error_per_um[place])

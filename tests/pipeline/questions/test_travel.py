@@ -292,7 +292,7 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> 
             ask(case_of(**change), Travel(), QUIET)
         assert len(refused.value.lines) == 1
     _, wave = solved
-    with pytest.raises(SolverError, match="does not hold the wanted mode and a neighbour"):
+    with pytest.raises(SolverError, match="does not hold the target mode and a neighbour"):
         travelling.best_pair(wave.forced, dataclasses.replace(case_of().design, nodal_lines=20), 0.0)
     sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))

@@ -108,9 +108,9 @@ def test_fields_on_demand_hold_every_mode_and_no_less(computed: Path) -> None:
         tones, moved = file["frequency_hz"], file["displacement"]
         assert tones.tolist() == [mode.frequency_hz for mode in stored.modes.modes]
         assert moved.shape == (len(tones), len(file["points"]), 3) and moved.dtype == np.float64
-        wanted = moved[stored.wanted.index]
+        target = moved[stored.target.index]
     kept = from_steps(store.load_arrays(computed)["folded_u"][0])
-    np.testing.assert_allclose(kept, scaled(wanted), atol=1.3e-4)
+    np.testing.assert_allclose(kept, scaled(target), atol=1.3e-4)
 
 
 def test_a_case_keeps_no_fields_unless_asked(tmp_path: Path) -> None:

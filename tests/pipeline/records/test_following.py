@@ -13,11 +13,11 @@ from pipeline.records.study import StoredCase, StoredStudy
 from tests.helpers import synthetic
 
 
-def case(pitch: float, shapes: list[list[float]], wanted: int, mac: float, rows: int = 1) -> StoredCase:
+def case(pitch: float, shapes: list[list[float]], target: int, mac: float, rows: int = 1) -> StoredCase:
     """A record with modes at 30, 31, ... kHz."""
     tones = [30e3 + 1e3 * i for i in range(len(shapes))]
-    modes = synthetic.modes(synthetic.wanted(12.0, tones[wanted], mac=mac, share=mac))
-    stored = ShapesResult(wanted=wanted, frequency_hz=tones, share=[0.9] * len(shapes), coefficients=shapes)
+    modes = synthetic.modes(synthetic.target(12.0, tones[target], mac=mac, share=mac))
+    stored = ShapesResult(target=target, frequency_hz=tones, share=[0.9] * len(shapes), coefficients=shapes)
     sweep = {"array.pitch_mm": pitch, "array.rows": rows}
     return synthetic.case(f"p{pitch}r{rows}", sweep, modes=modes, shapes=stored)
 
@@ -38,7 +38,7 @@ def test_a_crossing_is_told_and_the_line_starts_where_the_mode_is_plainest() -> 
         study(
             case(4, [FIRST, SECOND], 0, 0.98),
             case(5, [SECOND, FIRST], 1, 0.9),
-            case(6, [SECOND, [0.95, 0.1]], 0, 0.6),  # looks most like the wanted shape, yet is another mode
+            case(6, [SECOND, [0.95, 0.1]], 0, 0.6),  # looks most like the target shape, yet is another mode
         )
     )
     assert [result[name].tracking for name in ("p4r1", "p5r1", "p6r1")] == ["start", "kept", "crossed"]

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from pipeline.batch import runner
-from pipeline.models.mode_parts import WantedMode
+from pipeline.models.mode_parts import TargetMode
 from pipeline.questions.modes import ModesResult
 from pipeline.questions.response import PeakRecord
 from pipeline.records import fingerprint, record, store
@@ -28,7 +28,7 @@ def stored(folder: Path) -> Record:
 def test_what_was_written_is_read_field_by_field(tmp_path: Path) -> None:
     made = stored(tmp_path / "case")
     read = record.read(tmp_path / "case")
-    assert read == made and isinstance(read.wanted, WantedMode)
+    assert read == made and isinstance(read.target, TargetMode)
     text = json.loads((tmp_path / "case" / store.RECORD).read_text())
     assert text["schema"] == store.SCHEMA and text["modes"]["modes"][0]["frequency_hz"] == 31500.0
     assert "tolerance" not in text  # nothing stands for what was not measured
@@ -76,18 +76,18 @@ def test_what_was_measured_once_stood_beside_the_response_and_is_still_read(tmp_
     assert Record.model_validate(before).response.measured.values() == field
 
 
-def test_without_a_wanted_mode_no_figure_of_it_is_claimed() -> None:
+def test_without_a_target_mode_no_figure_of_it_is_claimed() -> None:
     modes = ModesResult.from_document(json.loads(json.dumps(synthetic.modes(synthetic.NO_MODE).to_dict())))
     result = Record(case_id="c", status="OK", modes=modes)
-    assert result.wanted is None and result.wanted_status == "none" and result.confined is None
-    assert modes.to_dict()["wanted"]["frequency_hz"] is None
+    assert result.target is None and result.target_status == "none" and result.confined is None
+    assert modes.to_dict()["target"]["frequency_hz"] is None
 
 
 @pytest.mark.parametrize(
     ("level", "driven", "confined"), [(12.2, 9.3, False), (12.2, 10.1, True), (9.9, 10.1, False), (None, 12.0, None)]
 )
 def test_confined_means_as_a_mode_and_driven(level: float | None, driven: float, confined: bool | None) -> None:
-    modes = synthetic.modes(synthetic.wanted(level))
+    modes = synthetic.modes(synthetic.target(level))
     assert Record(case_id="c", status="OK", modes=modes, response=synthetic.response(driven)).confined is confined
 
 

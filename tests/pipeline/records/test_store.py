@@ -116,8 +116,8 @@ def edited(folder: Path, name: str, edit: Callable[[dict], object]) -> None:
     ("name", "edit"),
     [
         (store.RECORD, lambda stored: stored.update(status="WARNING")),
-        (store.RECORD, lambda stored: stored.update(wanted={"confinement_db": 99.0})),
-        (store.RECORD, lambda stored: stored.update(wanted=float("inf"))),
+        (store.RECORD, lambda stored: stored.update(target={"confinement_db": 99.0})),
+        (store.RECORD, lambda stored: stored.update(target=float("inf"))),
         (store.RECORD, lambda stored: stored.pop("proof")),
         (store.RECORD, lambda stored: stored.update(proof=None)),
         (store.RECORD, lambda stored: stored.update(case_id="another")),

@@ -30,7 +30,7 @@ def read(path: Path) -> list[dict[str, str]]:
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     modes = [
-        synthetic.modes(synthetic.wanted(level, 31234.5678, mac=0.91234567, rivals=[]), dof=1234)
+        synthetic.modes(synthetic.target(level, 31234.5678, mac=0.91234567, rivals=[]), dof=1234)
         for level in (10.0, 9.99)
     ]
     gaps = [
@@ -55,7 +55,7 @@ def test_a_key_that_changes_no_figure_is_told(tmp_path: Path) -> None:
     def written(name: str, shift: float) -> list[str]:
         listed = []
         for number, (rows, quality_factor) in enumerate(product((1, 2), (100.0, 300.0))):
-            modes = synthetic.modes(synthetic.wanted(10.0 + rows + shift * quality_factor, 31e3, mac=0.9, rivals=[]))
+            modes = synthetic.modes(synthetic.target(10.0 + rows + shift * quality_factor, 31e3, mac=0.9, rivals=[]))
             listed.append(
                 put(tmp_path / name, f"c{number}", {"array.rows": rows, "damping.quality": quality_factor}, modes=modes)
             )
@@ -72,7 +72,7 @@ def test_a_row_per_case_in_the_study_s_order(study: Path):
     rows = read(asked.write_table(study))
     assert [row["case"] for row in rows] == ["b", "a", "f", "cell", "gone"]
     assert [row["array.rows"] for row in rows] == ["2", "1", "3", "0", "4"]
-    assert rows[0]["wanted_hz"] == "31234.5678" and rows[0]["mac"] == "0.91234567" and rows[0]["dof"] == "1234"
+    assert rows[0]["target_hz"] == "31234.5678" and rows[0]["mac"] == "0.91234567" and rows[0]["dof"] == "1234"
     assert [row["confined"] for row in rows] == ["yes", "no", "", "", ""]
     assert rows[0]["count_check"] == "holds"
     assert (rows[2]["status"], rows[2]["diagnosis"]) == ("FAILED", 'no count, "31 kHz"')
@@ -143,8 +143,8 @@ def test_the_file_holds_numbers_and_a_reader_sees_the_digits_of_the_bar() -> Non
 def test_no_column_of_a_figure_with_an_estimate_lacks_its_bar() -> None:
     """Every column of a measure in whose record an error of the same name stands."""
     columns = {column.name: column for each in asked.questions() for column in asked.columns(each)}
-    named = ("wanted_hz", "confinement_db", "mac", "zone_share", "strength", "gap_lower_hz", "db_per_row", "rows_db")
-    named += ("wanted_peak_hz", "wanted_peak_nm_per_v", "highest_peak_hz", "touched_um", "touched_db", "touch_share")
+    named = ("target_hz", "confinement_db", "mac", "zone_share", "strength", "gap_lower_hz", "db_per_row", "rows_db")
+    named += ("target_peak_hz", "target_peak_nm_per_v", "highest_peak_hz", "touched_um", "touched_db", "touch_share")
     named += (
         "touch_quality_factor",
         "touch_shift_hz",

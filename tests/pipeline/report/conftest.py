@@ -17,5 +17,5 @@ def figures_in_process() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("pipeline.workers.LocalWorkers", workers)
-        patch.setattr("pipeline.plots.rendering._faults", ["not wanted in this test"])
+        patch.setattr("pipeline.plots.rendering._faults", ["not target in this test"])
         yield

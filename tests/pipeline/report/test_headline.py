@@ -34,7 +34,7 @@ def plate(pitch: int, rows: int, level_db: float, driven_db: float | None = None
         more.get("name", f"p{pitch}r{rows}"),
         more.get("sweep", {"array.pitch_mm": pitch, "array.rows": rows}),
         design=synthetic.design(rows, 1e-3 * pitch, 5e-3),
-        modes=synthetic.modes(synthetic.wanted(level_db, 35e3, mac=0.98)),
+        modes=synthetic.modes(synthetic.target(level_db, 35e3, mac=0.98)),
         bands=BandsResult(model="solid", dof=1, points=[corner], gaps=[gap]),
         prediction=text,
         **driven,
@@ -82,7 +82,7 @@ def test_rows_needed_are_those_of_finite_plates_beside_the_endless_estimate(stud
 
 
 def test_a_plate_computed_beside_its_sweep_counts_once(study: StoredStudy) -> None:
-    assert "4 of 6 plates confine the wanted mode" in " ".join(text.sentences(study))
+    assert "4 of 6 plates confine the target mode" in " ".join(text.sentences(study))
     assert "best of 6 plates" in cards(study)["Confined to the zone"].note
 
 
@@ -107,9 +107,9 @@ def test_designs_with_patches_are_ranked_as_driven() -> None:
     assert "20.0 dB as driven, 16.0 dB as a mode" in said and "moves 10.0 times as much" in said
 
 
-def test_without_a_wanted_mode_nothing_is_claimed() -> None:
+def test_without_a_target_mode_nothing_is_claimed() -> None:
     record = plate(4, 3, 12.0).record.with_parts(modes=synthetic.modes(synthetic.NO_MODE))
-    assert record.wanted is None and record.confined is None and record.wanted_status == "none"
+    assert record.target is None and record.confined is None and record.target_status == "none"
     assert set(cards(StoredStudy(Path("s"), {}, (StoredCase(Path("none"), record),)))) == {"Cases"}
     json.dumps(record.to_dict(), allow_nan=False)
 
@@ -140,9 +140,9 @@ def test_the_facts_name_plate_pillars_day_and_program(study: StoredStudy, tmp_pa
 
 def test_the_table_shows_frequencies_in_khz_and_few_columns_first(study: StoredStudy) -> None:
     columns = {column.name: column for column in asked.columns_of(study)}
-    wanted, rows, zone = columns["wanted_hz"], columns["array.rows"], columns["zone_share"]
+    target, rows, zone = columns["target_hz"], columns["array.rows"], columns["zone_share"]
     record = study.cases[-1].record
-    assert (wanted.shown_unit, wanted.shown(record), wanted.style("")) == ("kHz", "35.0", "number")
+    assert (target.shown_unit, target.shown(record), target.style("")) == ("kHz", "35.0", "number")
     assert rows.is_main and not zone.is_main and zone.style("") == "number more"
     assert sum(column.is_main for column in columns.values()) <= 10 < len(columns)
 
@@ -163,9 +163,9 @@ def test_the_sketch_has_every_pillar_and_the_dimensions(study: StoredStudy) -> N
 
 def test_words_have_the_digits_of_their_bars() -> None:
     """Of a mode known to 12 % and 4 dB, and of ten plates that spread by 200 Hz and 2 dB."""
-    known = synthetic.wanted(12.24, 35.21e3, mac=0.98, frequency_error=0.12, confinement_error_db=4.0)
+    known = synthetic.target(12.24, 35.21e3, mac=0.98, frequency_error=0.12, confinement_error_db=4.0)
     case = synthetic.case("one", {}, modes=synthetic.modes(known))
-    about = shapes._words(case, 35.21e3, wanted=True)["about"]
+    about = shapes._words(case, 35.21e3, target=True)["about"]
     assert "at 35 kHz, 12 dB" in about and ": 12 dB (at" in level_text(case)
     said = confinement_words(12.24, 9.31, 4.0)
     assert said == "confined (12 dB as a mode, 9.3 dB driven by its patches, which is not confined)"

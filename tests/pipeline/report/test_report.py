@@ -137,7 +137,7 @@ def test_every_picture_is_drawn_named_and_kept(folder: Path):
     (place / "touch_face.png").rename(place / "lost")
     assert gallery.kept_pictures(case) is None  # a lost file, and:
     (place / "lost").rename(place / "touch_face.png")
-    modes = replace(case.record.modes, wanted=synthetic.wanted(3.0))
+    modes = replace(case.record.modes, target=synthetic.target(3.0))
     changed = replace(case, record=case.record.with_parts(modes=modes))
     assert gallery.kept_pictures(case) is not None and gallery.kept_pictures(changed) is None
 
@@ -188,7 +188,7 @@ def test_a_long_study_draws_its_best_case(tmp_path: Path):
     study = read_study(folder)
     for case in study.cases:
         if case.record.answered:
-            synthetic.change(case.folder, modes=replace(case.record.modes, wanted=synthetic.wanted(12.0)))
+            synthetic.change(case.folder, modes=replace(case.record.modes, target=synthetic.target(12.0)))
     study = read_study(folder)
     best = text.best_case(study)
     assert best and all(best in report_page.chosen(study, most) for most in range(2, 9))
@@ -198,7 +198,7 @@ def test_it_says_what_matters(page: Page):
     text = page.text
     assert "31.5\u202fkHz" in text and "163–176\u202fkHz" in text
     assert "confined; driven at its own peak, 11.0\u202fdB as a mode, best of 2 plates" in text
-    assert "1 of 2 plates confine the wanted mode by at least 10 dB: pitch_mm=4,rows=1." in text
+    assert "1 of 2 plates confine the target mode by at least 10 dB: pitch_mm=4,rows=1." in text
     assert "pitch_mm=12,rows=1 gave no answer: the mesh has a cell with a negative Jacobian <7>." in text
     assert "faces <clamped>" in text
     assert "a thin element" in text and "patches: no response is asked (2 of 3" in text
@@ -279,7 +279,7 @@ def test_what_a_study_computes_once_is_shown_beside_the_same_plate(tmp_path: Pat
     mixed = StoredStudy(folder, {}, (study.cases[0], stranger)).with_cross_checks(stranger)
     assert mixed.record.held("tet_bands") and not mixed.record.held("tet_modes")  # the same cell, another plate
     text = Page(report_page.build(folder, max_figures=0).read_text()).text
-    assert "wanted mode, tetrahedra (pytetwild)" in text
+    assert "target mode, tetrahedra (pytetwild)" in text
     assert table(study).splitlines()[2].count("31520.00") == 0  # the table keeps each case's own numbers
 
 
@@ -287,7 +287,7 @@ def test_a_long_study_draws_the_extremes_and_a_spread(tmp_path: Path):
     listed = []
     for number in range(40):
         level = 5.0 + (number * 7 % 40)
-        case = synthetic.case(f"c{number}", {"n": number}, modes=synthetic.modes(synthetic.wanted(level)))
+        case = synthetic.case(f"c{number}", {"n": number}, modes=synthetic.modes(synthetic.target(level)))
         (tmp_path / f"c{number}").mkdir()
         store.seal(tmp_path / f"c{number}", case.record.to_dict())
         listed.append({"case_id": f"c{number}", "sweep": {"n": number}})
@@ -360,7 +360,7 @@ def test_the_vendored_viewer_is_the_one_its_readme_names():
     [
         {"schema": 0},
         {"schema": 1},
-        {"wanted": [1, 2]},
+        {"target": [1, 2]},
         {"modes": {"modes": [{"hz": 1.0}]}},
         {"bands": {"gaps": [{"from": 1.0}]}},
         {"left_out": 7},
@@ -381,7 +381,7 @@ def test_an_edited_record_is_named_and_its_numbers_are_not_shown(folder: Path, t
     copy = Path(shutil.copytree(folder, tmp_path / "rows"))
     path = copy / "pitch_mm=4,rows=1/record.json"
     record = json.loads(path.read_text())
-    record["modes"]["wanted"]["confinement_db"] = 99.25
+    record["modes"]["target"]["confinement_db"] = 99.25
     path.write_text(json.dumps(record))
     text = Page(report_page.build(copy, max_figures=0).read_text()).text
     assert "99.25" not in text and "record.json and files.json are not what was written" in text

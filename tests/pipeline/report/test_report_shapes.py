@@ -119,11 +119,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return synthetic.put_study(tmp_path_factory.mktemp("shapes") / "rows", pitches=(0.004,), rows=(1, 2))
 
 
-def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_wanted_modes(study: Path) -> None:
+def test_a_page_shows_the_best_plate_with_neighbours_and_the_others_target_modes(study: Path) -> None:
     cases = [case for case in read_study(study).cases if case.record.status == "OK"]
     gallery = shapes.plates(cases, cases[1], {cases[1].case_id: "case-2-moving_plate"})
     assert [shape["group"] for shape in gallery["shapes"]].count(cases[0].case_id) == 1
-    assert gallery["shapes"][0]["group"] == cases[1].case_id and "wanted" in gallery["shapes"][0]["name"]
+    assert gallery["shapes"][0]["group"] == cases[1].case_id and "target" in gallery["shapes"][0]["name"]
     assert gallery["shapes"][0]["still"] == "case-2-moving_plate" and "16.0 dB" in gallery["shapes"][0]["about"]
     assert len(gallery["shapes"]) <= shapes.MAX_SHAPES
 
@@ -142,7 +142,7 @@ def test_cases_with_the_same_bands_share_a_diagram(study: Path) -> None:
     assert len(result["cells"]) == 1 and result["cells"][0]["name"] == "array pitch (mm) = 4, 2 plates"
     cell = result["cells"][0]
     assert cell["kind"] is None and cell["pillar"] is None and "shapes" not in cell  # a record of an older version
-    assert cell["gaps"][0]["lower_hz"] == 163100.0 and cell["wanted_hz"] == 31500.0
+    assert cell["gaps"][0]["lower_hz"] == 163100.0 and cell["target_hz"] == 31500.0
     assert len(cell["arc"]) == len(cell["hz"]) == 76 and [x for x in cell["labels"] if x] == ["G", "X", "M", "G"]
 
 

@@ -404,9 +404,9 @@ def test_what_cannot_be_solved_is_told_and_passed_over(fidelity: str, monkeypatc
 def test_strips_are_calibrated_on_the_files_own_column(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A column as a strip with feet of 0.8 would answer: the search finds the 0.8."""
     case = load_case(CASE)
-    wanted = by_strip(case, 0.8)
+    target = by_strip(case, 0.8)
     monkeypatch.setattr(
-        optimiser, "evaluate", lambda case, fidelity, near_hz=None, cache=None: replace(wanted, fidelity=fidelity)
+        optimiser, "evaluate", lambda case, fidelity, near_hz=None, cache=None: replace(target, fidelity=fidelity)
     )
     space = read_space(CASE, [], ["pillar.height_mm=6:6.5"])
     result = optimiser.search(space, Settings(evaluations=1), fidelity.WarningLog(), EvaluationCache(tmp_path))
@@ -455,9 +455,9 @@ def test_the_command_that_it_names_gives_the_number_that_it_claims(
     sets = [part for text in searched[0]["repeat"] for part in ("--set", text)]
     assert main(["modes", CASE, *sets, "--symmetry=AS", "--quiet", "--json", str(tmp_path / "m.json")]) == 0
     modes = json.loads((tmp_path / "m.json").read_text())["modes"]
-    wanted = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
-    assert wanted["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
-    assert wanted["frequency_hz"] == pytest.approx(best["frequency_hz"], rel=1e-9)
+    target = max(modes, key=lambda mode: (mode["mac"] or 0.0) * (mode["zone_share"] or 0.0))
+    assert target["confinement_db"] == pytest.approx(best["confinement_db"], abs=1e-6)
+    assert target["frequency_hz"] == pytest.approx(best["frequency_hz"], rel=1e-9)
 
 
 @pytest.mark.slow
@@ -484,11 +484,11 @@ def test_columns_are_for_spaces_whose_every_end_leaves_room_about_the_feet() -> 
     """Curved hexahedra need some plate beyond the foot: a flush last row, tetrahedra asked for, a wide foot at one end."""
     shape = ["pillar.shape=round", "pillar.diameter_mm=2"]
     heights, widths = ["pillar.height_mm=6:7"], ["pillar.diameter_mm=1.5:3.95"]
-    for fixed, varied, wanted in (
+    for fixed, varied, target in (
         (shape, heights, True),
         (shape, widths, False),
         ([*shape, "array.extension_mm=0"], heights, False),
         ([*shape, "solve.mesh=tet"], heights, False),
         ([], ["pillar.side_mm=1.5:3.95"], True),
     ):
-        assert optimiser._have_columns(read_space(CASE, fixed, varied)) == wanted, (fixed, varied)
+        assert optimiser._have_columns(read_space(CASE, fixed, varied)) == target, (fixed, varied)

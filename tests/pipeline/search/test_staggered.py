@@ -13,7 +13,7 @@ from pipeline.logs import WarningLog
 from pipeline.models.bands import row_cell
 from pipeline.models.broadband import broadband
 from pipeline.paths import STUDIES
-from pipeline.planning.mesh_rules import wanted_window_hz
+from pipeline.planning.mesh_rules import target_window_hz
 from pipeline.planning.model_choice import cell_model_choice
 from pipeline.search import fidelity, optimiser
 from pipeline.search.designs import Settings
@@ -43,17 +43,17 @@ def test_staggered_rows_are_chosen_where_they_stop_the_wider_band(
 
 
 def test_their_band_begins_where_the_lattice_has_no_more_flexural_waves(coarsest_cells: None) -> None:
-    """At the wanted wavenumber; three rows take 10 dB over the lower part of the lattice's gap, about the wanted mode."""
+    """At the target wavenumber; three rows take 10 dB over the lower part of the lattice's gap, about the target mode."""
     case = load_case(CASE, [*SMALL, "array.stagger=true"])
     found = evaluate(case, COLUMN, banded=True)
-    stopped = broadband(case, WarningLog(), wanted_window_hz(case.design), 101, 0.1, with_bars=False)["stopped"]
+    stopped = broadband(case, WarningLog(), target_window_hz(case.design), 101, 0.1, with_bars=False)["stopped"]
     (low, high) = next(ends for ends in stopped if ends[0] < found.frequency_hz < ends[1])
     assert found.band_khz == pytest.approx((high - low) / 1e3)
     reduction = cell_model_choice(case).reduction
     assert reduction
     row = row_cell(case.design, reduction)
     across = np.linspace(0.0, np.pi / case.design.pitch_y_m, 5)
-    bands = np.array([row.frequencies(np.array([case.kx_wanted_per_m, ky]), 3) for ky in across])
+    bands = np.array([row.frequencies(np.array([case.target_kx_per_m, ky]), 3) for ky in across])
     assert low == pytest.approx(bands[:, 0].max(), rel=0.02)
     assert (
         bands[:, 1].max() < high < bands[:, 2].min()

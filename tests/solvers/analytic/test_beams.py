@@ -57,7 +57,7 @@ def test_free_free_shape_has_its_nodes_and_antinodes(nodes):
     assert values[0] * values[-1] == pytest.approx((-1) ** nodes * values[-1] ** 2, rel=1e-9)
 
 
-def test_asymptotic_wavenumber_of_the_wanted_shape():
+def test_asymptotic_wavenumber_of_the_target_shape():
     assert free_free_mode(8).kappa == pytest.approx(7.5 * pi, abs=1e-8)
 
 

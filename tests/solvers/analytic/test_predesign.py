@@ -39,10 +39,10 @@ def test_sizes_in_the_units_of_their_names():
 
 @pytest.mark.parametrize("pillar", SHAPES, ids=lambda pillar: pillar.shape)
 @pytest.mark.parametrize("theory", ["euler", "timoshenko"])
-@pytest.mark.parametrize("wanted", [3e3, 32e3, 60e3])
-def test_pillar_height_gives_back_its_frequency(pillar, theory, wanted):
-    height = pillar_height_m(pillar, wanted, theory)
-    assert pillar_frequencies_hz(pillar, theory, 1, height)[0] == pytest.approx(wanted, rel=1e-7)
+@pytest.mark.parametrize("target", [3e3, 32e3, 60e3])
+def test_pillar_height_gives_back_its_frequency(pillar, theory, target):
+    height = pillar_height_m(pillar, target, theory)
+    assert pillar_frequencies_hz(pillar, theory, 1, height)[0] == pytest.approx(target, rel=1e-7)
 
 
 def test_tapering_raises_the_frequency_and_a_straight_taper_changes_nothing():
@@ -55,10 +55,10 @@ def test_tapering_raises_the_frequency_and_a_straight_taper_changes_nothing():
     assert pillar_frequencies_hz(SHAPES[2], "euler")[0] > pillar_frequencies_hz(SQUARE, "euler")[0]
 
 
-@pytest.mark.parametrize("wanted", [0.0, -1.0, nan])
-def test_refused(wanted):
+@pytest.mark.parametrize("target", [0.0, -1.0, nan])
+def test_refused(target):
     with pytest.raises(SolverError, match="must be a finite number above 0"):
-        pillar_height_m(SQUARE, wanted, "euler")
+        pillar_height_m(SQUARE, target, "euler")
 
 
 def test_parts_that_are_not_given_are_not_computed():

@@ -300,11 +300,11 @@ def test_study_closes_the_chain():
     )
     study = dq_study(DqData(neighbours=others))
     document = plain(study.to_dict())
-    wanted = study.data.wanted
+    target = study.data.target
     entry = document["table_entry"]
-    assert entry["frequency_hz"] == pytest.approx(wanted.frequency_hz, abs=0.1)
-    assert entry["tau_s"] == pytest.approx(wanted.tau_s, rel=5e-3)
-    assert complex(*entry["gain"]) == pytest.approx(-1j * wanted.gain * abs(hold(wanted.frequency_hz)), rel=5e-3)
+    assert entry["frequency_hz"] == pytest.approx(target.frequency_hz, abs=0.1)
+    assert entry["tau_s"] == pytest.approx(target.tau_s, rel=5e-3)
+    assert complex(*entry["gain"]) == pytest.approx(-1j * target.gain * abs(hold(target.frequency_hz)), rel=5e-3)
     assert entry["delay_s"] == pytest.approx(9e-6, abs=5e-8)
     assert study.query.trace.reached_s() == pytest.approx(2e-3, rel=0.05)
     assert study.query.trace.overshoot() < 0.02

@@ -9,7 +9,7 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, measure, wanted_shape, wanted_symmetry
+from solvers.measures.confinement import TouchField, measure, target_shape, target_symmetry
 
 DESIGN = Design(60e-3, 20e-3, 2e-3, 6, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 
@@ -36,22 +36,22 @@ def test_an_even_field_is_not_confined_whatever_its_size() -> None:
         assert result.zone_share[0] == pytest.approx(0.5, rel=1e-12)
 
 
-def test_the_wanted_shape_has_a_mac_of_one_and_another_order_none() -> None:
+def test_the_target_shape_has_a_mac_of_one_and_another_order_none() -> None:
     other = Design(**{**vars(DESIGN), "nodal_lines": 4})
-    both = field(lambda p: np.column_stack([-3.0 * wanted_shape(DESIGN, p), wanted_shape(other, p)]))
+    both = field(lambda p: np.column_stack([-3.0 * target_shape(DESIGN, p), target_shape(other, p)]))
     result = measure(both, DESIGN, None)
     assert result.mac[0] == pytest.approx(1.0, abs=1e-12)
     assert result.mac[1] < 1e-4
 
 
 def test_motion_outside_the_zone_does_not_change_the_mac() -> None:
-    quiet = field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, wanted_shape(DESIGN, p), 0.0))
-    loud = field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, wanted_shape(DESIGN, p), 5.0))
+    quiet = field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, target_shape(DESIGN, p), 0.0))
+    loud = field(lambda p: np.where(np.abs(p[:, 1]) < 10e-3, target_shape(DESIGN, p), 5.0))
     assert measure(loud, DESIGN, None).mac[0] == pytest.approx(measure(quiet, DESIGN, None).mac[0], abs=1e-12)
 
 
 def test_a_quarter_measures_what_the_whole_measures() -> None:
-    whole = field(lambda p: wanted_shape(DESIGN, p) * (1.0 + 1e4 * p[:, 0] ** 2))
+    whole = field(lambda p: target_shape(DESIGN, p) * (1.0 + 1e4 * p[:, 0] ** 2))
     keep = (whole.points > 0.0).all(axis=1)
     quarter = TouchField(whole.points[keep], 4.0 * whole.weights[keep], whole.values[keep])
     a, b = measure(whole, DESIGN, None), measure(quarter, DESIGN, "SS")
@@ -59,17 +59,17 @@ def test_a_quarter_measures_what_the_whole_measures() -> None:
 
 
 @pytest.mark.parametrize(("lines", "symmetry"), [(6, "SS"), (7, "AS"), (0, "SS"), (1, "AS")])
-def test_the_wanted_class_follows_the_number_of_lines(lines: int, symmetry: str) -> None:
-    assert wanted_symmetry(lines) == symmetry
+def test_the_target_class_follows_the_number_of_lines(lines: int, symmetry: str) -> None:
+    assert target_symmetry(lines) == symmetry
     design = Design(**{**vars(DESIGN), "nodal_lines": lines})
     at = np.array([[7e-3, 3e-3]])
     sign = 1.0 if symmetry[0] == "S" else -1.0
-    assert wanted_shape(design, at * [-1, 1])[0] == pytest.approx(sign * wanted_shape(design, at)[0], rel=1e-9)
-    assert wanted_shape(design, at * [1, -1])[0] == pytest.approx(wanted_shape(design, at)[0], rel=1e-9)
+    assert target_shape(design, at * [-1, 1])[0] == pytest.approx(sign * target_shape(design, at)[0], rel=1e-9)
+    assert target_shape(design, at * [1, -1])[0] == pytest.approx(target_shape(design, at)[0], rel=1e-9)
 
 
-def test_another_mirror_class_has_no_part_in_the_wanted_shape() -> None:
-    assert measure(field(lambda p: wanted_shape(DESIGN, p)), DESIGN, "AS").mac[0] == 0.0
+def test_another_mirror_class_has_no_part_in_the_target_shape() -> None:
+    assert measure(field(lambda p: target_shape(DESIGN, p)), DESIGN, "AS").mac[0] == 0.0
 
 
 def test_a_plate_without_passive_face_has_no_confinement_number() -> None:
@@ -77,10 +77,10 @@ def test_a_plate_without_passive_face_has_no_confinement_number() -> None:
     assert np.isnan(result.zone_share[0]) and np.isnan(result.confinement_db[0])
 
 
-def test_strength_is_one_for_a_plate_that_moves_in_the_wanted_shape_alone() -> None:
+def test_strength_is_one_for_a_plate_that_moves_in_the_target_shape_alone() -> None:
     """Modal mass rho h int w^2: the effective-mass fraction of a mode that is the shape itself, whatever its amplitude."""
     for size in (1.0, 1e-3):
-        shaped = field(lambda p, size=size: np.where(np.abs(p[:, 1]) < 10e-3, size * wanted_shape(DESIGN, p), 0.0))
+        shaped = field(lambda p, size=size: np.where(np.abs(p[:, 1]) < 10e-3, size * target_shape(DESIGN, p), 0.0))
         mass = DESIGN.material.density_kg_m3 * DESIGN.thickness_m * float(shaped.weights @ shaped.values[:, 0] ** 2)
         assert measure(replace(shaped, modal_mass_kg=mass), DESIGN, None).strength[0] == pytest.approx(1.0, rel=1e-12)
         heavier = measure(replace(shaped, modal_mass_kg=4.0 * mass), DESIGN, None)

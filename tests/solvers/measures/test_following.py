@@ -7,14 +7,14 @@ import pytest
 
 from geometry.layout import Design
 from geometry.materials import MATERIALS
-from solvers.measures.confinement import TouchField, wanted_shape
+from solvers.measures.confinement import TouchField, target_shape
 from solvers.measures.correlation import Shapes, follow, mac_matrix, step, zone_coefficients
 
 DESIGN = Design(0.1155, 0.020, 2e-3, 8, MATERIALS["aluminium"], None, 4e-3, 4e-3, 0, 10e-3)
 
 
 def two_modes(detuning: float) -> Shapes:
-    """The wanted mode crosses another one as a parameter passes 0: frequencies repel, shapes turn by an angle."""
+    """The target mode crosses another one as a parameter passes 0: frequencies repel, shapes turn by an angle."""
     coupled = np.array([[30e3 + detuning, 20.0], [20.0, 30e3 - detuning]])
     hz, vectors = np.linalg.eigh(coupled)
     return Shapes(hz, np.ones(2), vectors.T)
@@ -55,8 +55,8 @@ def test_of_two_equal_shapes_the_one_inside_the_zone_is_taken() -> None:
 
 
 @pytest.mark.parametrize("symmetry", ["SS", None])
-def test_the_wanted_shape_is_kept_by_its_coefficients_on_any_grid(symmetry: str | None) -> None:
-    shape = lambda points: wanted_shape(DESIGN, points)  # noqa: E731
+def test_the_target_shape_is_kept_by_its_coefficients_on_any_grid(symmetry: str | None) -> None:
+    shape = lambda points: target_shape(DESIGN, points)  # noqa: E731
     fine, coarse = (zone_coefficients(touch([shape], n), DESIGN, symmetry) for n in (64, 48))
     assert mac_matrix(fine, coarse)[0, 0] > 0.99
     points = touch([shape], 64)
@@ -66,7 +66,7 @@ def test_the_wanted_shape_is_kept_by_its_coefficients_on_any_grid(symmetry: str 
 
 
 def test_a_quarter_tells_the_shape_of_the_whole_plate() -> None:
-    whole = touch([lambda points: wanted_shape(DESIGN, points)], 48)
+    whole = touch([lambda points: target_shape(DESIGN, points)], 48)
     quarter = (whole.points > 0.0).all(axis=1)
     part = TouchField(whole.points[quarter], 4.0 * whole.weights[quarter], whole.values[quarter])
     full, folded = zone_coefficients(whole, DESIGN, None), zone_coefficients(part, DESIGN, "SS")

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from geometry.layout import Design
 from geometry.materials import MATERIALS
 from solvers.errors import SolverError
-from solvers.measures.confinement import wanted_shape
+from solvers.measures.confinement import target_shape
 from solvers.measures.correlation import assurance, confinement_of, sampled, voronoi_areas, weigh
 
 ALUMINIUM = MATERIALS["aluminium"]
@@ -81,10 +81,10 @@ def test_strewn_points_measure_what_the_integral_is() -> None:
     assert abs(10.0 * np.log10(plain) - exact) > 0.6  # without areas the crowd about y = 0 decides
 
 
-def test_the_wanted_shape_has_a_mac_of_one_whatever_its_phase_and_size() -> None:
+def test_the_target_shape_has_a_mac_of_one_whatever_its_phase_and_size() -> None:
     points = lines(121, 45)
     inside = np.abs(points[:, 1]) < DESIGN.width_m / 2 + 1e-9
-    values = np.where(inside, wanted_shape(DESIGN, points), 0.0) * (0.3 - 2.0j)
+    values = np.where(inside, target_shape(DESIGN, points), 0.0) * (0.3 - 2.0j)
     assert confinement_of(weigh(points, DESIGN), values, DESIGN).mac == pytest.approx(1.0, abs=1e-9)
     turned = values * np.where(points[:, 0] > 0.0, 1.0, 1.0j)  # half of it a quarter of a period late
     assert confinement_of(weigh(points, DESIGN), turned, DESIGN).mac == pytest.approx(0.5, abs=0.01)

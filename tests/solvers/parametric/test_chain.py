@@ -77,18 +77,18 @@ def test_a_rows_matrices_are_real_in_their_coordinates(pillars: tuple[bool, ...]
 
 
 def test_the_condensed_column_has_the_columns_modes() -> None:
-    """Against one dense solve of the whole column: same frequencies, same shapes, the wanted one best."""
+    """Against one dense solve of the whole column: same frequencies, same shapes, the target mode best."""
     column = Column(DESIGN, reductions(), 7.5 * np.pi / DESIGN.length_m)
-    wanted_hz, wanted = column.solve(*WINDOW)
+    target_hz, target = column.solve(*WINDOW)
     condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
-    assert len(condensed_hz) == len(wanted_hz)
+    assert len(condensed_hz) == len(target_hz)
     assert condensed_hz == pytest.approx(
-        wanted_hz, rel=5e-3
+        target_hz, rel=5e-3
     )  # at the window's ends; what is condensed is exact in its middle
-    levels = [measure_profile(column.profile(vectors), DESIGN) for vectors in (wanted, condensed)]
-    at = levels[0].wanted.index
-    assert at is not None and levels[1].wanted.index == at
-    assert condensed_hz[at] == pytest.approx(wanted_hz[at], rel=1e-5)
+    levels = [measure_profile(column.profile(vectors), DESIGN) for vectors in (target, condensed)]
+    at = levels[0].target.index
+    assert at is not None and levels[1].target.index == at
+    assert condensed_hz[at] == pytest.approx(target_hz[at], rel=1e-5)
     assert levels[1].confinement_db[at] == pytest.approx(levels[0].confinement_db[at], abs=0.02)
 
 
@@ -108,7 +108,7 @@ def too_high(design: Design, half_waves: float, low_hz: float, high_hz: float) -
 
 
 @pytest.mark.parametrize("half_waves", [3.5, 5.5])
-def test_a_thick_plates_modes_are_right_wherever_the_wanted_one_is_searched(half_waves: float) -> None:
+def test_a_thick_plates_modes_are_right_wherever_the_target_one_is_searched(half_waves: float) -> None:
     """Modes far below the window's middle too, within what the live plate's bar holds for it."""
     off = too_high(THICK, half_waves, *search_window_hz(THICK))
     assert off.min() > -1e-9 and off.max() < CONDENSED
@@ -125,10 +125,10 @@ def test_condensed_modes_keep_their_bound_however_wide_the_window() -> None:
 def test_the_condensed_column_of_staggered_rows_has_the_columns_modes(rows: int) -> None:
     design = replace(DESIGN, pitch_x_m=6e-3, rows=rows, stagger=True)
     column = Column(design, reductions(design=design), 7.5 * np.pi / design.length_m, panels=2)
-    wanted_hz, wanted = column.solve(*WINDOW)
+    target_hz, target = column.solve(*WINDOW)
     condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
-    assert len(wanted_hz) and condensed_hz == pytest.approx(wanted_hz, rel=5e-3)
-    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (wanted, condensed)]
+    assert len(target_hz) and condensed_hz == pytest.approx(target_hz, rel=5e-3)
+    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (target, condensed)]
     assert levels[1] == pytest.approx(levels[0], abs=0.1)
 
 
@@ -137,8 +137,8 @@ def test_a_row_at_the_plates_edge_is_condensed_too(extension_mm: float) -> None:
     """The last cell is cut by the edge, and no polynomial follows its outer side: as the dense solve has it."""
     design = replace(DESIGN, rows=1, extension_m=1e-3 * extension_mm)
     column = Column(design, reductions(), 7.5 * np.pi / design.length_m)
-    wanted_hz, wanted = column.solve(*WINDOW)
+    target_hz, target = column.solve(*WINDOW)
     condensed_hz, condensed = Chain(column, *WINDOW).solve(*WINDOW)
-    assert len(wanted_hz) and condensed_hz == pytest.approx(wanted_hz, rel=5e-3)
-    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (wanted, condensed)]
+    assert len(target_hz) and condensed_hz == pytest.approx(target_hz, rel=5e-3)
+    levels = [measure_profile(column.profile(vectors), design).confinement_db for vectors in (target, condensed)]
     assert levels[1] == pytest.approx(levels[0], abs=0.1)

@@ -102,10 +102,10 @@ def test_matrices_of_stretched_cells_are_sums_of_products(foot: Foot) -> None:
     for sizes in as_sizes(box.sample(between(2, seed=5))):
         mesh = replace(cell.mesh, nodes=cell.plan(cell.mesh.nodes, sizes), spans=None)
         system = assemble(mesh, MATERIALS, replace(cell.scale))
-        for form, wanted in ((cell.stiffness, system.stiffness), (cell.mass, system.mass)):
+        for form, target in ((cell.stiffness, system.stiffness), (cell.mass, system.mass)):
             pairs = zip(cell.theta(form, sizes), form.matrices, strict=True)
             combined = sum(weight * matrix for weight, matrix in pairs)
-            assert abs(combined - wanted).max() < 1e-12 * abs(wanted).max()
+            assert abs(combined - target).max() < 1e-12 * abs(target).max()
 
 
 def test_a_cylinder_has_its_inertia() -> None:
@@ -122,7 +122,7 @@ def test_a_cylinder_has_its_inertia() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "wanted"),
+    ("change", "target"),
     [
         ({"shape": "round"}, Foot(round=True)),
         ({"shape": "tapered", "tip_m": 1e-3}, Foot(taper=0.5)),
@@ -132,8 +132,8 @@ def test_a_cylinder_has_its_inertia() -> None:
         ({"faces": 2}, None),
     ],
 )
-def test_the_section_of_a_pillar(change: dict[str, object], wanted: Foot | None) -> None:
-    assert foot_of(replace(Pillar("square", 2e-3, 2e-3, 6e-3, STEEL), **change)) == wanted
+def test_the_section_of_a_pillar(change: dict[str, object], target: Foot | None) -> None:
+    assert foot_of(replace(Pillar("square", 2e-3, 2e-3, 6e-3, STEEL), **change)) == target
 
 
 @pytest.mark.slow

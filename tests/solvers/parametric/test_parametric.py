@@ -69,10 +69,10 @@ def test_stretched_matrices_are_sums_of_products(affine: AffineCell) -> None:
     for sizes in UNSEEN:
         system, ratio = stretched(affine, sizes), affine.scale.length_m / sizes[0]
         forms = ((affine.stiffness, system.stiffness, ratio), (affine.mass, system.mass, ratio**3))
-        for form, wanted, unit in forms:
+        for form, target, unit in forms:
             pairs = zip(affine.theta(form, sizes), form.matrices, strict=True)
             combined = unit * sum(weight * matrix for weight, matrix in pairs)
-            assert abs(combined - wanted).max() < 1e-13 * abs(wanted).max()
+            assert abs(combined - target).max() < 1e-13 * abs(target).max()
 
 
 @pytest.mark.parametrize(
@@ -101,8 +101,8 @@ def test_rigid_motions_meet_no_force_and_carry_the_mass(cells: tuple[ParametricC
     motions = rigid_boundary(cell)
     assert np.abs(cell.stiffness @ motions).max() < 1e-8 * np.abs(cell.stiffness).max()
     mass = cell.scale.mass_kg * np.diag(motions[:, :3].T @ cell.mass @ motions[:, :3])
-    wanted = 2700.0 * t * p * p + 7800.0 * h * a * a
-    assert mass == pytest.approx(wanted, rel=1e-8)
+    target = 2700.0 * t * p * p + 7800.0 * h * a * a
+    assert mass == pytest.approx(target, rel=1e-8)
 
 
 def test_touch_face_follows_the_stretch(cells: tuple[ParametricCell, ...], plain: list[Cell]) -> None:
@@ -129,8 +129,8 @@ def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...
     values = _merged([_eigenvalues(cell.parts(sizes, INNER, FACE), s) for s in of], of, len(FRACTIONS), COUNT)
     lattice = ReducedLattice(cell.at(sizes, INNER))
     for fraction, computed_hz in zip(FRACTIONS, cell.scale.frequency(values), strict=True):
-        wanted = lattice.frequencies(fraction * np.pi / sizes[3], COUNT)
-        assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+        target = lattice.frequencies(fraction * np.pi / sizes[3], COUNT)
+        assert computed_hz == pytest.approx(target, rel=1e-7, abs=1e-3 * target[-1])
     assert lattice.c2_symmetry is not None
 
 
@@ -140,9 +140,9 @@ def test_bands_of_unseen_designs_hold_their_bar(
     """Against each design's own mesh and reduction: never below it but for rounding, above it by the bar at most."""
     for sizes, cell in zip(UNSEEN, plain, strict=True):
         result, lattice = bands(cells[0], bases, sizes), ReducedLattice(cell)
-        wanted = np.array([lattice.frequencies(k * np.pi / sizes[3], COUNT) for k in FRACTIONS])
-        moving = wanted > 1e-3 * wanted.max()
-        excess = np.where(moving, result.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+        target = np.array([lattice.frequencies(k * np.pi / sizes[3], COUNT) for k in FRACTIONS])
+        moving = target > 1e-3 * target.max()
+        excess = np.where(moving, result.frequency_hz / np.where(moving, target, 1.0) - 1.0, 0.0)
         left_out = 5e-4  # fixed-interface modes above 4 MHz, which the plain reduction leaves out
         assert excess.min() > -left_out
         assert (excess.max(axis=0) <= result.error + 1e-4).all()
@@ -171,8 +171,8 @@ def test_sectors_of_a_cell_with_two_mirrors_have_every_wave_of_the_lattice() -> 
     scale = Scale.of(sizes[0], ALUMINIUM)
     plain = ReducedLattice(reduce_cell(assemble(mesh, {"plate": ALUMINIUM, "pillar": STEEL}, scale), FACE, 4e6, (0, 1)))
     for fraction, computed_hz in zip(fractions, cell.scale.frequency(values), strict=True):
-        wanted, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
-        assert computed_hz == pytest.approx(wanted, rel=1e-7, abs=1e-3 * wanted[-1])
+        target, apart = (each.frequencies(fraction * np.pi / sizes[3], COUNT) for each in (own, plain))
+        assert computed_hz == pytest.approx(target, rel=1e-7, abs=1e-3 * target[-1])
         assert computed_hz == pytest.approx(apart, rel=3e-3, abs=1e-3 * apart[-1])
     with pytest.raises(SolverError, match="no mirror of the cell"):
         cell.sectors(((0.5, 0.5),))
@@ -198,9 +198,9 @@ def test_bands_of_oblong_and_staggered_cells_are_those_of_their_own_meshes(latti
         row = Periodic(
             [plain, *[bare_cell(plain.size_m, ALUMINIUM, FACE)] * lattice.is_centred], int(lattice.is_centred)
         )
-        wanted = np.array([row.frequencies(k / sizes[3], COUNT) for k in path.wavevectors])
-        result, moving = bands(cell, bases, sizes), wanted > 1e-3 * wanted.max()
-        excess = np.where(moving, result.frequency_hz / np.where(moving, wanted, 1.0) - 1.0, 0.0)
+        target = np.array([row.frequencies(k / sizes[3], COUNT) for k in path.wavevectors])
+        result, moving = bands(cell, bases, sizes), target > 1e-3 * target.max()
+        excess = np.where(moving, result.frequency_hz / np.where(moving, target, 1.0) - 1.0, 0.0)
         assert excess.min() > -5e-4 and (excess.max(axis=0) <= result.error + 1e-4).all() and excess.max() < 3e-3
 
 

@@ -211,7 +211,7 @@ def test_the_plate_joined_whole_answers_as_its_mirror_classes() -> None:
     (ours, truth), (point, value) = (each.curve(tones) for each in forced), forced[0].shape(30e3)
     assert np.allclose(ours.zone_rms_m_per_v, truth.zone_rms_m_per_v, rtol=1e-6)
     assert np.allclose(ours.sensor_v_per_v, truth.sensor_v_per_v, rtol=1e-6)
-    assert forced[0].wanted_hz() == pytest.approx(forced[1].wanted_hz(), rel=1e-8)
+    assert forced[0].target_hz() == pytest.approx(forced[1].target_hz(), rel=1e-8)
     points, values = forced[1].shape(30e3)
     there = np.lexsort(np.round(points, 9).T), np.lexsort(np.round(point, 9).T)
     assert np.allclose(value[there[1]], values[there[0]], atol=1e-6 * np.abs(values).max())

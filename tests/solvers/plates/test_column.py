@@ -1,4 +1,4 @@
-"""One column of cells at the wanted wavenumber against the assembled plate and against exact waves."""
+"""One column of cells at the target wavenumber against the assembled plate and against exact waves."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from geometry.tiling import Tiling, signature, tile
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem.eigen import modes_in_band
 from solvers.measures.confinement import measure
-from solvers.measures.wanted_mode import verdict
+from solvers.measures.target_mode import verdict
 from solvers.plates.assembled import PlateModel, Reductions
 from solvers.plates.column import Column, column_strips
 from solvers.plates.strip import strip_modes
@@ -80,11 +80,11 @@ def test_a_thin_bare_column_is_the_strip_of_plate_theory() -> None:
     assert (ratio < 1.01).all() and (ratio > 0.99 - shear).all() and shear.max() < 0.02
 
 
-def test_driven_at_its_wanted_mode_the_zone_is_confined_as_the_mode() -> None:
+def test_driven_at_its_target_mode_the_zone_is_confined_as_the_mode() -> None:
     """With hardly any loss the resonance alone is left: neighbours lie 1 % away or more, and are 1e-5 of it."""
     column = Column(DESIGN, reductions(DESIGN), 3.5 * pi / DESIGN.length_m)
     modes = column.modes(28e3, 44e3)
-    at = modes.confinement.wanted.index
+    at = modes.confinement.target.index
     assert at is not None
     driven = column.driven(modes.frequency_hz[at : at + 1], 1e7)
     assert driven.confinement_db[0] == pytest.approx(modes.confinement.confinement_db[at], abs=0.01)
@@ -161,7 +161,7 @@ def test_a_column_of_staggered_rows_is_a_plate_two_panels_wide_with_its_ends_tie
 
 
 @pytest.mark.slow
-def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
+def test_a_column_finds_the_plates_target_mode_and_ranks_its_heights() -> None:
     """The plate's two ends are left out, nothing else: 2 % in frequency; what is held better there is held better here."""
     levels = []
     for height in (5.8e-3, 6.3e-3):
@@ -170,7 +170,7 @@ def test_a_column_finds_the_plates_wanted_mode_and_ranks_its_heights() -> None:
         zone = {"length_m": 80e-3, "nodal_lines": 6, "width_m": 20e-3}
         design = replace(DESIGN, **zone, rows=2, extension_m=8e-3, pillar=pillar)
         column = Column(design, reductions(design), 5.5 * pi / design.length_m).modes(28e3, 44e3)
-        at = column.confinement.wanted.index
+        at = column.confinement.target.index
         assert at is not None
         around = (0.95 * column.frequency_hz[at], 1.05 * column.frequency_hz[at])
         model = PlateModel(design, reductions(design))

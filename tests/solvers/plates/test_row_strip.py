@@ -58,15 +58,15 @@ def test_a_bare_strip_rigid_along_x_is_a_free_beam() -> None:
     exact = [shear * thin_plate_hz(strip, beta) for beta in betas]
     result = strip_modes(bare, 0.5 * exact[0], 1.2 * exact[1]).frequency_hz
     assert len(result) == 2
-    for beta, tone, wanted in zip(betas, result, exact, strict=True):
-        assert -1e-7 < tone / wanted - 1.0 < 1.2 * (beta * element) ** 4 / 1440.0
+    for beta, tone, target in zip(betas, result, exact, strict=True):
+        assert -1e-7 < tone / target - 1.0 < 1.2 * (beta * element) ** 4 / 1440.0
 
 
-def test_rows_hold_the_wanted_mode_better_the_more_there_are() -> None:
+def test_rows_hold_the_target_mode_better_the_more_there_are() -> None:
     levels = []
     for rows in (1, 2, 3):
         result = strip_modes(replace(DESIGN, rows=rows), 25e3, 45e3)
-        levels.append(result.confinement.confinement_db[result.confinement.wanted.index])
+        levels.append(result.confinement.confinement_db[result.confinement.target.index])
     assert levels[0] < levels[1] < levels[2]
 
 

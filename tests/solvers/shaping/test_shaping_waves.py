@@ -158,7 +158,7 @@ def test_best_contrast_is_the_best_of_a_grid_of_two_voltages():
 
 
 def cosines(detuning: float = 0.02, quality_factor: float = 100.0) -> ModalTable:
-    """Two close modes, cos and sin of 95 x along a zone, and a third far away that is not wanted."""
+    """Two close modes, cos and sin of 95 x along a zone, and a third far away that is not target."""
     field = np.stack([np.cos(K * X), np.sin(K * X), np.cosh(10 * X)])
     weights = np.array([[1.0, 0.3, 0.2], [0.2, -1.0, 0.4], [0.3, 0.2, 1.0]])
     frequencies = np.array([1000.0 * (1 - detuning), 1000.0 * (1 + detuning), 1700.0])

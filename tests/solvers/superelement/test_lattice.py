@@ -242,15 +242,15 @@ def test_the_modes_left_out_are_told_by_their_residual_flexibility(pitch: tuple[
         assert alone.max() > 2.0 * error.max()
 
 
-@pytest.mark.parametrize("wanted", [2e-2, 5e-3, 1e-3])
-def test_the_cutoff_that_is_enough_is_found_without_solving_again(wanted: float) -> None:
+@pytest.mark.parametrize("target", [2e-2, 5e-3, 1e-3])
+def test_the_cutoff_that_is_enough_is_found_without_solving_again(target: float) -> None:
     """What the ample lattice foresees for a lower cut-off is what the lattice cut there tells."""
     one = lattice(face=Interface(5, 3))
-    top_hz = cutoff_hz(one, corners((4e-3, 4e-3)), 8, wanted)
+    top_hz = cutoff_hz(one, corners((4e-3, 4e-3)), 8, target)
     assert top_hz < 1.2e6
     for share, meets in ((1.0, True), (0.75, False)):
         estimate = reduction_error(one.up_to(one.cell.interface, share * top_hz), corners((4e-3, 4e-3)), 8).modes
-        assert (estimate <= 1.3 * wanted) == meets
+        assert (estimate <= 1.3 * target) == meets
     assert cutoff_hz(one, corners((4e-3, 4e-3)), 6, 0.0) == one.cell.dropped_hz
 
 

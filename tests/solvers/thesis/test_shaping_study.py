@@ -36,7 +36,7 @@ def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document
     long = document["beams"][0]
     assert long["material"] == "steel" and long["quality_factor"] == 50.0 and len(long["centres_m"]) == 6
     quantities = " ".join(entry["quantity"] for entry in document["comparison"])
-    for wanted in (
+    for target in (
         "confined left",
         "confined middle",
         "confined right",
@@ -44,7 +44,7 @@ def test_document_states_what_was_chosen_and_every_quantity_of_the_text(document
         "coupling at 2.4 kHz",
         "best TWR",
     ):
-        assert wanted in quantities
+        assert target in quantities
     assert all(entry["ours"] and entry["agreement"] for entry in document["comparison"])
     assert {one["signal"] for one in document["conditioning"]} == {"calibrated", "displacement"}
 

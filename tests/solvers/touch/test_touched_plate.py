@@ -93,7 +93,7 @@ def test_no_finger_leaves_the_free_plate_digit_by_digit() -> None:
     assert np.array_equal(mine.passive_rms_m_per_v, theirs.passive_rms_m_per_v)
     assert np.array_equal(mine.sensor_v_per_v, theirs.sensor_v_per_v)
     mode = loaded_mode(touched(NOTHING))
-    assert mode and (mode.frequency_hz, mode.added_loss, mode.share) == (free().wanted_hz(), 0.0, 1.0)
+    assert mode and (mode.frequency_hz, mode.added_loss, mode.share) == (free().target_hz(), 0.0, 1.0)
 
 
 @pytest.mark.parametrize("tip", [RIGID, HEAVY, FINGERTIPS["tissue"]], ids=lambda tip: tip.name)
@@ -140,21 +140,21 @@ def test_the_loaded_mode_is_a_complex_eigenvalue_of_the_whole_model(tip: Fingert
     quality, degree = 120.0, 6
     stiff, mass, _, rows = whole(free(), SMALL_M)
     scale, unit = free().plate.scale, free().plate.stiffness_unit
-    wanted = spla.eigsh(stiff, k=1, M=mass, sigma=scale.eigenvalue(free().wanted_hz()))[1][:, 0]
+    target = spla.eigsh(stiff, k=1, M=mass, sigma=scale.eigenvalue(free().target_hz()))[1][:, 0]
     square, omega = rows.T @ rows / unit, 2.0 * np.pi / np.sqrt(scale.eigenvalue(1.0))  # rad/s of a scaled root of 1
     k0 = stiff * (1.0 + 1j / quality) + tip.stiffness_n_m * square
     c, m = tip.damping_n_s_m * omega * square, mass + tip.mass_kg * omega**2 * square
-    own, none = sp.eye_array(len(wanted), format="csc"), sp.csc_array(k0.shape)
+    own, none = sp.eye_array(len(target), format="csc"), sp.csc_array(k0.shape)
     first = sp.block_array([[none, own], [k0, 1j * c]], format="csc")
     second = sp.block_array([[own, none], [none, m]], format="csc")
     near = np.sqrt(
-        scale.eigenvalue(1.7 * free().wanted_hz() if tip.stiffness_n_m > 1e7 else 1.02 * free().wanted_hz()) + 0j
+        scale.eigenvalue(1.7 * free().target_hz() if tip.stiffness_n_m > 1e7 else 1.02 * free().target_hz()) + 0j
     )
     roots, vectors = spla.eigs(first, k=6, M=second, sigma=near)
-    held = np.abs(wanted @ (mass @ vectors[: len(wanted)])) / np.linalg.norm(vectors[: len(wanted)], axis=0)
+    held = np.abs(target @ (mass @ vectors[: len(target)])) / np.linalg.norm(vectors[: len(target)], axis=0)
     best = int(np.argmax(held))
-    exact, shape = roots[best] ** 2, vectors[: len(wanted), best]
-    share = abs(wanted @ (mass @ shape)) ** 2 / (shape.conj() @ (mass @ shape)).real
+    exact, shape = roots[best] ** 2, vectors[: len(target), best]
+    share = abs(target @ (mass @ shape)) ** 2 / (shape.conj() @ (mass @ shape)).real
     direct_hz = float(scale.frequency(np.array(exact.real)))
     plate = TouchedPlate(free(quality, (0.6 * direct_hz, 1.4 * direct_hz)), Finger(tip, PLACE_M, SMALL_M, degree))
     mode, lower, rest = loaded_mode(plate), loaded_mode(plate.lesser(degree - 2)), loaded_mode(plate, None, False)
@@ -182,8 +182,8 @@ def test_a_uniform_motion_is_one_oscillator(tip: Fingertip) -> None:
     """One mode of the plate that moves the contact as a piston: (k0 (1 + i/Q) + k) + i omega c - omega^2 (m0 + m) = 0."""
     plate, scale = touched(tip, quality_factor=50.0), free().plate.scale
     basis = next(each for each in plate.modes if each.group.plates is free().modes[0].group.plates)
-    own, size = free(50.0).wanted_place(), len(basis.frequency_hz)
-    assert own is not None and basis.frequency_hz[own[1]] == free(50.0).wanted_hz()
+    own, size = free(50.0).target_place(), len(basis.frequency_hz)
+    assert own is not None and basis.frequency_hz[own[1]] == free(50.0).target_hz()
     gain = np.zeros_like(basis.gain)
     gain[:, len(patched().patches)] = 30.0 * (np.arange(size) == own[1])  # the first polynomial is 1
     none = np.zeros_like(basis.residual_gain[0])

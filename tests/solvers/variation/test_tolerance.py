@@ -16,7 +16,7 @@ from geometry.materials import MATERIALS
 from geometry.stack import Stack
 from geometry.tiling import signature
 from solvers.errors import SolverError
-from solvers.measures.confinement import wanted_shape
+from solvers.measures.confinement import target_shape
 from solvers.piezo.forced import MARGIN, Drive, ForcedPlate
 from solvers.piezo.patched_plate import CLASSES, PressedPlate
 from solvers.plates.assembled import PlateModel
@@ -124,7 +124,7 @@ class Whole:
         return float(self.scale.frequency(value)[0])
 
     def rms(self, frequency_hz: float) -> tuple[float, float]:
-        """rms |u_z| on zone and passive face under the pressure in the wanted shape, m/N."""
+        """rms |u_z| on zone and passive face under the pressure in the target shape, m/N."""
         design = self.have.design
         load, size, faces = np.zeros(self.grid.count), 0.0, []
         for i, j, cell, turn, dofs in self.panels:
@@ -135,7 +135,7 @@ class Whole:
             points = touch.points[:, :2] * side + middle
             active = np.abs(points[:, 1]) < design.width_m / 2.0
             rows = touch.interpolation @ touch.normal @ turn
-            force = np.where(active, touch.weights * wanted_shape(design, points), 0.0)
+            force = np.where(active, touch.weights * target_shape(design, points), 0.0)
             np.add.at(load, dofs, force @ rows)
             size += np.abs(force).sum()
             faces.append((dofs, rows, touch.weights, active))
@@ -152,12 +152,12 @@ class Whole:
         return float(zone), float(passive)
 
 
-def test_without_deviations_the_wanted_mode_is_tracked_to_itself() -> None:
-    """In this band the wanted shape is split: other modes, and what the pressure adds to them, have it too."""
+def test_without_deviations_the_target_mode_is_tracked_to_itself() -> None:
+    """In this band the target shape is split: other modes, and what the pressure adds to them, have it too."""
     have = stand()
     still = have.varied.sample(np.zeros((len(have.varied.pillars), 4)))
-    assert still.tracked_hz == pytest.approx(have.forced.wanted_hz(), rel=1e-9)
-    assert still.wanted_share.max() == pytest.approx(1.0, abs=1e-9) and still.wanted_share.sum() == pytest.approx(
+    assert still.tracked_hz == pytest.approx(have.forced.target_hz(), rel=1e-9)
+    assert still.target_share.max() == pytest.approx(1.0, abs=1e-9) and still.target_share.sum() == pytest.approx(
         1.0, abs=1e-9
     )
 
@@ -219,7 +219,7 @@ def in_band(have: Stand, low: float, high: float, margin: tuple[float, float]) -
 
 
 def in_space(varied: VariedPlate, change: np.ndarray) -> tuple[float, float]:
-    """Frequency in Hz and confinement in dB of a sample's wanted mode."""
+    """Frequency in Hz and confinement in dB of a sample's target mode."""
     sample = varied.sample(change)
     assert sample.tracked_hz is not None
     zone, passive = faces(varied, change, np.array([sample.tracked_hz]))[:, 0]
@@ -249,7 +249,7 @@ def check_alike(have: Stand, varied: VariedPlate, changes: np.ndarray) -> None:
 def test_in_a_band_as_narrow_as_one_mode_samples_are_whole_plates() -> None:
     """Frequencies err in second order, fields in first but for the shapes that the changes bring: of 5e-2 dB little is left."""
     have = stand()
-    tone = have.forced.wanted_hz()
+    tone = have.forced.target_hz()
     assert tone is not None
     narrow = in_band(have, 0.97 * tone, 1.03 * tone, (1.0, 1.0))
     check_alike(have, narrow, DEVIATIONS.draw(len(narrow.pillars), 3, 1))
@@ -258,9 +258,9 @@ def test_in_a_band_as_narrow_as_one_mode_samples_are_whole_plates() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("width", [0.05, 0.2])
 def test_thirty_samples_are_thirty_whole_plates_whatever_the_band(width: float) -> None:
-    """Pillars so high that they ring nearer to the wanted mode: its level follows them."""
+    """Pillars so high that they ring nearer to the target mode: its level follows them."""
     have = stand(TALL_M)
-    tone = have.forced.wanted_hz()
+    tone = have.forced.target_hz()
     assert tone is not None
     varied = in_band(have, (1.0 - width) * tone, (1.0 + width) * tone, MARGIN)
     check_alike(have, varied, DEVIATIONS.draw(len(varied.pillars), 30, 9))

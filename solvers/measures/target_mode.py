@@ -1,4 +1,4 @@
-"""The wanted mode of a plate: the rule that chooses it among modes, and the search that computes enough of them."""
+"""The target mode of a plate: the rule that chooses it among modes, and the search that computes enough of them."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from numpy.typing import NDArray
 from geometry.elements import FloatArray
 
 # -- rule --------------------------------------------------------------------------------------------------------------
-# Which of a plate's modes is the wanted one, by one rule for every model: single, split among several, or none.
+# Which of a plate's modes is the target mode, by one rule for every model: single, split among several, or none.
 # A mode's weight is its strength times its zone share times its MAC (`solvers.measures.confinement`): how much of the
-# zone's motion in the wanted shape it carries, how much of its own motion stays there, and how much of that has the
-# shape. It must look like the wanted shape to stand for it at all. Which modes are computed,
+# zone's motion in the target shape it carries, how much of its own motion stays there, and how much of that has the
+# shape. It must look like the target shape to stand for it at all. Which modes are computed,
 # the search below decides.
 #
 # The constants are argued on the 54 plates of studies/grid.toml, whose table lists status, strength and share of
 # each: all plates that hold their mode by 10 dB are single, those whose shape is spread over several modes are split.
 
-SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the wanted shape
+SIMILAR = 0.5  # MAC: below it less than half of the zone's motion is the target shape
 CLEAR = 0.8  # MAC from which one mode may carry the shape alone
 LEAD = 1.5  # over the strongest rival: by less, another design or mesh turns the two over
 MAJORITY = 0.5  # of all weights in the window: more than all others together
-PAST = 0.2  # of the wanted frequency on both sides: as far as a window has to reach before it can tell
+PAST = 0.2  # of the target frequency on both sides: as far as a window has to reach before it can tell
 RIVAL = 0.25  # of the best weight: others that are named
 NAMED = 3  # rivals at most
 
@@ -35,7 +35,7 @@ BoolArray = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Verdict:
-    """The wanted mode among others: its index and its rivals', strongest first; None and () where there is none.
+    """The target mode among others: its index and its rivals', strongest first; None and () where there is none.
 
     share: of the sum of all weights near it.
     """
@@ -50,7 +50,7 @@ NONE = Verdict("none", None)
 
 
 def weight(strength: FloatArray, zone_share: FloatArray, mac: FloatArray) -> FloatArray:
-    """Strength times zone share, counted by what of a mode looks like the wanted shape, (k,); a plate without passive face has
+    """Strength times zone share, counted by what of a mode looks like the target shape, (k,); a plate without passive face has
     all of its motion in the zone, unknown strengths and likenesses count 0.
     """
     share = np.where(np.isfinite(zone_share), zone_share, 1.0)
@@ -61,9 +61,9 @@ def verdict(
     strength: FloatArray, zone_share: FloatArray, mac: FloatArray, candidate: BoolArray | None = None,
     near: BoolArray | None = None, missing: float = 0.0,
 ) -> Verdict:  # fmt: skip
-    """Judge which mode of a symmetry class is the wanted one.
+    """Judge which mode of a symmetry class is the target mode.
 
-    The candidate of the largest weight, similar to the wanted shape. It is single where it is clear, leads by LEAD every other
+    The candidate of the largest weight, similar to the target shape. It is single where it is clear, leads by LEAD every other
     mode, computed or not, and carries more than all others near it together.
 
     Parameters
@@ -71,7 +71,7 @@ def verdict(
     strength, zone_share, mac : ndarray, shape (k,)
         Measures of every mode known.
     candidate, near : ndarray of bool, shape (k,), optional
-        Modes that may be the wanted one; modes that its share is counted among. All by default.
+        Modes that may be the target mode; modes that its share is counted among. All by default.
     missing : float
         Upper bound of the weight of any mode that is not known.
 
@@ -103,7 +103,7 @@ def reaching(window_hz: tuple[float, float], frequency_hz: float) -> tuple[float
 
 
 # -- search ------------------------------------------------------------------------------------------------------------
-# Search for the wanted mode of a plate: one path through the frequencies, whatever was asked for and whoever asks.
+# Search for the target mode of a plate: one path through the frequencies, whatever was asked for and whoever asks.
 # Candidates lie from the window's lower end upwards. The search begins with the window and widens it until it reaches
 # past the mode found on both sides. Over all modes of a symmetry class the strengths sum to 1 at most, and no weight
 # exceeds its strength: 1 less the strengths found bounds the weight of any mode that was not computed. Where that
@@ -146,7 +146,7 @@ class Found(Generic[T]):
     modes : tuple
         Every mode of the class within `reach_hz`, ascending.
     window_hz : (float, float)
-        Interval, Hz, whose modes the wanted one's share is counted among.
+        Interval, Hz, whose modes the target mode's share is counted among.
     reach_hz : (float, float)
         Interval, Hz, in which every mode of the class is known.
     missing : float
@@ -161,7 +161,7 @@ class Found(Generic[T]):
 
     @property
     def is_open(self) -> bool:
-        """Whether a mode that was not computed could rival the wanted one."""
+        """Whether a mode that was not computed could rival the target mode."""
         best = self.verdict.index
         return best is not None and leaves_room(self.missing, float(weights(self.modes)[best]))
 
@@ -169,7 +169,7 @@ class Found(Generic[T]):
 def search(
     window_hz: Interval, known_hz: Interval, known: Sequence[T], solve: Solve[T], largest: Largest[T] | None = None
 ) -> Found[T]:
-    """Search the wanted mode from a window outwards.
+    """Search the target mode from a window outwards.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def measures(modes: Sequence[Measured]) -> tuple[FloatArray, FloatArray, FloatAr
 
 
 def weights(modes: Sequence[Measured]) -> FloatArray:
-    """How much of the wanted shape each mode carries, (k,)."""
+    """How much of the target shape each mode carries, (k,)."""
     return weight(*measures(modes))
 
 

@@ -1,4 +1,4 @@
-"""The wanted mode is the same from every window, none passes for it, and no model answers beyond what it was made for."""
+"""The target mode is the same from every window, none passes for it, and no model answers beyond what it was made for."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.case.model import Case, load_case
 from pipeline.cli.main import main
-from pipeline.models.modes import PartModes, solve_modes, wanted_lines
+from pipeline.models.modes import PartModes, solve_modes, target_lines
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import Request
 from tests.helpers import coarse_cells
@@ -47,8 +47,8 @@ def document(*arguments: str, capsys: pytest.CaptureFixture[str]) -> dict[str, A
 
 
 @pytest.mark.parametrize("window", [(20e3, 45e3), (25e3, 45e3), (30e3, 45e3), (30e3, 34e3), (40e3, 44e3)])
-def test_the_wanted_mode_is_the_same_from_every_window(window: tuple[float, float]) -> None:
-    ours, theirs = plate_modes(window).wanted, reference().wanted
+def test_the_target_mode_is_the_same_from_every_window(window: tuple[float, float]) -> None:
+    ours, theirs = plate_modes(window).target, reference().target
     assert ours and theirs and ours.row and theirs.row
     assert ours.row.frequency_hz == pytest.approx(theirs.row.frequency_hz, rel=1e-3)
     assert [r.frequency_hz for r in ours.rivals] == pytest.approx([r.frequency_hz for r in theirs.rivals], rel=1e-3)
@@ -69,41 +69,41 @@ def test_modes_far_above_what_was_asked_for_are_those_of_a_model_made_for_them(n
     assert ours.reduction_error is not None and ours.reduction_error < 0.02
 
 
-def test_a_window_that_does_not_reach_the_wanted_mode_says_so() -> None:
+def test_a_window_that_does_not_reach_the_target_mode_says_so() -> None:
     lowest = plate_modes(None, 0.0, 3)
-    assert lowest.wanted and lowest.wanted.status == "none" and lowest.wanted_row is None
-    said = " ".join(wanted_lines(lowest, case().design))
+    assert lowest.target and lowest.target.status == "none" and lowest.target_row is None
+    said = " ".join(target_lines(lowest, case().design))
     assert "is expected between" in said and "do not reach it" in said
 
 
-def test_a_plate_without_the_wanted_shape_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_plate_without_the_target_shape_has_no_target_mode(capsys: pytest.CaptureFixture[str]) -> None:
     """The zone alone, free at its long sides: nothing there is half a sine across it."""
     text = document("modes", str(ROOT / "examples" / "zone.toml"), capsys=capsys)
-    assert text["wanted"]["status"] == "none" and text["wanted"]["frequency_hz"] is None
-    assert text["wanted"]["confinement_db"] is None and text["error_bar"] is None
+    assert text["target"]["status"] == "none" and text["target"]["frequency_hz"] is None
+    assert text["target"]["confinement_db"] is None and text["error_bar"] is None
 
 
-def test_the_document_names_the_wanted_mode_and_its_rivals(
+def test_the_document_names_the_target_mode_and_its_rivals(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mesh_rules, "cell_mesh", lambda design, level: coarse_cells.COARSE)  # it tells its own error
     text = document("modes", str(SMALL), "--band", "30kHz:36kHz", "--symmetry", "SS", capsys=capsys)
-    wanted = text["wanted"]
-    own = next(mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"])
+    target = text["target"]
+    own = next(mode for mode in text["modes"] if mode["frequency_hz"] == target["frequency_hz"])
     assert own["error"] == pytest.approx(text["error_bar"]["frequency"], rel=1e-9)
     assert all(0.0 < mode["error"] < 0.1 for mode in text["modes"])
-    assert wanted["status"] == "single" and wanted["driven_confinement_db"] is None
-    assert 0.0 < wanted["pillar_energy_share_error"] < wanted["pillar_energy_share"] < 1.0
-    assert 0.0 < wanted["extension_error_db"] < 3.0 and wanted["extension_error_db"] != wanted["confinement_error_db"]
-    listed = [mode for mode in text["modes"] if mode["frequency_hz"] == wanted["frequency_hz"]]
-    assert len(listed) == 1 and listed[0]["strength"] == wanted["strength"]
-    assert wanted["rivals"] and all(rival["strength"] is not None for rival in wanted["rivals"])
+    assert target["status"] == "single" and target["driven_confinement_db"] is None
+    assert 0.0 < target["pillar_energy_share_error"] < target["pillar_energy_share"] < 1.0
+    assert 0.0 < target["extension_error_db"] < 3.0 and target["extension_error_db"] != target["confinement_error_db"]
+    listed = [mode for mode in text["modes"] if mode["frequency_hz"] == target["frequency_hz"]]
+    assert len(listed) == 1 and listed[0]["strength"] == target["strength"]
+    assert target["rivals"] and all(rival["strength"] is not None for rival in target["rivals"])
     assert text["count_check"]["counts"] == "reduced pencil" and text["count_check"]["more_in_mesh_at_most"] == 0
 
 
-def test_another_symmetry_class_has_no_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_symmetry_class_has_no_target_mode(capsys: pytest.CaptureFixture[str]) -> None:
     text = document("modes", str(SMALL), "--band", "30kHz:34kHz", "--symmetry", "SA", capsys=capsys)
-    assert text["wanted"] is None
+    assert text["target"] is None
     assert {(mode["parity"], mode["symmetry"]) for mode in text["modes"]} == {("+-", "SA")}
 
 

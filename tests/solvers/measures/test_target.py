@@ -1,11 +1,11 @@
-"""Which mode is the wanted one: by how much of the shape it carries, never by how it looks alone."""
+"""Which mode is the target mode: by how much of the shape it carries, never by how it looks alone."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from solvers.measures.wanted_mode import LEAD, MAJORITY, PAST, reaching, verdict
+from solvers.measures.target_mode import LEAD, MAJORITY, PAST, reaching, verdict
 
 NAN = np.nan
 
@@ -16,13 +16,13 @@ def verdict_of(*modes: tuple[float, float, float]) -> tuple[str, int | None, tup
     return result.status, result.index, result.rivals
 
 
-def test_a_mode_that_hardly_moves_the_zone_is_not_the_wanted_one_however_well_it_looks() -> None:
+def test_a_mode_that_hardly_moves_the_zone_is_not_the_target_one_however_well_it_looks() -> None:
     """A pillar's own mode: MAC and zone share of the best, a tenth of its strength."""
     assert verdict_of((0.03, 0.99, 0.99), (0.30, 0.95, 0.95)) == ("single", 1, ())
 
 
 @pytest.mark.parametrize("mac", [4e-5, 0.01, 0.49])
-def test_no_mode_below_half_of_the_shape_is_the_wanted_one(mac: float) -> None:
+def test_no_mode_below_half_of_the_shape_is_the_target_one(mac: float) -> None:
     assert verdict_of((0.9, 0.9, mac)) == ("none", None, ())
 
 
@@ -55,7 +55,7 @@ def test_a_mode_that_carries_less_than_all_others_together_is_split_whatever_its
 
 
 def test_a_rival_counts_with_what_of_it_looks_like_the_shape() -> None:
-    """0.14 is less than LEAD below 0.196, but only half of it is the wanted shape."""
+    """0.14 is less than LEAD below 0.196, but only half of it is the target shape."""
     assert verdict_of((0.196, 1.0, 0.98), (0.14, 1.0, 0.5))[0] == "single"
     assert verdict_of((0.196, 1.0, 0.98), (0.14, 1.0, 0.98))[0] == "split"
 

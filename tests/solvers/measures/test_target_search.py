@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from solvers.measures.wanted_mode import LEAD, Found, Largest, measures, search, verdict, weights
+from solvers.measures.target_mode import LEAD, Found, Largest, measures, search, verdict, weights
 
 WINDOW = (30.0, 60.0)
 
@@ -113,6 +113,6 @@ def test_a_mode_that_lacks_proof_is_not_single() -> None:
     assert found.verdict.status == "split" and found.is_open and found.missing == pytest.approx(0.7)
 
 
-def test_the_wanted_mode_carries_most_of_the_shape_and_not_of_the_motion() -> None:
+def test_the_target_mode_carries_most_of_the_shape_and_not_of_the_motion() -> None:
     """The larger score of the two has the smaller weight, for less of it looks like the shape."""
     assert verdict(*np.array([(0.40, 1.0, 0.6), (0.35, 1.0, 0.98)]).T).index == 1

@@ -1,4 +1,4 @@
-"""The wanted mode among the modes of a part, searched by one rule (`solvers.measures.wanted_mode`), and the verdict in words.
+"""The target mode among the modes of a part, searched by one rule (`solvers.measures.target_mode`), and the verdict in words.
 
 What was asked for decides what is listed and saves solves. Where it lies elsewhere altogether, nothing is searched, and that
 is said.
@@ -14,14 +14,14 @@ from typing import Any
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.models.mode_parts import ModeRecord, RivalRecord, WantedMode, WantedRecord
+from pipeline.models.mode_parts import ModeRecord, RivalRecord, TargetMode, TargetRecord
 from pipeline.planning.model_choice import SIGNS, Expected
 from pipeline.planning.refinement import WidestBar
 from pipeline.quantity import figure, frequency, frequency_with_bar, interval, with_bar
 from pipeline.records.part import live
 from solvers.fem.eigen import Count, Modes
 from solvers.measures.confinement import Confinement
-from solvers.measures.wanted_mode import (
+from solvers.measures.target_mode import (
     CLEAR,
     NONE,
     Largest,
@@ -89,8 +89,8 @@ SURE = 0.5
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """The wanted mode among the modes of its symmetry class.
+class Target:
+    """The target mode among the modes of its symmetry class.
 
     `rows` are all modes of the class from low_hz to high_hz, `beyond` those outside that the search went through; the verdict
     counts both, one after another. `count` covers `rows` and is None where nothing was looked for: then `why` says what stands
@@ -110,7 +110,7 @@ class Wanted:
 
     @property
     def is_open(self) -> bool:
-        """Whether a mode outside the searched range may rival the wanted one."""
+        """Whether a mode outside the searched range may rival the target mode."""
         return self.row is not None and leaves_room(self.missing, float(weights([self.row])[0]))
 
     @property
@@ -120,27 +120,27 @@ class Wanted:
 
     @property
     def row(self) -> ModeRow | None:
-        """The wanted mode; None where there is none."""
+        """The target mode; None where there is none."""
         return None if self.verdict.index is None else (*self.rows, *self.beyond)[self.verdict.index]
 
     @property
     def rivals(self) -> tuple[ModeRow, ...]:
-        """Other modes that carry the wanted shape, strongest first."""
+        """Other modes that carry the target shape, strongest first."""
         every = (*self.rows, *self.beyond)
         return tuple(every[i] for i in self.verdict.rivals)
 
-    def each(self, change: Callable[[ModeRow], ModeRow]) -> Wanted:
+    def each(self, change: Callable[[ModeRow], ModeRow]) -> Target:
         """The same verdict over rows that were changed one by one."""
         return replace(self, rows=tuple(map(change, self.rows)), beyond=tuple(map(change, self.beyond)))
 
-    def record(self, **more: Any) -> WantedRecord:
+    def record(self, **more: Any) -> TargetRecord:
         """The mode, its rivals, the window, and the mode's part of the shape in it."""
         rivals = [RivalRecord.of(rival) for rival in self.rivals]
         more |= {"status": self.status, "share": self.verdict.share, "rivals": rivals}
         more |= {"window_hz": [self.low_hz, self.high_hz], "driven_confinement_db": None}
         if self.row is None:
-            return WantedRecord(frequency_hz=None, mac=None, strength=None, confinement_db=None, **more)
-        return WantedMode.of(self.row, **more)
+            return TargetRecord(frequency_hz=None, mac=None, strength=None, confinement_db=None, **more)
+        return TargetMode.of(self.row, **more)
 
 
 def look(
@@ -149,14 +149,14 @@ def look(
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
     largest: Largest[ModeRow] | None = None,
-) -> Wanted:
-    """Search the wanted mode from a window outwards, reusing the `rows` of its class that are already known.
+) -> Target:
+    """Search the target mode from a window outwards, reusing the `rows` of its class that are already known.
 
     `solve` returns every mode of the class between two frequencies, `largest` what any one outside an interval may have of the
     shape. The outcome is the same whatever is known.
     """
     if known.high_hz < window_hz[0] or known.low_hz > window_hz[1]:
-        return Wanted(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
+        return Target(NONE, (), *window_hz, None, "the frequencies asked for do not reach it")
     found = search(window_hz, (known.low_hz, known.high_hz), rows, lambda low, high: solve(low, high)[0], largest)
     low, high = found.window_hz
     inside = [low <= row.frequency_hz <= high for row in found.modes]
@@ -166,7 +166,7 @@ def look(
     judged = replace(found.verdict, index=index, rivals=tuple(place[i] for i in found.verdict.rivals))
     every, own = tuple(found.modes[i] for i in order), sum(inside)
     count = Count(low, high, own, own)
-    return Wanted(judged, every[:own], low, high, count, "", every[own:], found.missing, found.reach_hz)
+    return Target(judged, every[:own], low, high, count, "", every[own:], found.missing, found.reach_hz)
 
 
 def look_about(
@@ -174,7 +174,7 @@ def look_about(
     known: Count,
     rows: tuple[ModeRow, ...],
     solve: Callable[[float, float], tuple[tuple[ModeRow, ...], Count]],
-) -> Wanted:
+) -> Target:
     """Search the mode that another model has, from the narrow window of the `rows` outwards, by half of it on each side."""
     for _ in range(ROUNDS):
         outcome = look_among(rows, known)
@@ -186,11 +186,11 @@ def look_about(
     return outcome
 
 
-def look_among(rows: tuple[ModeRow, ...], known: Count) -> Wanted:
+def look_among(rows: tuple[ModeRow, ...], known: Count) -> Target:
     """Give the verdict over the modes at hand, where no others can be computed."""
     reach, missing = (known.low_hz, known.high_hz), missing_strength(rows)
     judged = verdict(*measures(rows), missing=missing) if rows else NONE
-    return Wanted(judged, rows, *reach, known, missing=missing, reach_hz=reach)
+    return Target(judged, rows, *reach, known, missing=missing, reach_hz=reach)
 
 
 def _completed(
@@ -216,32 +216,32 @@ def _joined(low: Count, high: Count) -> Count:
 # -- in words ----------------------------------------------------------------------------------------------------------
 
 
-def verdict_text(wanted: Wanted, design: Design) -> list[str]:
-    """Say which mode is the wanted one, or why none is."""
-    name, row = f"(0, {design.nodal_lines})", wanted.row
-    window = interval(wanted.low_hz, wanted.high_hz, to=" and ")
-    if row is None and wanted.count is None:
-        return [f"The wanted {name} mode is expected between {window}: {wanted.why}."]
+def verdict_text(target: Target, design: Design) -> list[str]:
+    """Say which mode is the target mode, or why none is."""
+    name, row = f"(0, {design.nodal_lines})", target.row
+    window = interval(target.low_hz, target.high_hz, to=" and ")
+    if row is None and target.count is None:
+        return [f"The target {name} mode is expected between {window}: {target.why}."]
     if row is None:
-        return [f"No mode between {window} has the wanted {name} shape: the best are less than half alike (MAC)."]
+        return [f"No mode between {window} has the target {name} shape: the best are less than half alike (MAC)."]
     level_text = _level(row)
     tone = frequency_with_bar(row.frequency_hz, row.error)
-    if wanted.status == "single":
-        return [f"wanted {name} mode: {tone}, {_alike(row)}{level_text}"]
-    others = "; ".join(_named(rival) for rival in wanted.rivals)
-    how = "is split among several modes" if others or not wanted.is_open else "may be split among several modes"
+    if target.status == "single":
+        return [f"target {name} mode: {tone}, {_alike(row)}{level_text}"]
+    others = "; ".join(_named(rival) for rival in target.rivals)
+    how = "is split among several modes" if others or not target.is_open else "may be split among several modes"
     return [
-        f"The wanted {name} shape {how}: strongest at {tone}, "
-        f"{_alike(row)}{level_text}" + (f"; others: {others}" if others else _alone(row)) + _outside(wanted)
+        f"The target {name} shape {how}: strongest at {tone}, "
+        f"{_alike(row)}{level_text}" + (f"; others: {others}" if others else _alone(row)) + _outside(target)
     ]
 
 
-def _outside(wanted: Wanted) -> str:
+def _outside(target: Target) -> str:
     """Say what modes that were not computed may carry, where that could rival the strongest."""
-    if not wanted.is_open or wanted.reach_hz is None:
+    if not target.is_open or target.reach_hz is None:
         return ""
-    reach = interval(*wanted.reach_hz)
-    most = figure(wanted.missing, wanted.missing)
+    reach = interval(*target.reach_hz)
+    most = figure(target.missing, target.missing)
     return f"; modes outside the searched range of {reach} may have a strength of up to {most}"
 
 
@@ -262,10 +262,10 @@ def _alone(row: ModeRow) -> str:
     return f"; no other is a quarter as strong, but its MAC is below {CLEAR:g}" if (row.mac or 0.0) < CLEAR else ""
 
 
-def warn_of_wanted(wanted: Wanted, case: Case, log: Log) -> None:
-    """Log which mode is the wanted one; a warning where none is, or where several share its shape."""
-    (said,) = verdict_text(wanted, case.design)
-    if wanted.status == "single":
+def warn_of_target(target: Target, case: Case, log: Log) -> None:
+    """Log which mode is the target mode; a warning where none is, or where several share its shape."""
+    (said,) = verdict_text(target, case.design)
+    if target.status == "single":
         log.info(said)
     else:
-        log.warning("NO_MODE" if wanted.status == "none" else "SPLIT_MODE", said)
+        log.warning("NO_MODE" if target.status == "none" else "SPLIT_MODE", said)

@@ -1,4 +1,4 @@
-"""The response at the wanted mode beside the highest of the band: two figures wherever they are two."""
+"""The response at the target mode beside the highest of the band: two figures wherever they are two."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ def document(tmp_path_factory: pytest.TempPathFactory) -> dict:
 
 
 def test_a_plate_whose_highest_peak_is_another_modes_tells_both(document: dict) -> None:
-    """The small plate's response is highest at 26 kHz, which leaks; its wanted mode at 34.5 kHz is confined."""
-    wanted, highest = document["wanted_peak"], document["highest_peak"]
-    assert document["wanted_status"] == "single"
-    assert abs(wanted["frequency_hz"] / document["wanted_hz"] - 1.0) < 1.0 / document["quality_factor_given"]
-    assert highest["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) > wanted["zone_rms_m_per_V"]
-    assert highest["frequency_hz"] < 0.8 * wanted["frequency_hz"]
-    assert wanted["confinement_db"] > highest["confinement_db"] + 6.0
-    assert wanted["quality_factor"] == pytest.approx(document["quality_factor_given"], rel=0.05)
+    """The small plate's response is highest at 26 kHz, which leaks; its target mode at 34.5 kHz is confined."""
+    target, highest = document["target_peak"], document["highest_peak"]
+    assert document["target_status"] == "single"
+    assert abs(target["frequency_hz"] / document["target_hz"] - 1.0) < 1.0 / document["quality_factor_given"]
+    assert highest["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) > target["zone_rms_m_per_V"]
+    assert highest["frequency_hz"] < 0.8 * target["frequency_hz"]
+    assert target["confinement_db"] > highest["confinement_db"] + 6.0
+    assert target["quality_factor"] == pytest.approx(document["quality_factor_given"], rel=0.05)
 
 
 def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> None:
@@ -97,16 +97,16 @@ def test_no_peak_is_higher_than_the_highest_however_narrow(tmp_path: Path) -> No
     command = ["response", str(ROOT / "examples" / "small.toml"), "--quiet", "--json", str(file), *sets]
     assert main([*command, "--band", "30kHz:40kHz"]) == 0
     document = json.loads(file.read_text())
-    peaks = document["highest_peak"], document["wanted_peak"]
+    peaks = document["highest_peak"], document["target_peak"]
     assert peaks[0]["zone_rms_m_per_V"] == max(document["zone_rms_m_per_V"]) >= peaks[1]["zone_rms_m_per_V"]
     assert [peak["quality_factor"] for peak in peaks] == pytest.approx([1e6] * 2, rel=0.05)
 
 
-def test_it_is_said_and_so_is_a_band_without_the_wanted_mode(capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_is_said_and_so_is_a_band_without_the_target_mode(capsys: pytest.CaptureFixture[str]) -> None:
     small = str(ROOT / "examples" / "small.toml")
     assert main(["response", small, "--quiet", "--points", "51", *PATCHED]) == 0
     said = capsys.readouterr()
-    assert "warning OTHER_PEAK" in said.err and "highest peak at" in said.out and "wanted mode's peak at" in said.out
+    assert "warning OTHER_PEAK" in said.err and "highest peak at" in said.out and "target mode's peak at" in said.out
     assert main(["response", small, "--quiet", "--points", "51", "--band", "27kHz:31kHz", *PATCHED]) == 0
     said = capsys.readouterr()
-    assert "warning NO_MODE" in said.err and "wanted mode's peak" not in said.out and "nan" not in said.out
+    assert "warning NO_MODE" in said.err and "target mode's peak" not in said.out and "nan" not in said.out
