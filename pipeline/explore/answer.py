@@ -1,4 +1,8 @@
-"""One design answered at once: bands and gaps, decay per row, and the target mode of one column of cells."""
+"""What the explorer answers of a design, and how far it moves when all pillars are off alike.
+
+Every sample is a design answered from the parametric cell (`pipeline.explore.answer`). Pillars that differ within one plate are
+no cells of it: they have families of reductions of their own (`pipeline.models.tolerance`).
+"""
 
 from __future__ import annotations
 
@@ -16,17 +20,12 @@ from geometry.elements import FloatArray, IntArray
 from pipeline.case.model import Case, case_from_dict
 from pipeline.case.reading import apply_overrides, parse_override
 from pipeline.errors import InputError
-from pipeline.models.live_column import (
-    TIED,
-    Detuned,
-    LiveCell,
-    LivePlate,
-    boundary_error,
-    end_layer,
-    live_modes,
-)
-from pipeline.models.parametric import CellModel, lattice_of, sizes_of
+from pipeline.logs import Log
+from pipeline.models.answer_parts import SampleRecord
+from pipeline.models.live_column import TIED, Detuned, LiveCell, LivePlate, boundary_error, end_layer, live_modes
+from pipeline.models.parametric import CellModel, cell_model, lattice_of, resized, sizes_of
 from pipeline.planning import mesh_rules
+from pipeline.planning.simplifications import Simplification
 from pipeline.quantity import GRAM, MM, figure, frequency, level, percent
 from pipeline.search.terms import mass_kg
 from solvers.errors import SolverError
@@ -34,6 +33,7 @@ from solvers.measures.confinement import measure_profile
 from solvers.parametric.affine import NAMES, Sizes, between
 from solvers.superelement.cell import Cell
 from solvers.threads import one_thread
+from solvers.variation.samples import CUT, Deviations
 from solvers.waves.branches import is_flexural
 from solvers.waves.complex_bands import Row
 from solvers.waves.gaps import complete_gaps
@@ -43,19 +43,6 @@ STEEPEST_DB = 100.0  # a row: beyond, the boundary polynomials do not resolve th
 PROFILE = 121  # places across the plate
 WIDE_M = 0.06  # of plate beyond the zone: from there on many modes lie near the target mode
 NEAR = 3.0  # times the error of a frequency: both may be off, and the coupling reaches as far
-
-
-@dataclass(frozen=True)
-class Limit:
-    """A slider: key of the case file, what it is called, unit, ends and step."""
-
-    key: str
-    word: str
-    unit: str
-    low: float
-    high: float
-    step: float
-
 
 # every sentence of an answer, with names for its numbers: an exported page fills in the same ones
 WORDS = {
@@ -71,6 +58,36 @@ WORDS = {
     "split": "the target shape is split among several modes: the plate may show another one of them",
     "others": "within the error bars the strongest mode may also be that at {named}",
 }
+
+WIDTHS = {
+    "round": "Pillar diameter",
+    "hexagonal": "Pillar width across flats",
+    "tapered": "Pillar side at the foot",
+    "cross": "Pillar width",
+}
+
+CLOUD = 2000  # designs of the Pareto picture
+PLATES = 4  # of them with the same cell, one after another: other rows and extensions
+BATCH = 2 * PLATES  # designs a question: a drag waits no longer
+Document = dict[str, Any]
+
+FIXED = Simplification(
+    "alike_position", "where the pillars stand", "pillars that all stand off alike are the same plate, moved"
+)
+
+
+@dataclass(frozen=True)
+class Limit:
+    """A slider: key of the case file, what it is called, unit, ends and step."""
+
+    key: str
+    word: str
+    unit: str
+    low: float
+    high: float
+    step: float
+
+
 LIMITS = {
     "height": Limit("pillar.height_mm", "Pillar height", "mm", 4.0, 9.0, 0.05),
     "side": Limit("pillar.side_mm", "Pillar side", "mm", 1.0, 3.0, 0.05),
@@ -79,16 +96,6 @@ LIMITS = {
     "rows": Limit("array.rows", "Rows a side", "", 0.0, 8.0, 1.0),
     "extension": Limit("array.extension_mm", "Extension", "mm", 0.0, 40.0, 0.5),
 }
-WIDTHS = {
-    "round": "Pillar diameter",
-    "hexagonal": "Pillar width across flats",
-    "tapered": "Pillar side at the foot",
-    "cross": "Pillar width",
-}
-CLOUD = 2000  # designs of the Pareto picture
-PLATES = 4  # of them with the same cell, one after another: other rows and extensions
-BATCH = 2 * PLATES  # designs a question: a drag waits no longer
-Document = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -164,37 +171,6 @@ class Scene:
         lengths |= {"thickness": design.thickness_m, "extension": design.extension_m}
         own = {name: round(1e3 * value, 9) for name, value in lengths.items()} | {"rows": float(design.rows)}
         return {name: own[name] for name in LIMITS}
-
-
-def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, float]:
-    """A design as the page sends it: a number for every slider. InputError, a line a fault, for anything else."""
-    if not isinstance(given, dict) or set(given) != set(limits):
-        raise InputError(f"a design has the numbers {', '.join(limits)} and nothing else")
-    said = []
-    for name, own in given.items():
-        limit, value = limits[name], _float(own)
-        if not math.isfinite(value):
-            fault = "number"
-        elif not limit.low <= value <= limit.high:
-            fault = "limit"
-        elif name == "rows" and value != int(value):
-            fault = "whole"
-        else:
-            continue
-        said.append(WORDS[fault].format(value=value, **vars(limit)).rstrip())
-    if said:
-        raise InputError(said)
-    return {name: float(given[name]) for name in limits}
-
-
-def _float(value: Any) -> float:
-    """A number of a request; nan for whatever is none, or too large for one."""
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return math.nan
-    try:
-        return float(value)
-    except OverflowError:
-        return math.nan
 
 
 class Explorer:
@@ -453,31 +429,32 @@ class Bar:
         return said
 
 
+def read_design(given: Any, limits: dict[str, Limit] = LIMITS) -> dict[str, float]:
+    """A design as the page sends it: a number for every slider. InputError, a line a fault, for anything else."""
+    if not isinstance(given, dict) or set(given) != set(limits):
+        raise InputError(f"a design has the numbers {', '.join(limits)} and nothing else")
+    said = []
+    for name, own in given.items():
+        limit, value = limits[name], _float(own)
+        if not math.isfinite(value):
+            fault = "number"
+        elif not limit.low <= value <= limit.high:
+            fault = "limit"
+        elif name == "rows" and value != int(value):
+            fault = "whole"
+        else:
+            continue
+        said.append(WORDS[fault].format(value=value, **vars(limit)).rstrip())
+    if said:
+        raise InputError(said)
+    return {name: float(given[name]) for name in limits}
+
+
 def apart(hz: FloatArray, error: float) -> list[IntArray]:
     """Group frequencies (n,) of which each lies within a relative error of the next: indices, ascending in each group."""
     order = np.argsort(hz, kind="stable")
     ends = np.flatnonzero(np.diff(hz[order]) > error * hz[order][:-1]) + 1
     return [np.sort(group) for group in np.split(order, ends)]
-
-
-def _flexural_db(row: Row, frequency_hz: float) -> float | None:
-    waves = row.waves(frequency_hz)
-    kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
-    flexural = waves.db_per_row[kept[is_flexural(row.periodic, waves.dofs[:, kept])]]
-    return round(float(np.abs(flexural).min()), 4) if len(flexural) else None
-
-
-def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: float) -> Document:
-    """The root mean square of |u_z| along x over the distance from the zone's middle, the largest 1; empty slots left out."""
-    slot = np.minimum((np.abs(y_m) / end_m * PROFILE).astype(int), PROFILE - 1)
-    area = np.bincount(slot, weights, PROFILE)
-    level = np.sqrt(np.bincount(slot, weights * squares, PROFILE)[area > 0.0] / area[area > 0.0])
-    places = (np.flatnonzero(area > 0.0) + 0.5) / PROFILE * end_m
-    return {"y_mm": np.round(1e3 * places, 3).tolist(), "level": np.round(level / level.max(), 5).tolist()}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
@@ -500,3 +477,97 @@ def compute(scene: Scene, given: dict[str, float], log: Any) -> Document:
         "frequency_error": row.error,
         "confinement_error_db": row.confinement_error_db,
     }
+
+
+def check(case: Case) -> None:
+    """InputError without [tolerance], without pillars, or where no size of theirs differs."""
+    case.require_plate(command="tolerance --alike")
+    case.require("tolerance", "pillar", command="tolerance --alike")
+    if not _deviations(case).sizes_m.any():
+        raise InputError(f"{case.name}: tolerance --alike: tolerance.height_mm or tolerance.side_mm must be above 0")
+
+
+def solve(case: Case, log: Log) -> tuple[SampleRecord, list[SampleRecord], float]:
+    """The nominal plate, the samples with all pillars off by the same each, and the error of a frequency, relative.
+
+    InputError outside the bases.
+    """
+    given, deviations = case.tolerance, _deviations(case)
+    assert given is not None
+    explorer = Explorer(Scene(case, {}, ()), cell_model(case, log))
+    _require_inside(case, deviations, explorer)
+    with log.step("nominal plate"):
+        answer = explorer.document(case, {})
+        nominal = _sample(answer["plate"])
+    if nominal.peak_hz is None:
+        raise InputError(f"{case.name}: tolerance --alike: {answer['plate'].get('why_not', 'no target mode')}")
+    for text in answer["warnings"]:
+        log.warning("LIVE", text)
+    samples = []
+    for number, change in enumerate(deviations.draw(1, given.samples, given.seed)[:, 0, :2], start=1):
+        with log.step(f"plate {number} of {given.samples}"):
+            samples.append(_sample(explorer.plate(printed(case, change))))
+    return nominal, samples, answer["plate"]["frequency_error"]
+
+
+def printed(case: Case, change_m: FloatArray) -> Case:
+    """The case with every pillar's height and width off by (2,) m."""
+    thickness, height, width, pitch = sizes_of(case.design)
+    sizes = thickness, height + float(change_m[0]), width + float(change_m[1]), pitch
+    return replace(case, design=resized(case.design, sizes))
+
+
+def _float(value: Any) -> float:
+    """A number of a request; nan for whatever is none, or too large for one."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def _flexural_db(row: Row, frequency_hz: float) -> float | None:
+    waves = row.waves(frequency_hz)
+    kept = np.flatnonzero(waves.db_per_row <= STEEPEST_DB)
+    flexural = waves.db_per_row[kept[is_flexural(row.periodic, waves.dofs[:, kept])]]
+    return round(float(np.abs(flexural).min()), 4) if len(flexural) else None
+
+
+def _profile(y_m: FloatArray, weights: FloatArray, squares: FloatArray, end_m: float) -> Document:
+    """The root mean square of |u_z| along x over the distance from the zone's middle, the largest 1; empty slots left out."""
+    slot = np.minimum((np.abs(y_m) / end_m * PROFILE).astype(int), PROFILE - 1)
+    area = np.bincount(slot, weights, PROFILE)
+    level = np.sqrt(np.bincount(slot, weights * squares, PROFILE)[area > 0.0] / area[area > 0.0])
+    places = (np.flatnonzero(area > 0.0) + 0.5) / PROFILE * end_m
+    return {"y_mm": np.round(1e3 * places, 3).tolist(), "level": np.round(level / level.max(), 5).tolist()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _deviations(case: Case) -> Deviations:
+    assert case.tolerance is not None
+    return Deviations(case.tolerance.height_m, case.tolerance.side_m, 0.0)
+
+
+def _require_inside(case: Case, deviations: Deviations, explorer: Explorer) -> None:
+    """InputError, a line a size, where the largest deviations leave the box of the bases."""
+    reach, said = np.array(deviations.reach_m[:2]), []
+    for signs in ((1.0, 1.0), (-1.0, -1.0)):
+        sizes = sizes_of(printed(case, reach * signs).design)
+        for fault in explorer.model.cell.box.faults(sizes):
+            said.append(f"{case.name}: tolerance --alike: {CUT:g} standard deviations reach {fault}")
+    if said:
+        raise InputError(list(dict.fromkeys(said)))
+
+
+def _sample(plate: dict) -> SampleRecord:
+    return SampleRecord(
+        peak_hz=plate.get("frequency_hz"),
+        zone_rms=None,
+        confinement_db=plate.get("confinement_db"),
+        quality_factor=None,
+        tracking=plate.get("status", "none"),
+    )

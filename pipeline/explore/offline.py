@@ -27,11 +27,10 @@ from solvers.analytic.beams import free_free_mode
 from solvers.analytic.predesign import free_kx_per_m
 from solvers.fem import surface
 from solvers.measures import confinement, target_mode
-from solvers.parametric import affine, bands, bare, block, chain, finite
+from solvers.parametric import affine, bands, bare, block, finite
 from solvers.parametric.affine import NAMES
+from solvers.parametric.block import ReducedBlock, Sector
 from solvers.parametric.cell import ParametricCell, lower
-from solvers.parametric.reduced_block import ReducedBlock
-from solvers.parametric.sectors import Sector
 from solvers.superelement.cell import KNOWN, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.waves import branches, complex_bands, gaps
@@ -143,7 +142,7 @@ def model_document(explorer: Explorer, numbers: _Numbers) -> Plain:
         "plate_density": design.stack.material.density_kg_m3,
         "windows": _windows(design, LIMITS["thickness"]),
         "panel": PANEL,
-        "reach": chain.REACH,
+        "reach": finite.REACH,
         "finite": _finite(design),
         "rule": {name: getattr(target_mode, name.upper()) for name in RULE},
         "profile": PROFILE,

@@ -1,4 +1,4 @@
-"""The page served from this machine to this machine: loopback address, a free port, a token in the address, no other origin.
+"""The explorer's page served on this machine: answers while a design is dragged, the full plate on request.
 
 A second process computes the designs of the cloud.
 """
@@ -11,8 +11,9 @@ import pickle
 import secrets
 import socket
 import tempfile
-from collections.abc import Awaitable, Callable
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from collections.abc import Awaitable, Callable, Iterator
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,115 @@ from aiohttp.http_exceptions import BadHttpMessage
 
 from geometry.errors import GeometryError, MeshError
 from pipeline.errors import InputError
-from pipeline.explore.answer import BATCH, Document, Explorer, read_design
-from pipeline.explore.full_plate import FullPlate
+from pipeline.explore.answer import BATCH, Document, Explorer, Scene, compute, read_design
+from pipeline.logs import TerminalLog
 from pipeline.workers import LocalWorkers, WorkerLost
 from solvers.errors import SolverError
+from solvers.machine import workers
+
+SHOWN = 12  # lines of the log, the last ones
+Solve = Callable[[Scene, dict[str, float], Any], Document]
+
+HOST = "127.0.0.1"
+PAGE = Path(__file__).with_name("page")
+MAX_BYTES = 4096  # of a request: a design takes two hundred
+
+FILES = {
+    "": ("index.html", "text/html"),
+    "explore.js": ("explore.js", "text/javascript"),
+    "figures.js": ("figures.js", "text/javascript"),
+    "explore.css": ("explore.css", "text/css"),
+}
+
+HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}  # fmt: skip
+
+REFUSED = (InputError, SolverError, MeshError, GeometryError)
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class FileLog(TerminalLog):
+    """A log whose lines another process reads from a file."""
+
+    verbose = True
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.path = path
+
+    def warning(self, id: str, text: str) -> None:
+        """Write a line like any other."""
+        self._say(f"warning {id}: {text}")
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Write that a step begins."""
+        self._say(f"{name} ...")
+        yield
+
+    def _say(self, text: str) -> None:
+        with self.path.open("a", encoding="utf-8") as file:
+            file.write(" ".join(text.split()) + "\n")
+
+
+class FullPlate:
+    """One assembled plate at a time; `solve` must be picklable, as `compute` is."""
+
+    def __init__(self, scene: Scene, solve: Solve = compute) -> None:
+        self.scene, self.solve = scene, solve
+        self._workers: LocalWorkers | None = None
+        self._solved: Future[Document] | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._lines: list[str] = []
+
+    @property
+    def running(self) -> bool:
+        """Whether a plate is being solved."""
+        return self._solved is not None and not self._solved.done()
+
+    def start(self, design: dict[str, float]) -> None:
+        """Begin to solve a design."""
+        self._clear()
+        self._folder = tempfile.TemporaryDirectory(prefix="antinode-explore-")
+        self._workers = self._workers or LocalWorkers(1, workers())
+        self._solved = self._workers.submit(_solved, self.solve, self.scene, design, self._file)
+
+    def report(self) -> Document | None:
+        """Whether a plate is being solved, the last lines of its log and its result; None where none was asked for."""
+        solved = self._solved
+        if solved is None:
+            return None
+        running = not solved.done()
+        lines = self._read() if self._folder else self._lines
+        return {"running": running, "lines": lines[-SHOWN:], "result": None if running else _result(solved)}
+
+    def stop(self) -> None:
+        """End a process that is at work; what it was at has no result."""
+        if self._workers:
+            self._workers.kill()
+            self._workers = None
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._folder:
+            self._lines = self._read()
+            self._folder.cleanup()
+            self._folder = None
+
+    def _read(self) -> list[str]:
+        file = self._file
+        return file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+
+    @property
+    def _file(self) -> Path:
+        assert self._folder is not None
+        return Path(self._folder.name) / "log"
 
 
 class Beside:
@@ -57,37 +163,6 @@ class Beside:
     def _file(self) -> Path:
         assert self._folder is not None
         return Path(self._folder.name) / "explorer.pickle"
-
-
-def _cloud(file: Path, first: int, count: int) -> list[Document]:
-    return _explorer(file).cloud(first, count)
-
-
-@lru_cache(maxsize=1)
-def _explorer(file: Path) -> Explorer:
-    explorer: Explorer = pickle.loads(file.read_bytes())  # written by the process that started this one
-    return explorer
-
-
-HOST = "127.0.0.1"
-PAGE = Path(__file__).with_name("page")
-MAX_BYTES = 4096  # of a request: a design takes two hundred
-FILES = {
-    "": ("index.html", "text/html"),
-    "explore.js": ("explore.js", "text/javascript"),
-    "figures.js": ("figures.js", "text/javascript"),
-    "explore.css": ("explore.css", "text/css"),
-}
-HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-    "Cache-Control": "no-store",
-}  # fmt: skip
-REFUSED = (InputError, SolverError, MeshError, GeometryError)
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class Server:
@@ -196,34 +271,6 @@ def refusal(text: str, status: int) -> web.Response:
     return web.json_response({"error": text}, status=status)
 
 
-async def _or_one_line(request: web.Request, handler: Handler) -> web.StreamResponse:
-    try:
-        return await handler(request)
-    except REFUSED as fault:
-        lines = fault.lines if isinstance(fault, InputError) else [str(fault)]
-        return refusal("; ".join(" ".join(line.split()) for line in lines), 400)
-    except web.HTTPRequestEntityTooLarge:
-        return refusal(f"a request holds at most {MAX_BYTES} bytes", 413)
-    except web.HTTPException as fault:
-        return refusal(f"nothing here: {fault.reason}", fault.status)
-    except Exception as fault:  # one line with the headers of every answer, instead of aiohttp's own page
-        return refusal(f"unexpected {type(fault).__name__}: {' '.join(str(fault).split())}", 500)
-
-
-async def _json(request: web.Request) -> Any:
-    """A request's body as JSON, which is UTF-8 whatever charset is named. InputError for any other."""
-    try:
-        return json.loads(await request.read())
-    except web.HTTPRequestEntityTooLarge:
-        raise
-    except (ValueError, RecursionError, BadHttpMessage, ClientPayloadError, web.RequestPayloadError) as fault:
-        raise InputError("a request must be a design as JSON") from fault
-
-
-def _dumps(value: Any) -> str:
-    return json.dumps(value, separators=(",", ":"), allow_nan=False)
-
-
 def listening(port: int = 0) -> socket.socket:
     """A socket on the loopback address alone, on a free port unless one is named."""
     sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
@@ -256,3 +303,62 @@ def serve(server: Server, port: int, ready: Callable[[str], None]) -> None:
         asyncio.run(run())
     finally:
         server.close()
+
+
+def _result(solved: Future[Document]) -> Document:
+    """What a plate's process gave, or one line of why it gave nothing."""
+    try:
+        return solved.result()
+    except (WorkerLost, CancelledError) as fault:
+        return {"why_not": str(fault) or "stopped"}
+    except Exception as fault:  # a worker's traceback is read by nobody
+        return {"why_not": f"{type(fault).__name__}: {' '.join(str(fault).split())}"}
+
+
+def _solved(solve: Solve, scene: Scene, design: dict[str, float], file: Path) -> Document:
+    from geometry.errors import GeometryError, MeshError
+    from pipeline.errors import InputError
+    from solvers.errors import SolverError
+
+    try:
+        return solve(scene, design, FileLog(file))
+    except (InputError, SolverError, MeshError, GeometryError, MemoryError) as fault:
+        return {"why_not": " ".join(str(fault).split())}
+
+
+def _cloud(file: Path, first: int, count: int) -> list[Document]:
+    return _explorer(file).cloud(first, count)
+
+
+@lru_cache(maxsize=1)
+def _explorer(file: Path) -> Explorer:
+    explorer: Explorer = pickle.loads(file.read_bytes())  # written by the process that started this one
+    return explorer
+
+
+async def _or_one_line(request: web.Request, handler: Handler) -> web.StreamResponse:
+    try:
+        return await handler(request)
+    except REFUSED as fault:
+        lines = fault.lines if isinstance(fault, InputError) else [str(fault)]
+        return refusal("; ".join(" ".join(line.split()) for line in lines), 400)
+    except web.HTTPRequestEntityTooLarge:
+        return refusal(f"a request holds at most {MAX_BYTES} bytes", 413)
+    except web.HTTPException as fault:
+        return refusal(f"nothing here: {fault.reason}", fault.status)
+    except Exception as fault:  # one line with the headers of every answer, instead of aiohttp's own page
+        return refusal(f"unexpected {type(fault).__name__}: {' '.join(str(fault).split())}", 500)
+
+
+async def _json(request: web.Request) -> Any:
+    """A request's body as JSON, which is UTF-8 whatever charset is named. InputError for any other."""
+    try:
+        return json.loads(await request.read())
+    except web.HTTPRequestEntityTooLarge:
+        raise
+    except (ValueError, RecursionError, BadHttpMessage, ClientPayloadError, web.RequestPayloadError) as fault:
+        raise InputError("a request must be a design as JSON") from fault
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, separators=(",", ":"), allow_nan=False)

@@ -24,8 +24,7 @@ from solvers.measures.target_mode import LEAD, SIMILAR, Found, Verdict, search, 
 from solvers.parametric.affine import Sizes
 from solvers.parametric.bare import bare_cell
 from solvers.parametric.cell import Inner, ParametricCell
-from solvers.parametric.chain import Chain, Condensed
-from solvers.parametric.finite import FinitePlate, wavenumbers
+from solvers.parametric.finite import Chain, Condensed, FinitePlate, wavenumbers
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column
 from solvers.superelement.cell import Cell

@@ -36,11 +36,9 @@ from pipeline.quantity import percent
 from pipeline.workers import LocalWorkers
 from solvers.accuracy.reduction import mesh_error, waves_of
 from solvers.errors import SolverError
-from solvers.parametric.affine import PITCH, AffineCell, DesignBox, Sizes, as_sizes, between
-from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, own_error, rich_sectors
+from solvers.parametric.affine import PITCH, AffineCell, DesignBox, FixedMesh, Sizes, as_sizes, between, foot_of
+from solvers.parametric.bands import FLAT, BandBases, Bands, band_bases, bands, compressed, own_error, rich_sectors
 from solvers.parametric.cell import ParametricCell, parametric_cell
-from solvers.parametric.compressed import compressed
-from solvers.parametric.foot import FixedMesh, foot_of
 from solvers.superelement.interface import Interface
 
 ACCURACY = 0.002  # of the plain reductions; what they may be off by is added

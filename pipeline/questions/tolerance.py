@@ -286,12 +286,12 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
 
     def check(self, case: Case) -> None:
         """Raise InputError for a case without pillars or without deviations of their sizes."""
-        from pipeline.explore.alike import check
+        from pipeline.explore.answer import check
 
         check(case)
 
     def plan(self, case: Case) -> Plan:
-        from pipeline.explore.alike import FIXED
+        from pipeline.explore.answer import FIXED
 
         assert case.tolerance
         step = plans.plain_step(
@@ -300,7 +300,7 @@ class AlikeTolerance(_Drawn, Question[ToleranceResult], instead_of="tolerance", 
         return plans.plan_of(case, replace(step, left_out=(FIXED,) if case.tolerance.position_m else ()))
 
     def compute(self, case: Case, plan: Plan, run: Run) -> ToleranceResult:
-        from pipeline.explore.alike import solve
+        from pipeline.explore.answer import solve
         from solvers.variation.samples import CUT
 
         nominal, samples, error = solve(case, run)

@@ -1,8 +1,12 @@
-"""Bands of any design of the box along a path, each with how far it may lie above its mesh's.
+"""Bands of any design of the box along a path, each with how far it may lie above its mesh's, also of compressed cells.
 
 At each wavevector and in each of its mirror sectors a basis of some fifty functions: waves' motions of the boundary,
 gathered once over the box (BOUNDARY of them hold it: whatever a pillar does, its cell's sides bend smoothly), and the
 design's own clamped modes and inertial answers. All pencils are small, real and dense, and are solved in one batch (pau2007).
+
+The bases of `reduced_block` follow every boundary polynomial alike. Of the waves of some hundred designs and wavevectors, each
+of unit energy, far fewer directions hold all but KEPT (sirovich1987); rigid motions stay exact. Matrices are rounded to single
+precision, so that a page without Python has the same ones.
 """
 
 from __future__ import annotations
@@ -14,10 +18,9 @@ import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
 from geometry.elements import BoolArray, FloatArray
-from solvers.parametric.affine import Sizes
-from solvers.parametric.block import BESIDE
-from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell
-from solvers.parametric.sectors import Sector
+from solvers.parametric.affine import PITCH, SIDE, Sizes
+from solvers.parametric.block import BESIDE, RIGID, ReducedBlock, Sector, orthonormal, symmetric
+from solvers.parametric.cell import ClassAtDesign, Inner, ParametricCell, rigid_span
 from solvers.threads import one_thread
 
 BOUNDARY = 20  # motions of the boundary that a sector keeps
@@ -26,6 +29,13 @@ FLAT = 1e-3  # of the highest frequency: slower waves are rigid-body motions but
 SLOWEST = 1e-7  # scaled eigenvalue: some hundred hertz, from where on frequencies are held to their relative error
 SAFETY = 2.0  # on the largest error at the wavevectors looked at closely: others lie between them
 CLOSELY = 12  # every so many-th wavevector is
+
+# of the largest energy of a direction, by how many classes there are: larger and more of them make too large a page
+KEPT = {5: 1e-6, 4: 1e-5, 8: 3e-5}
+
+INSIDE = Inner(8, 8)
+FUNCTION = 1e-6  # of the largest singular value, of the boundary functions
+SHARES = 9
 
 
 @dataclass(frozen=True)
@@ -60,49 +70,6 @@ def bands(cell: ParametricCell, bases: BandBases, sizes: FloatArray | Sizes) -> 
         values = _merged(solved, bases.sectors, len(bases.fractions), bases.count)
         error = _error(parts, bases, values)
     return Bands(cell.scale.frequency(values), SAFETY * error + bases.floor)
-
-
-def _error(parts: Sequence[ClassAtDesign], bases: BandBases, values: FloatArray) -> FloatArray:
-    """Relative excess of each band's frequency at the wavevectors of `rich`, that of its neighbours counted too, (bands,)."""
-    solved = [_corrected(parts, sector, bases.count) for sector in bases.rich]
-    better = _merged(solved, bases.rich, len(bases.fractions), bases.count)
-    known = np.isfinite(better).all(axis=1)
-    ours, theirs = values[known], better[known]
-    moving = theirs > FLAT**2 * theirs[:, -1:]
-    excess = np.where(moving, 0.5 * np.abs(ours / np.where(moving, theirs, 1.0) - 1.0), 0.0).max(axis=0)
-    return np.asarray(np.max([excess, np.append(excess[1:], 0.0), np.append(0.0, excess[:-1])], axis=0))
-
-
-def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: int) -> FloatArray:
-    """The sectors' eigenvalues together, (points, count); infinite where none was asked for."""
-    width, known = max(values.shape[1] for values in solved), np.zeros(points, dtype=np.int64)
-    out = np.full((points, 2, width), np.inf)
-    for values, sector in zip(solved, of, strict=True):
-        out[sector.points, known[sector.points], : values.shape[1]] = values
-        known[sector.points] += 1
-    return np.asarray(np.sort(out.reshape(points, -1), axis=1)[:, :count])
-
-
-def _eigenvalues(parts: Sequence[ClassAtDesign], sector: Sector) -> FloatArray:
-    """Every eigenvalue of a sector at each of its wavevectors, (k, m)."""
-    stiffness, mass = pencils([parts[number] for number in sector.classes], sector.bases)
-    lower = np.linalg.cholesky(mass)
-    half = np.linalg.solve(lower, stiffness)
-    return np.asarray(np.linalg.eigvalsh(np.linalg.solve(lower, half.transpose(0, 2, 1))))
-
-
-def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> FloatArray:
-    """Eigenvalues less what the inner functions left out take from them, to first order: l - l^2 u'Du, (k, count)."""
-    own = [parts[number] for number in sector.classes]
-    out = []
-    for basis, (values, edge, _) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
-        free, row, taken = basis @ edge, 0, np.zeros(len(values))
-        for part in own:
-            piece = free[row : row + part.parity.shape[1]]
-            taken += np.einsum("ij,ij->j", piece, part.lost @ piece)
-            row += len(piece)
-        out.append(values - values**2 * taken)
-    return np.array(out)
 
 
 def lowest(
@@ -163,13 +130,6 @@ def rich_sectors(cell: ParametricCell, fractions: FloatArray, labels: tuple[str,
     return tuple(_some(sector, labelled[sector.points]) for sector in cell.sectors(fractions))
 
 
-def _some(sector: Sector, labelled: BoolArray) -> Sector:
-    """The labelled wavevectors of a sector, every CLOSELY-th and the one in its middle."""
-    place = np.arange(len(labelled))
-    chosen = labelled | (place % CLOSELY == CLOSELY // 2) | (place == len(place) // 2)
-    return Sector(sector.points[chosen], sector.classes, sector.bases[chosen])
-
-
 def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Sequence[Sizes], count: int) -> float:
     """Largest relative excess of the cell's frequencies over those of cells made for each design alone, along its path."""
     points = cell.box.path(2).wavevectors / np.pi
@@ -184,6 +144,78 @@ def own_error(cell: ParametricCell, alone: Sequence[ParametricCell], designs: Se
         moving = theirs > FLAT**2 * theirs[:, -1:]
         worst = max(worst, float(0.5 * np.abs(ours[moving] / theirs[moving] - 1.0).max()))
     return worst
+
+
+def compressed(cell: ParametricCell, of: Sequence[Sector], count: int, designs: Sequence[Sizes]) -> ParametricCell:
+    """The cell in a basis made from the lowest `count` waves of the designs at the sectors' wavevectors."""
+    rigid: list[list[FloatArray]] = [[] for _ in cell.blocks]
+    moving: list[list[FloatArray]] = [[] for _ in cell.blocks]
+    with one_thread():
+        for sizes in designs:
+            parts = cell.parts(sizes, INSIDE, cell.interface)
+            for number, block in enumerate(cell.blocks):
+                span = rigid_span(block.parity, cell.interface, cell.box, sizes)
+                rigid[number].append(parts[number].shapes[block.functions :, : len(span)] @ span)
+            for sector in of:
+                for number, motion in _inside(cell, parts, sector, count):
+                    moving[number].append(motion)
+        blocks = [_block(cell, *own) for own in zip(cell.blocks, rigid, moving, strict=True)]
+    return replace(cell, blocks=tuple(blocks))
+
+
+def single(values: FloatArray) -> FloatArray:
+    """Values as single precision holds them."""
+    return np.asarray(values, dtype=np.float32).astype(float)
+
+
+def _error(parts: Sequence[ClassAtDesign], bases: BandBases, values: FloatArray) -> FloatArray:
+    """Relative excess of each band's frequency at the wavevectors of `rich`, that of its neighbours counted too, (bands,)."""
+    solved = [_corrected(parts, sector, bases.count) for sector in bases.rich]
+    better = _merged(solved, bases.rich, len(bases.fractions), bases.count)
+    known = np.isfinite(better).all(axis=1)
+    ours, theirs = values[known], better[known]
+    moving = theirs > FLAT**2 * theirs[:, -1:]
+    excess = np.where(moving, 0.5 * np.abs(ours / np.where(moving, theirs, 1.0) - 1.0), 0.0).max(axis=0)
+    return np.asarray(np.max([excess, np.append(excess[1:], 0.0), np.append(0.0, excess[:-1])], axis=0))
+
+
+def _merged(solved: list[FloatArray], of: Sequence[Sector], points: int, count: int) -> FloatArray:
+    """The sectors' eigenvalues together, (points, count); infinite where none was asked for."""
+    width, known = max(values.shape[1] for values in solved), np.zeros(points, dtype=np.int64)
+    out = np.full((points, 2, width), np.inf)
+    for values, sector in zip(solved, of, strict=True):
+        out[sector.points, known[sector.points], : values.shape[1]] = values
+        known[sector.points] += 1
+    return np.asarray(np.sort(out.reshape(points, -1), axis=1)[:, :count])
+
+
+def _eigenvalues(parts: Sequence[ClassAtDesign], sector: Sector) -> FloatArray:
+    """Every eigenvalue of a sector at each of its wavevectors, (k, m)."""
+    stiffness, mass = pencils([parts[number] for number in sector.classes], sector.bases)
+    lower = np.linalg.cholesky(mass)
+    half = np.linalg.solve(lower, stiffness)
+    return np.asarray(np.linalg.eigvalsh(np.linalg.solve(lower, half.transpose(0, 2, 1))))
+
+
+def _corrected(parts: Sequence[ClassAtDesign], sector: Sector, count: int) -> FloatArray:
+    """Eigenvalues less what the inner functions left out take from them, to first order: l - l^2 u'Du, (k, count)."""
+    own = [parts[number] for number in sector.classes]
+    out = []
+    for basis, (values, edge, _) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+        free, row, taken = basis @ edge, 0, np.zeros(len(values))
+        for part in own:
+            piece = free[row : row + part.parity.shape[1]]
+            taken += np.einsum("ij,ij->j", piece, part.lost @ piece)
+            row += len(piece)
+        out.append(values - values**2 * taken)
+    return np.array(out)
+
+
+def _some(sector: Sector, labelled: BoolArray) -> Sector:
+    """The labelled wavevectors of a sector, every CLOSELY-th and the one in its middle."""
+    place = np.arange(len(labelled))
+    chosen = labelled | (place % CLOSELY == CLOSELY // 2) | (place == len(place) // 2)
+    return Sector(sector.points[chosen], sector.classes, sector.bases[chosen])
 
 
 def _boundary_waves(cell: ParametricCell, of: Sequence[Sector], count: int, sizes: Sizes) -> list[FloatArray]:
@@ -202,3 +234,53 @@ def _pod(waves: FloatArray, metric: FloatArray, most: int) -> FloatArray:
     root = cholesky(metric)
     left, _, _ = np.linalg.svd(root @ waves, full_matrices=False)
     return np.asarray(solve_triangular(root, left[:, :most]))
+
+
+def _inside(
+    cell: ParametricCell, parts: Sequence[ClassAtDesign], sector: Sector, count: int
+) -> list[tuple[int, FloatArray]]:
+    """Each class's block and what its inside does in the lowest waves of unit energy, (inside, waves)."""
+    own, out = [parts[number] for number in sector.classes], []
+    for basis, (values, edge, inner) in zip(sector.bases, lowest(own, sector.bases, count), strict=True):
+        size, row, start = np.sqrt(np.maximum(values, 0.0) + SLOWEST), 0, 0
+        free, inner = basis @ (edge / size), inner / size
+        for number, part in zip(sector.classes, own, strict=True):
+            width, modes = part.parity.shape[1], len(part.fixed_hz)
+            motion = np.vstack([free[row : row + width], inner[start : start + modes]])
+            stored = min(number, len(cell.blocks) - 1)
+            out.append((stored, part.shapes[cell.blocks[stored].functions :] @ motion))
+            row, start = row + width, start + modes
+    return out
+
+
+def _block(
+    cell: ParametricCell, block: ReducedBlock, rigid: list[FloatArray], moving: list[FloatArray]
+) -> ReducedBlock:
+    f, box = block.functions, cell.box
+    low, high = (np.array(edge) for edge in (box.low, box.high))
+    most = high[SIDE] / (box.foot.widest * high[SIDE] + box.clearance_m)
+    shares = box.foot.reach * np.linspace(low[SIDE] / high[PITCH] / box.narrow, most, SHARES)
+    left, size, _ = np.linalg.svd(np.hstack([block.boundary(share) for share in shares]), full_matrices=False)
+    boundary = left[:, size > FUNCTION * size[0]]
+    energy = np.tensordot(np.ones(len(block.stiffness)), block.stiffness, axes=1)[f:, f:]
+    known = any(part.size for part in rigid)
+    still = orthonormal(np.hstack(rigid), energy, RIGID) if known else np.empty((len(energy), 0))
+    inner = np.hstack([still, _leading(np.hstack(moving), still, energy, KEPT[len(cell.blocks)])])
+    whole = np.zeros((block.stiffness.shape[1], boundary.shape[1] + inner.shape[1]))
+    whole[:f, : boundary.shape[1]], whole[f:, boundary.shape[1] :] = boundary, inner
+
+    def turned(matrices: FloatArray) -> FloatArray:
+        return single(symmetric(np.array([whole.T @ matrix @ whole for matrix in matrices])))
+
+    return replace(
+        block, functions=boundary.shape[1], stiffness=turned(block.stiffness), mass=turned(block.mass),
+        touch=single(block.touch @ whole), coordinates=single(boundary.T @ block.coordinates),
+    )  # fmt: skip
+
+
+def _leading(waves: FloatArray, still: FloatArray, energy: FloatArray, kept: float) -> FloatArray:
+    """The directions of many motions (n, k) that hold all but `kept`, orthonormal in the energy and to `still`."""
+    root = np.linalg.cholesky(energy)
+    turned = root.T @ (waves - still @ (still.T @ (energy @ waves)))
+    size, directions = np.linalg.eigh(turned @ turned.T)
+    return np.asarray(np.linalg.solve(root.T, directions[:, size > kept * size[-1]]))

@@ -19,9 +19,21 @@ from geometry.mesh import Mesh
 from solvers.fem.assembly import Scale
 from solvers.fem.surface import COUNT, face_quadrature, gauss_points
 from solvers.parametric.affine import PITCH, THICKNESS, AffineCell, DesignBox, Sizes, across, plan_lines, theta
-from solvers.parametric.block import BESIDE, Block
-from solvers.parametric.reduced_block import KEPT, NOVEL, ReducedBlock, bare_block, block_alone, chosen, reduced_block
-from solvers.parametric.sectors import ALIKE, QUARTERS, Sector, sectors
+from solvers.parametric.block import (
+    ALIKE,
+    BESIDE,
+    KEPT,
+    NOVEL,
+    QUARTERS,
+    Block,
+    ReducedBlock,
+    Sector,
+    bare_block,
+    block_alone,
+    chosen,
+    reduced_block,
+    sectors,
+)
 from solvers.superelement.cell import Cell, Expansion, mirrored, places_of, rigid_polynomials
 from solvers.superelement.interface import Interface
 from solvers.threads import one_thread

@@ -23,8 +23,7 @@ from pipeline.logs import WarningLog
 from pipeline.models import parametric as cell_model
 from pipeline.models.parametric import CellModelCache, MeshTable, Offline
 from pipeline.paths import ROOT
-from solvers.parametric.affine import DesignBox
-from solvers.parametric.foot import FixedMesh
+from solvers.parametric.affine import DesignBox, FixedMesh
 from solvers.superelement.interface import Interface
 
 SMALL = ROOT / "examples" / "small.toml"

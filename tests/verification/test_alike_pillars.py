@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.case.model import load_case
-from pipeline.explore import alike
+from pipeline.explore import answer
 from pipeline.explore.answer import Explorer, Scene
 from pipeline.logs import TerminalLog
 from pipeline.models.modes import solve_modes
@@ -22,7 +22,7 @@ QUIET = TerminalLog(True)
 def test_a_shift_from_plate_to_plate_is_known_ten_times_better_than_the_frequency() -> None:
     case = load_case(SMALL)
     explorer = Explorer(Scene(case, {}, ()), cell_model(case, QUIET))
-    answers = [alike.printed(case, sign * np.array([CHANGE_M, 0.0])) for sign in (-1.0, 1.0)]
+    answers = [answer.printed(case, sign * np.array([CHANGE_M, 0.0])) for sign in (-1.0, 1.0)]
     lower, higher = (explorer.plate(each)["frequency_hz"] for each in answers)
     target = [solve_modes(each, Request("plate", band_hz=(33e3, 36e3)), QUIET).target for each in answers]
     true = [one.row.frequency_hz for one in target if one and one.row]

@@ -430,7 +430,7 @@ function bareCell(data, width, depth, thickness, span = null) { // solvers/param
     }
   return { k, m, odd, width, depth, points, weights: areas, touch };
 }
-function stiffInside(data, whole, top, about) { // modes of its inside beyond `top` answer as at `about`: solvers/parametric/chain.py
+function stiffInside(data, whole, top, about) { // modes of its inside beyond `top` answer as at `about`: solvers/parametric/finite.py
   const b = data.face.count, n = whole.k.n, parts = [false, true].map((odd) => {
     const own = range(b, n).filter((i) => whole.odd[i - b] === odd), at = [...range(0, b), ...own];
     return { odd, own, ...condense(picked(whole.k, at, at), picked(whole.m, at, at), b, top, about) };
@@ -443,7 +443,7 @@ function stiffInside(data, whole, top, about) { // modes of its inside beyond `t
   return { ...among(whole, shapes), odd: parts.flatMap(({ odd, modes }) => Array(modes.m).fill(odd)), shapes };
 }
 function among(cell, shapes) { return { ...cell, k: congruent(cell.k, shapes), m: congruent(cell.m, shapes), touch: mul(cell.touch, shapes) }; }
-function realRow(data, cells, kx, across = false) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/chain.py
+function realRow(data, cells, kx, across = false) { // unknowns [lower edge, upper edge, inside] whose matrices are real: solvers/parametric/finite.py
   const { vertex, side, vertexOdd, acrossOdd, besideOdd, count } = data.face, half = -kx * cells[0].width / 2, two = cells.length > 1;
   const near = [Math.cos(half), Math.sin(half)], far = [near[0], -near[1]], turn = ([re, im], odd) => odd ? [-im, re] : [re, im];
   let rows = []; // an unknown's parts: cell, degree of freedom there, real and imaginary factor about the cell's middle

@@ -11,7 +11,7 @@ import pytest
 from pipeline.case.model import load_case
 from pipeline.cli.main import main
 from pipeline.errors import InputError
-from pipeline.explore import alike
+from pipeline.explore import answer
 from pipeline.explore.answer import Explorer
 from pipeline.questions.question import ask
 from pipeline.questions.tolerance import AlikeTolerance, ToleranceResult
@@ -30,7 +30,7 @@ def explorer(tmp_path_factory: pytest.TempPathFactory) -> Explorer:
 def solved(explorer: Explorer, *settings: str, log: RecordingLog | None = None) -> ToleranceResult:
     """The record of examples/small.toml with --set words, by the small explorer's bases."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(alike, "cell_model", lambda case, log: explorer.model)
+        patch.setattr(answer, "cell_model", lambda case, log: explorer.model)
         return ask(load_case(SMALL, list(settings)), AlikeTolerance(), log or RecordingLog())
 
 
@@ -72,7 +72,7 @@ def test_pillars_of_other_shapes_grow_with_all_their_widths(
 ) -> None:
     path = tmp_path / "shaped.toml"
     path.write_text(SMALL.read_text().replace('shape = "square"\nside_mm = 2.0', shape))
-    case = alike.printed(load_case(path, list(SCATTER)), np.array([0.1e-3, 0.04e-3]))
+    case = answer.printed(load_case(path, list(SCATTER)), np.array([0.1e-3, 0.04e-3]))
     pillar = case.design.pillar
     assert pillar is not None
     assert (1e3 * pillar.base_m, 1e3 * pillar.tip_m) == pytest.approx(widths)
@@ -111,7 +111,7 @@ def test_the_command_writes_document_rows_and_picture(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(alike, "cell_model", lambda case, log: explorer.model)
+    monkeypatch.setattr(answer, "cell_model", lambda case, log: explorer.model)
     words = [word for text in SCATTER for word in ("--set", text)]
     command = ["tolerance", str(SMALL), "--alike", "--quiet", *words]
     assert main([*command, "--out", str(tmp_path)]) == 0

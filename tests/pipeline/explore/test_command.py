@@ -20,7 +20,7 @@ from tests.helpers.exploring import SMALL, small_explorer
             ["--set", "pillar.fillet_mm=0.3"],
             "pillar.shape must be square, round, hexagonal, tapered or cross, without fillet",
         ),
-        (["--set", "array.pitch_y_mm=5"], "pitch_x_mm and pitch_y_mm must be equal"),
+        (["--set", "array.pitch_y_mm=9"], "array.pitch_y_mm must lie between 0.5 and 2 times pitch_x_mm"),
         (["--set", "pillar.heigth_mm=6"], "heigth_mm"),
     ],
 )

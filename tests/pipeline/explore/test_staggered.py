@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.case.model import load_case
-from pipeline.explore import alike
+from pipeline.explore import answer
 from pipeline.explore.answer import Explorer, compute
 from pipeline.logs import WarningLog
 from pipeline.models.live_column import (
@@ -136,7 +136,7 @@ def test_the_live_plate_lies_within_its_bars(explorer: Explorer, change: dict[st
 
 
 def test_plates_of_a_batch_are_designs_of_the_page(explorer: Explorer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(alike, "cell_model", lambda case, log: explorer.model)
+    monkeypatch.setattr(answer, "cell_model", lambda case, log: explorer.model)
     settings = (*STAGGERED, "tolerance.height_mm=0.04", "tolerance.samples=2")
     record = ask(load_case(SMALL, list(settings)), AlikeTolerance(), RecordingLog())
     nominal = explorer.answer(explorer.scene.own())["plate"]

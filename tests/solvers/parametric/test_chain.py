@@ -16,9 +16,9 @@ from geometry.tiling import Panel
 from pipeline.models.live_column import CONDENSED
 from pipeline.planning.mesh_rules import search_window_hz
 from solvers.measures.confinement import measure_profile
-from solvers.parametric import chain
+from solvers.parametric import finite
 from solvers.parametric.bare import bare_cell
-from solvers.parametric.chain import Chain, real_basis, real_row
+from solvers.parametric.finite import Chain, real_basis, real_row
 from solvers.plates.assembled import Reductions
 from solvers.plates.column import Column
 from solvers.superelement.cell import rigid_boundary
@@ -117,7 +117,7 @@ def test_condensed_modes_keep_their_bound_however_wide_the_window() -> None:
     """l rises by less than (1 - f1/f2)^2 / REACH^2 of itself at both ends, and f by half of it."""
     low_hz, high_hz = 3e3, 60e3
     off = too_high(THICK, 1.0, low_hz, high_hz)
-    assert len(off) > 10 and off.max() < (1.0 - low_hz / high_hz) ** 2 / chain.REACH**2 / 2.0
+    assert len(off) > 10 and off.max() < (1.0 - low_hz / high_hz) ** 2 / finite.REACH**2 / 2.0
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3])

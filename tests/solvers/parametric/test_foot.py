@@ -21,9 +21,18 @@ from pipeline.planning.model_choice import cell_model_choice
 from solvers.accuracy.reduction import reduction_error
 from solvers.fem.assembly import Scale, assemble
 from solvers.fem.surface import face_quadrature
-from solvers.parametric.affine import AffineCell, DesignBox, as_sizes, between, plan_lines
+from solvers.parametric.affine import (
+    AffineCell,
+    DesignBox,
+    FixedMesh,
+    Foot,
+    as_sizes,
+    between,
+    foot_of,
+    plan_lines,
+    quarter_mesh,
+)
 from solvers.parametric.cell import APART, fitted_touch
-from solvers.parametric.foot import FixedMesh, Foot, foot_of, quarter_mesh
 from solvers.plates.assembled import Reductions
 from solvers.superelement.lattice import ReducedLattice
 from solvers.superelement.symmetry import diagonal_image

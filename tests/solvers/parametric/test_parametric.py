@@ -11,13 +11,11 @@ from geometry.lattice import Lattice
 from geometry.materials import Material
 from solvers.errors import SolverError
 from solvers.fem.assembly import Scale, System, assemble
-from solvers.parametric.affine import AffineCell, DesignBox, Sizes, as_sizes, between
+from solvers.parametric.affine import AffineCell, DesignBox, FixedMesh, Foot, Sizes, as_sizes, between
 from solvers.parametric.bands import BandBases, band_bases, bands, own_error
 from solvers.parametric.bare import bare_cell
-from solvers.parametric.block import Block
+from solvers.parametric.block import KEPT, NOVEL, Block, chosen
 from solvers.parametric.cell import Inner, ParametricCell, parametric_cell
-from solvers.parametric.foot import FixedMesh, Foot
-from solvers.parametric.reduced_block import KEPT, NOVEL, chosen
 from solvers.superelement.cell import Cell, rigid_boundary
 from solvers.superelement.interface import Interface
 from solvers.superelement.lattice import Periodic, ReducedLattice
@@ -121,7 +119,7 @@ def test_touch_face_follows_the_stretch(cells: tuple[ParametricCell, ...], plain
 def test_sectors_have_every_wave_of_the_lattice(cells: tuple[ParametricCell, ...]) -> None:
     """The mirrors and the half turn only sort: all unknowns kept, the sectors' waves are those of the Hermitian pencil."""
     from solvers.parametric.bands import INNER, _eigenvalues, _merged
-    from solvers.parametric.sectors import sectors
+    from solvers.parametric.block import sectors
 
     cell, sizes = cells[0], UNSEEN[2]
     of = sectors(FACE, FRACTIONS)
