@@ -24,6 +24,7 @@ from pipeline.quantity import KHZ
 from pipeline.questions.late import outputs, simplifications, style
 from pipeline.questions.question import QUESTIONS, VARIANTS, Option, Pair, Question, Run, ask, item_of, kind_of
 from pipeline.questions.result import Result
+from pipeline.records.part import DOCUMENT_SCHEMA
 
 if TYPE_CHECKING:
     from pipeline.case.model import Case
@@ -152,7 +153,7 @@ def emit(arguments: argparse.Namespace, name: str, answer: Answer, log: Terminal
 
     about = {"case": case and case.name, "with_defaults": case and case.to_dict(), "version": version("antinode")}
     seconds = {"seconds": log.seconds | {"total": log.elapsed}} if log else {}
-    document = {"schema": 1, **about, **answer.document, **seconds}
+    document = {"schema": DOCUMENT_SCHEMA, **about, **answer.document, **seconds}
     wants_json = arguments.json or getattr(arguments, "out", None)
     encoded = (json.dumps(document, indent=1, allow_nan=False) + "\n").encode() if wants_json else b""
     written = _files(arguments, name, answer, encoded)

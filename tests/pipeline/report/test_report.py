@@ -369,7 +369,7 @@ def test_the_vendored_viewer_is_the_one_its_readme_names():
     "harm",
     [
         {"schema": 0},
-        {"schema": 2},
+        {"schema": 1},
         {"target": [1, 2]},
         {"modes": {"modes": [{"hz": 1.0}]}},
         {"bands": {"gaps": [{"from": 1.0}]}},
@@ -382,7 +382,7 @@ def test_a_record_of_another_version_is_one_line_and_spoils_no_other(folder: Pat
     path = copy / "pitch_mm=6,rows=1/record.json"
     store.seal(path.parent, {**json.loads(path.read_text()), **harm})
     page = Page(report_page.build(copy, max_figures=0).read_text())
-    said = re.search(r"record.json (has schema [01], this version reads|is no record of schema) 4", page.text)
+    said = re.search(rf"record.json(: {store.EARLIER}| is no record of schema {store.SCHEMA})", page.text)
     assert page.read_errors == [] and said
     assert "31.5\u202fkHz" in page.text
 
