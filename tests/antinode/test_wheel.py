@@ -70,7 +70,7 @@ def test_a_build_holds_one_package_with_data_and_marker_of_types(built: Path) ->
 
 def test_nothing_in_a_build_asks_for_a_generic_name(built: Path) -> None:
     files = list(built.rglob("*.py"))
-    assert len(files) > 300  # the search itself works
+    assert len(files) > 250  # the search itself works
     planted = 'import geometry\nx = f"studies.{x}"\ny = "pipeline.cli.main:main"'
     assert set(generic_names(planted)) == {"geometry", "studies.", "pipeline.cli.main:main"}
     left = {str(file.relative_to(built)): generic_names(file.read_text(encoding="utf-8")) for file in files}
