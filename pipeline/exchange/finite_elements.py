@@ -99,7 +99,7 @@ class Exchange:
 def exchange(case: Case, part: str, log: Log, tetrahedra: bool = False) -> Exchange:
     """Mesh a part whole and name its groups; boxes as hexahedra of 27 nodes, or those split when `tetrahedra`."""
     if part == "pillar":
-        case.require_one_kind("the lone pillar is")
+        case.require_one_kind("the isolated pillar is")
     part_mesh, share = _exchange(case, part, log, tetrahedra), 1.0
     while _is_coarse(part_mesh, case) and part_mesh.mesh.dof <= HALVED * ESTIMATED_DOFS:
         share /= 2.0

@@ -360,7 +360,7 @@ def record(case_id: str, sweep: dict[str, Any], shape: DesignRecord, level_db: f
             relative_difference=6e-4,
             count_check=count(1, 1),
         ),
-        left_out=["patches: no response is asked", "mirror halves: the plate is symmetric in x and y"],
+        left_out=["patches: no response is requested", "mirror halves: the plate is symmetric in x and y"],
         bands=waves,
         tet_bands=tet_bands(waves),
         attenuation=attenuation(shape.rows),

@@ -103,7 +103,7 @@ def test_edges_of_tetrahedra_shrink_with_what_is_left_to_the_mesh() -> None:
     ]
     assert factors == sorted(factors, reverse=True) and factors[0] <= SHORTER[1] and factors[-1] == SHORTER[0]
     assert 0.013 * factors[1] ** EDGE_RATE < 0.01 and 0.013 * factors[2] ** EDGE_RATE < 0.008
-    assert "its stresses" in log.facts[0]
+    assert "stress recovery" in log.facts[0]
 
 
 @pytest.fixture
@@ -129,7 +129,7 @@ def test_a_mesh_that_memory_does_not_hold_is_not_taken(monkeypatch: pytest.Monke
     monkeypatch.setattr(foresight, "too_much", lambda demand: "needs more than there is")
     log = RecordingLog()
     result = solve_bands(case(0.002, model="solid"), log)
-    assert result.model == "solid hex2" and "no finer mesh: it needs more than there is" in log.facts
+    assert result.model == "solid hex2" and "finer mesh skipped: it needs more than there is" in log.facts
     assert result.expected_error and result.expected_error > 0.002  # and is told
 
 
@@ -150,7 +150,7 @@ def test_a_mesh_that_cannot_be_had_leaves_what_the_one_before_it_gave(failing: i
     first = start, start.mesh
     choice, kept = refinement.on_finer_meshes(first, lambda mesh: (0.02, 0.0), build, demand, scene, log)
     assert len(built) == failing and kept == choice.mesh == [start.mesh, *built][-2]
-    assert "no mesh level higher: the mesh holds no more" in log.facts
+    assert "refinement stopped: the mesh holds no more" in log.facts
 
 
 @pytest.mark.usefixtures("two_levels")
