@@ -295,7 +295,7 @@ def test_what_cannot_be_is_one_line(solved: tuple[TravelResult, Travelling]) -> 
         travelling.best_pair(wave.forced, dataclasses.replace(case_of().design, nodal_lines=20), 0.0)
     sensors = np.pad(wave.table.sensors, ((0, 0), (0, 1)))
     seven = dataclasses.replace(wave, table=dataclasses.replace(wave.table, sensors=sensors, sensor_residual=None))
-    with pytest.raises(InputError, match="6 drive and 7 listen, the board has 6"):
+    with pytest.raises(InputError, match="6 actuators and 7 sensors, must be at most 6"):
         six_channels.board_outcome(seven, QUIET, None, played=True)
     assert six_channels.board_outcome(seven, QUIET, None, played=False) == {}
 
