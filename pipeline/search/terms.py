@@ -66,7 +66,7 @@ class Range(NamedTuple):
 class FidelityResult(Part):
     """Target mode of one design from one model; figures are None without a target mode, and `why_not` gives the reason.
 
-    Several zones are driven in turn: the result has the lowest peak, and the least MAC, confinement and level over another zone.
+    Several zones are driven in turn; the result has the lowest peak, and the least MAC, confinement and isolation.
     """
 
     fidelity: str = column("model that evaluated it: strip, column or plate")
