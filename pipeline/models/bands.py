@@ -19,7 +19,7 @@ from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import mesh_record
 from pipeline.models.unit_cell import Bar, LatticeModel, WholeCell, lattice_model
-from pipeline.planning import foresight, refinement, simplifications
+from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.mesh_rules import refinement_of
 from pipeline.planning.model_choice import SOLID, ModelChoice
 from pipeline.planning.refinement import (
@@ -30,7 +30,7 @@ from pipeline.planning.refinement import (
     refine_reduction,
     step_by_step,
 )
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import largest
@@ -297,12 +297,12 @@ def sampled_cell(case: Case, choice: ModelChoice, path: Path, log: Log) -> tuple
         with log.step("errors at the corners of the path"):
             return cell, _each_once(path.corners, count, _solver(cell))[1]
 
-    def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_bands(case, choice, len(path.wavevectors))
+    def demand(choice: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_bands(case, choice, len(path.wavevectors))
 
     def deeper(choice: ModelChoice, built: tuple[SampledCell, list[ModeErrors]], _: int) -> ModelChoice | None:
         finer = refine_reduction(choice, _worst(built[1]), case, log, "a band")
-        return finer if finer and foresight.fits(demand(finer), log) else None
+        return finer if finer and resource_estimate.fits(demand(finer), log) else None
 
     first = step_by_step((choice, solved(choice)), deeper, solved, MAX_RAISES, log)
     choice, (cell, errors) = on_finer_meshes(first, lambda built: _widest(built[1]), solved, demand, case, log)

@@ -20,10 +20,10 @@ from pipeline.logs import Log
 from pipeline.models import parts
 from pipeline.models.answer_parts import DrivenZone
 from pipeline.models.cell_cache import ArrayCache, MatrixCache
-from pipeline.planning import driven_demand, foresight, mesh_rules, simplifications
+from pipeline.planning import driven_demand, mesh_rules, resource_estimate, simplifications
 from pipeline.planning.model_choice import ModelChoice, driven_band_hz, model_choice_of, response_high_hz
 from pipeline.planning.refinement import WidestBar
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import MM, figure, frequency
 from pipeline.records.record import MeshRecord
 from solvers.accuracy import calibration
@@ -108,7 +108,7 @@ def forced_plate(
     band = driven_band_hz(case, band_hz)
     refuse_patches(case, band)
     if not is_announced and choice is None:
-        foresight.announce("the forced response", _demand(case, band), log)
+        resource_estimate.log_estimate("the forced response", _demand(case, band), log)
     if choice is None:
         choice = driven_demand.as_driven(case, model_choice_of(case, "plate", response_high_hz(case, band)))
         simplifications.log_all(choice.left_out, log)
@@ -349,7 +349,7 @@ def _refuse_ringing(case: Case, own_hz: float, high_hz: float) -> None:
         )
 
 
-def _demand(case: Case, band_hz: tuple[float, float]) -> Demand:
+def _demand(case: Case, band_hz: tuple[float, float]) -> ResourceEstimate:
     """Resource estimate of the response over a band."""
     choice = model_choice_of(case, "plate", response_high_hz(case, band_hz))
     return driven_demand.of_response(case, choice, band_hz, 0)

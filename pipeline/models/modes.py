@@ -20,7 +20,7 @@ from pipeline.models import parts
 from pipeline.models.answer_parts import CountRecord, TargetRecord
 from pipeline.models.parts import CoarseModes, MeshErrorSource, PartModel, coarse_modes
 from pipeline.models.target import ModeRow, Target, look, look_about, look_among, mode_rows, verdict_text
-from pipeline.planning import foresight, refinement, simplifications
+from pipeline.planning import refinement, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     DEFAULT_COUNT,
     MEASURED,
@@ -198,8 +198,8 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
     query = with_defaults(case, request)
     if choice is None:
         choice = model_choice_of(case, query.part, model_high_hz(case, query))
-        foresight.announce(
-            f"modes of the {query.part}", foresight.of_modes(case, choice, with_search(case, query)), log
+        resource_estimate.log_estimate(
+            f"modes of the {query.part}", resource_estimate.of_modes(case, choice, with_search(case, query)), log
         )
         unpatched = simplifications.no_patches(case.patches) if query.part == "plate" and case.patches else None
         others = simplifications.other_classes(choice.classes, query.symmetry)
@@ -219,7 +219,7 @@ def solve_modes(case: Case, request: Request, log: Log, choice: ModelChoice | No
         step_by_step((choice, part_modes), deeper, solve, DEEPER, log),
         lambda solved: (_decisive(solved), 0.0),
         solve,
-        lambda finer: foresight.of_modes(case, finer, with_search(case, query)),
+        lambda finer: resource_estimate.of_modes(case, finer, with_search(case, query)),
         case,
         log,
     )
@@ -369,7 +369,7 @@ def _solved(case: Case, query: Request, choice: ModelChoice, log: Log, coarse: C
     meshes: list[MeshRecord] = []
     model = parts.built(case, choice, log, meshes)
     coarser = parts.mesh_error_source(case, choice, model)
-    demand = foresight.of_modes(case, choice, with_search(case, query))
+    demand = resource_estimate.of_modes(case, choice, with_search(case, query))
 
     def solved(symmetry: str | None, count: int | None = query.count) -> _Class:
         one = _Class(case, query.part, model, symmetry, log)

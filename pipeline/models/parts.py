@@ -22,7 +22,7 @@ from geometry.tiling import Panel
 from pipeline.case.model import Case
 from pipeline.logs import Log, TerminalLog
 from pipeline.models.cell_cache import CellCache
-from pipeline.planning import foresight, simplifications
+from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import SOLID, ModelChoice, Request, model_choice_of
 from pipeline.records import store
 from pipeline.records.record import MeshRecord
@@ -176,7 +176,7 @@ def _assembled(design: Design, choice: ModelChoice, log: Log) -> PlateModel:
         *panel_mesher(design, choice, log),
     )
     with log.step("reduce cells"):
-        model = PlateModel(design, reductions, foresight.of_panels(design, choice, choice.reduction))
+        model = PlateModel(design, reductions, resource_estimate.of_panels(design, choice, choice.reduction))
     log.info(
         f"{len(model.tiling.x) - 1} x {len(model.tiling.y) - 1} panels, {len(model.cells)} distinct: "
         f"{reductions.fresh} reduced, {reductions.reused} loaded from the cache"

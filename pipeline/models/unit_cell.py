@@ -23,10 +23,10 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.models.cell_cache import CellCache
 from pipeline.models.parts import foot_shares, mesh_record, tet_cell
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import mesh_rules, resource_estimate
 from pipeline.planning.model_choice import ORDER, SUPERELEMENT, ModelChoice, coarse_settings
 from pipeline.planning.refinement import describe_change, higher_degree, more_modes, on_finer_meshes
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.quantity import percent
 from pipeline.records.record import MeshRecord
 from solvers.accuracy.mesh import Nested, Shares, prolonged_eigenvalues
@@ -111,8 +111,8 @@ def lattice_model(
         meshes[:] = own  # replaces the first mesh once this one is solved
         return lattice, widest_bar(lattice, _solved(lattice, corners, case), case.bands.count, beyond)
 
-    def demand(choice: ModelChoice) -> Demand:
-        return foresight.of_finer_mesh(case, choice, len(corners))
+    def demand(choice: ModelChoice) -> ResourceEstimate:
+        return resource_estimate.of_finer_mesh(case, choice, len(corners))
 
     first = choice, (lattice, bar)
     choice, (lattice, bar) = (

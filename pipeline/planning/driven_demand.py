@@ -12,10 +12,10 @@ from geometry.elements import FloatArray
 from geometry.hex.scenes import HexSettings, bonded_scene, grid_lines
 from geometry.layout import mirrored_axes
 from pipeline.case.model import Case
-from pipeline.planning import foresight, simplifications
-from pipeline.planning.foresight import AssembledClass
+from pipeline.planning import resource_estimate, simplifications
 from pipeline.planning.model_choice import ModelChoice, Request
-from pipeline.planning.resources import Demand
+from pipeline.planning.resource_estimate import AssembledClass
+from pipeline.planning.resources import ResourceEstimate
 from solvers.fem.cost import (
     Cost,
     Fill,
@@ -42,20 +42,23 @@ def as_driven(case: Case, choice: ModelChoice) -> ModelChoice:
     return replace(choice, quarter=False, left_out=left_out)
 
 
-def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
+def of_response(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> ResourceEstimate:
     """Estimate a response: every driven group of classes joined with the patches on two meshes, and its modes."""
     choice = as_driven(case, choice)
     undriven = simplifications.undriven(case.patches) if case.patches and choice.quarter else []
     return _driven(case, choice, band_hz, frequencies, set(undriven))
 
 
-def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> Demand:
+def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int) -> ResourceEstimate:
     """Estimate plates whose pillars differ: all groups of classes, and every pillar in the space of their modes."""
     choice = as_driven(case, choice)
     demand = _driven(case, choice, band_hz, frequencies, set())
     if choice.reduction is None:
         return demand
-    own, pillars = foresight.assembled_class(case.design, choice, choice.reduction), foresight.pillar_count(case.design)
+    own, pillars = (
+        resource_estimate.assembled_class(case.design, choice, choice.reduction),
+        resource_estimate.pillar_count(case.design),
+    )
     size = (demand.modes or 0.0) + 2.0 * len(choice.classes) * _loads(case) + pillars / 2.0
     varied = Stage("varying the pillars", own.kept_bytes + 2.0 * 8.0 * pillars * own.functions * size)
     held = len(choice.classes) * _Joined(own, _Patches(case, own)).bytes
@@ -67,7 +70,7 @@ def _moved(own: AssembledClass, mesh: MeshCounts, functions: float, copies: int)
     """Reduction of a panel with its pillar moved, while matrices and shapes of the original stay in memory."""
     shapes = 8.0 * mesh.dofs * (own.reduction.ample.count + functions)
     still = mesh.mesh_bytes + 2.0 * 9.0 * 12.0 * mesh.pairs + shapes
-    peak = foresight.panel_reduction(mesh, own.reduction.ample, functions, copies).peak.bytes
+    peak = resource_estimate.panel_reduction(mesh, own.reduction.ample, functions, copies).peak.bytes
     return Stage("moving the pillar of a panel", still + peak)
 
 
@@ -78,15 +81,17 @@ def _loads(case: Case) -> int:
 
 def _driven(
     case: Case, choice: ModelChoice, band_hz: tuple[float, float], frequencies: int, undriven: set[str]
-) -> Demand:
+) -> ResourceEstimate:
     from solvers.piezo.forced import MARGIN
 
-    demand = foresight.of_modes(case, choice, Request("plate", (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1])))
+    demand = resource_estimate.of_modes(
+        case, choice, Request("plate", (MARGIN[0] * band_hz[0], MARGIN[1] * band_hz[1]))
+    )
     modes = demand.modes or 0.0
     cost = demand.cost.then(Cost((), 100.0 * modes**2 * frequencies))
     if choice.reduction is None:
         return replace(demand, cost=cost)
-    own = foresight.assembled_class(case.design, choice, choice.reduction)
+    own = resource_estimate.assembled_class(case.design, choice, choice.reduction)
     patches, held = _Patches(case, own), own.kept_bytes
     cost, held = cost.then(patches.compliance, held), held + patches.bytes
     for group in _groups(case, choice):
@@ -104,7 +109,7 @@ def group_bytes(case: Case, choice: ModelChoice, modes: float) -> float:
     choice = as_driven(case, choice)
     if choice.reduction is None:
         return 0.0
-    own, groups = foresight.assembled_class(case.design, choice, choice.reduction), _groups(case, choice)
+    own, groups = resource_estimate.assembled_class(case.design, choice, choice.reduction), _groups(case, choice)
     most = max(len(group) for group in groups)
     joined = _Joined(own, _Patches(case, own), most)
     return joined.bytes + joined.solve(modes * most / len(choice.classes)).peak.bytes
@@ -234,7 +239,7 @@ class _Patches:
         assert self.case.patches
         settings, face = self._meshes[0], _face(box, self._meshes[0])
         back = self.case.patches.face == "back"
-        mesh = foresight.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
+        mesh = resource_estimate.of_boxes(bonded_scene(span, thickness_m, (), box, back, settings), settings.order)
         answers = Stage("solving beneath a patch", 8.0 * (2.0 * FORCES * mesh.dofs + 4.0 * face**2))
         solve = factorisation(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, 1.0)
         solve = solve.then(

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from pipeline.case.model import Case
-from pipeline.planning import driven_demand, foresight, simplifications
+from pipeline.planning import driven_demand, resource_estimate, simplifications
 from pipeline.planning.model_choice import (
     ModelChoice,
     Request,
@@ -21,7 +21,7 @@ from pipeline.planning.model_choice import (
     with_defaults,
     with_search,
 )
-from pipeline.planning.resources import Demand, too_much
+from pipeline.planning.resources import ResourceEstimate, shortfall
 from pipeline.planning.simplifications import Simplification, khz
 
 RESPONSE_POINTS = 401
@@ -44,7 +44,7 @@ class Step:
     why: tuple[str, ...]
     left_out: tuple[Simplification, ...] = ()
     numbers: dict[str, Any] = field(default_factory=dict)
-    demand: Demand | None = None
+    demand: ResourceEstimate | None = None
     choice: ModelChoice | None = None
 
     def text(self) -> str:
@@ -75,7 +75,7 @@ class Plan:
         return tuple(dict.fromkeys([each for step in self.steps for each in step.left_out] + [*self.whole]))
 
     @property
-    def demands(self) -> dict[str, Demand]:
+    def demands(self) -> dict[str, ResourceEstimate]:
         """Return the resource estimate of each step, by the step's name."""
         return {step.name: step.demand for step in self.steps if step.demand}
 
@@ -111,7 +111,7 @@ def _estimated(step: Step) -> list[str]:
     """Describe the resource estimate of a step, and whether it exceeds the available memory."""
     if not step.demand:
         return []
-    reason = too_much(step.demand)
+    reason = shortfall(step.demand)
     return [step.demand.text(), *([f"will not run: {reason}"] if reason else [])]
 
 
@@ -131,7 +131,7 @@ def modes_step(case: Case, request: Request) -> Step:
     if not query.band_hz:
         numbers = {"near_hz": query.near_hz, "count": query.count}
     step = step_of("modes", f"modes of the {query.part}", choice, classes, _window(query), left_out, numbers)
-    return replace(step, demand=foresight.of_modes(case, choice, with_search(case, query)))
+    return replace(step, demand=resource_estimate.of_modes(case, choice, with_search(case, query)))
 
 
 def _window(query: Request) -> str:
@@ -199,7 +199,7 @@ def plain_step(measure: str, name: str, model: str) -> Step:
 
 def step_of(
     measure: str, name: str, choice: ModelChoice, classes: tuple[str | None, ...], looks: str,
-    left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: Demand | None = None,
+    left_out: tuple[Simplification | None, ...], numbers: dict[str, Any], demand: ResourceEstimate | None = None,
 ) -> Step:  # fmt: skip
     """Return a step with its model and mesh in words."""
     model, details = choice.name, dict(numbers)

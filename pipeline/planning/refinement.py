@@ -16,9 +16,9 @@ from geometry.errors import MeshError
 from geometry.layout import Design
 from pipeline.case.model import Case
 from pipeline.logs import Log
-from pipeline.planning import foresight, mesh_rules
+from pipeline.planning import mesh_rules, resource_estimate
 from pipeline.planning.model_choice import ModelChoice, model_choice_of
-from pipeline.planning.resources import Demand
+from pipeline.planning.resources import ResourceEstimate
 from pipeline.planning.simplifications import khz
 from pipeline.quantity import frequency, percent
 from solvers.accuracy.calibration import TET
@@ -113,7 +113,7 @@ def on_finer_meshes(
     first: tuple[ModelChoice, Built],
     bar: Callable[[Built], tuple[float | None, float]],
     build: Callable[[ModelChoice], Built],
-    demand: Callable[[ModelChoice], Demand],
+    demand: Callable[[ModelChoice], ResourceEstimate],
     case: Case,
     log: Log,
 ) -> tuple[ModelChoice, Built]:
@@ -125,7 +125,7 @@ def on_finer_meshes(
 
     def next_choice(choice: ModelChoice, built: Built, _: int) -> ModelChoice | None:
         finer = finer_mesh(choice, *bar(built), case, log)
-        return finer if finer and foresight.fits(demand(finer), log) else None
+        return finer if finer and resource_estimate.fits(demand(finer), log) else None
 
     return step_by_step(first, next_choice, build, MAX_REFINEMENTS, log)
 
@@ -185,7 +185,7 @@ def _next_level(choice: ModelChoice, case: Case) -> ModelChoice | None:
         return None
     of_cells = finer.reduction is not None or finer.part == "cell"
     own, more = (  # sizes round to whole elements, and a foot on either face needs two through the plate
-        foresight.cell_dofs(case.design, each) if of_cells else foresight.whole_mesh(case, each).dofs
+        resource_estimate.cell_dofs(case.design, each) if of_cells else resource_estimate.whole_mesh(case, each).dofs
         for each in (choice, finer)
     )
     return finer if more > own else _next_level(finer, case)
@@ -208,12 +208,12 @@ def _shorter(choice: ModelChoice, case: Case, error: float, target: float) -> Mo
     level, design = choice.mesh_level, case.design
     if choice.part != "plate" or choice.reduction is not None or level is None:
         return None
-    factor, own = (AIM * target / error) ** (0.5 / level.order), foresight.whole_mesh(case, choice).dofs
+    factor, own = (AIM * target / error) ** (0.5 / level.order), resource_estimate.whole_mesh(case, choice).dofs
     factor = SHORTER[1] if design.pillar else min(max(factor, SHORTER[0]), SHORTER[1])
     for _ in range(TRIALS):  # sizes round to whole elements
         level = replace(level, share=factor * level.share, layers=level.layers + bool(design.pillar))
         finer = replace(choice, hexahedra=mesh_rules.cell_mesh(design, level), mesh_level=level)
-        if foresight.whole_mesh(case, finer).dofs > own:
+        if resource_estimate.whole_mesh(case, finer).dofs > own:
             return finer
     return None
 

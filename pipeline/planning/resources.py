@@ -25,7 +25,7 @@ SECONDS_RANGE = (0.2, 5.0)
 
 
 @dataclass(frozen=True)
-class Demand:
+class ResourceEstimate:
     """Resources that a step of a plan needs, and changes that reduce them.
 
     Attributes
@@ -42,7 +42,7 @@ class Demand:
         Changes to the case, the most effective first.
     cad : bool
         Whether the step loads CAD and the tetrahedral mesher.
-    beside_bytes : float
+    parallel_bytes : float
         Memory of the symmetry classes solved in parallel with the first, B; they run in sequence if it is not available.
     finer_bytes : tuple of float
         Peak memory on each finer mesh that may follow, B; a mesh that does not fit is skipped.
@@ -54,7 +54,7 @@ class Demand:
     panels: int | None = None
     change: tuple[str, ...] = ()
     cad: bool = False
-    beside_bytes: float = 0.0
+    parallel_bytes: float = 0.0
     finer_bytes: tuple[float, ...] = ()
 
     @property
@@ -65,7 +65,7 @@ class Demand:
     @property
     def memory_bytes(self) -> float:
         """Peak memory on this machine, B."""
-        side_by_side = self.least_bytes + self.beside_bytes
+        side_by_side = self.least_bytes + self.parallel_bytes
         return side_by_side if MEMORY_RANGE[1] * side_by_side <= available_bytes() else self.least_bytes
 
     @property
@@ -78,7 +78,7 @@ class Demand:
         """Object that the number of functions refers to."""
         return "panel" if self.panels else "wavevector"
 
-    def then(self, other: Demand) -> Demand:
+    def then(self, other: ResourceEstimate) -> ResourceEstimate:
         """Combine two steps in sequence: the larger peak with its changes, and the summed operations."""
         larger, smaller = (self, other) if self.memory_bytes >= other.memory_bytes else (other, self)
         return replace(larger, cost=larger.cost.then(smaller.cost))
@@ -118,7 +118,7 @@ class Demand:
         }
 
 
-def too_much(demand: Demand) -> str | None:
+def shortfall(demand: ResourceEstimate) -> str | None:
     """Explain why this machine lacks the memory and what to change; None if the estimate fits."""
     needed, room = MEMORY_RANGE[1] * demand.memory_bytes, available_bytes()
     if needed <= room:
@@ -130,9 +130,9 @@ def too_much(demand: Demand) -> str | None:
     )
 
 
-def refuse(demands: Mapping[str, Demand]) -> None:
+def refuse(demands: Mapping[str, ResourceEstimate]) -> None:
     """Raise InputError with one line for every named estimate that exceeds the available memory."""
-    lines = [f"{name}: {reason}" for name, demand in demands.items() if (reason := too_much(demand))]
+    lines = [f"{name}: {reason}" for name, demand in demands.items() if (reason := shortfall(demand))]
     if lines:
         raise InputError(lines)
 

@@ -23,9 +23,9 @@ from pipeline.logs import RunLog, TerminalLog
 from pipeline.models.unit_cell import MARGIN, _Pilot, _piloted
 from pipeline.paths import ROOT
 from pipeline.planning import plan
-from pipeline.planning.foresight import _cell_changes
 from pipeline.planning.model_choice import ModelChoice, Request, cell_model_choice
-from pipeline.planning.resources import GIB, MEMORY_RANGE, too_much
+from pipeline.planning.resource_estimate import _cell_changes
+from pipeline.planning.resources import GIB, MEMORY_RANGE, shortfall
 from pipeline.questions.bands import Bands
 from solvers import machine
 from solvers.errors import OutOfMemory
@@ -92,7 +92,7 @@ def test_stubs_wider_than_high_are_not_refused(monkeypatch: pytest.MonkeyPatch) 
     """A beam of their height would put the sixteenth band three times too high, and thirty times as many modes below it."""
     monkeypatch.setenv(machine.STATED, "4")
     (demand,) = Bands().plan(case_from_dict(SQUAT)).demands.values()
-    assert too_much(demand) is None and demand.functions and demand.functions < 600
+    assert shortfall(demand) is None and demand.functions and demand.functions < 600
     assert list(demand.finer_bytes) == sorted(demand.finer_bytes) and len(demand.finer_bytes) == 2
 
 
@@ -180,9 +180,9 @@ def test_only_what_lies_above_the_upper_end_is_refused(monkeypatch: pytest.Monke
     assert demand
     needed = MEMORY_RANGE[1] * demand.memory_bytes / 2**30
     monkeypatch.setenv(machine.STATED, f"{1.01 * needed}")
-    assert too_much(demand) is None
+    assert shortfall(demand) is None
     monkeypatch.setenv(machine.STATED, f"{0.99 * needed}")
-    assert too_much(demand)
+    assert shortfall(demand)
 
 
 # -- what there is -----------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from pipeline.case.model import Case
 from pipeline.logs import Log
 from pipeline.planning import mesh_rules
 from pipeline.planning.model_choice import HEX, SOLID, ModelChoice, Request, model_choice_of, model_high_hz
-from pipeline.planning.resources import Demand, refuse, too_much
+from pipeline.planning.resources import ResourceEstimate, refuse, shortfall
 from solvers.analytic.plates import highest_hz, pillar_modes, plate_modes
 from solvers.fem.cost import (
     Cost,
@@ -69,7 +69,7 @@ SPLIT_BYTES, SPLIT_KEPT = 70.0, 16.0  # per entry, while the cell is split by ph
 Kind = tuple[MeshCounts, float, int]  # a kind of panel: its mesh, fixed-interface modes, copies of the mesh per panel
 
 
-def announce(what: str, demand: Demand, log: Log) -> None:
+def log_estimate(what: str, demand: ResourceEstimate, log: Log) -> None:
     """Log the resource estimate of a computation before it begins; InputError if it exceeds the available memory."""
     refuse({what: demand})
     log.info(demand.text())
@@ -81,9 +81,9 @@ def announce(what: str, demand: Demand, log: Log) -> None:
         )
 
 
-def fits(demand: Demand, log: Log) -> bool:
+def fits(demand: ResourceEstimate, log: Log) -> bool:
     """Whether a finer mesh fits into the available memory; logged either way."""
-    reason = too_much(demand)
+    reason = shortfall(demand)
     log.info(f"finer mesh skipped: it {reason}" if reason else demand.text())
     return reason is None
 
@@ -119,7 +119,7 @@ def of_tetrahedra(volume_m3: float, edge_m: float) -> MeshCounts:
 # -- isolated parts and plates meshed whole ----------------------------------------------------------------------------
 
 
-def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
+def of_modes(case: Case, choice: ModelChoice, query: Request) -> ResourceEstimate:
     """Estimate the modes of a part for its model choice."""
     high, total = _window(case, choice, query)
     if query.count is not None and not query.band_hz and choice.part != "plate" and choice.kind == HEX:
@@ -135,16 +135,16 @@ def of_modes(case: Case, choice: ModelChoice, query: Request) -> Demand:
     each = min(each, mesh.dofs)
     reported = min(each, total) if near else classes * each
     solve = modal_solve(mesh.dofs, 9.0 * mesh.pairs, mesh.fill, each, near)
-    return Demand(
+    return ResourceEstimate(
         solid_modes(mesh, classes, each, near),
         reported,
         change=change,
         cad=choice.kind != HEX,
-        beside_bytes=_beside(classes, solve),
+        parallel_bytes=_parallel_bytes(classes, solve),
     )
 
 
-def of_meshed_whole(case: Case, accuracy: float, count: int) -> Demand:
+def of_meshed_whole(case: Case, accuracy: float, count: int) -> ResourceEstimate:
     """Estimate a few modes of one symmetry class of a plate meshed whole by tetrahedra."""
     whole = replace(case, solve=case.solve.but(mesh="tet", model=SOLID, accuracy=accuracy))
     query = Request(
@@ -307,7 +307,7 @@ def _assembled(
     modes: float,
     near: bool,
     change: tuple[str, ...],
-) -> Demand:
+) -> ResourceEstimate:
     """Estimate a plate assembled from panels: the reductions, then the assembled classes."""
     own = assembled_class(case.design, choice, reduction)
     reducing = Cost()
@@ -321,18 +321,18 @@ def _assembled(
     kept_bytes = kept + 3.0 * 12.0 * own.entries + (classes - 1) * 8.0 * own.dofs * modes
     for _ in range(classes):
         cost = cost.then(solve, kept_bytes)
-    return Demand(
+    return ResourceEstimate(
         cost,
         modes if near else classes * modes,
         round(reduction.interface.count + own.inner),
         own.panels,
         change,
         choice.kind != HEX,
-        _beside(classes, solve),
+        _parallel_bytes(classes, solve),
     )
 
 
-def _beside(classes: int, solve: Cost) -> float:
+def _parallel_bytes(classes: int, solve: Cost) -> float:
     """Bytes of the symmetry classes that are solved in parallel with the first one."""
     return (min(classes, workers()) - 1) * solve.peak.bytes
 
@@ -447,7 +447,7 @@ def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies:
 # -- unit cells --------------------------------------------------------------------------------------------------------
 
 
-def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
+def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
     """Estimate the bands at a number of wavevectors, and the finer meshes that may follow."""
     if choice.reduction is None:
         return _meshed_cell(case, choice, wavevectors)
@@ -459,7 +459,7 @@ def of_bands(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     return _of_cell(case, _advised(case, choice), DENSE_OPERATIONS, wavevectors + GAP_SOLVES + inside, COARSE_CELLS)
 
 
-def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
+def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> ResourceEstimate:
     """Estimate complex bands at a number of frequencies; the bare cell is reduced, too."""
     assert choice.reduction
     if case.design.stagger:
@@ -467,7 +467,7 @@ def of_attenuation(case: Case, choice: ModelChoice, frequencies: int) -> Demand:
     return _of_cell(case, _advised(case, choice), 2.0 * DENSE_OPERATIONS, frequencies, COARSE_CELLS)
 
 
-def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
+def of_finer_mesh(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
     """Estimate a cell of given reduction settings on a finer mesh, with its bands at the corners of the path."""
     return _of_cell(case, choice, DENSE_OPERATIONS, wavevectors)
 
@@ -485,7 +485,7 @@ def _advised(case: Case, choice: ModelChoice) -> ModelChoice:
     return replace(choice, reduction=replace(reduction, interface=face, top_hz=CUTOFF * accuracy**-0.25 * end_hz))
 
 
-def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, pilots: int = 0) -> Demand:
+def _of_cell(case: Case, choice: ModelChoice, operations: float, solves: float, pilots: int = 0) -> ResourceEstimate:
     """Estimate `pilots` coarse cells and `solves` dense solves of the reduced one, at `operations` times n^3 each."""
     demands = [
         _lattice(*_reduced_cell(case, each, each.reduction), operations, solves, case, choice)
@@ -548,7 +548,7 @@ def _kept_modes(case: Case, reduction: ReductionSettings, pitch: tuple[float, fl
 
 def _lattice(
     reducing: Cost, dof: int, whole: float, operations: float, solves: float, case: Case, choice: ModelChoice
-) -> Demand:
+) -> ResourceEstimate:
     """Estimate `solves` dense pencils at `operations` times `dof`^3 each, of cells with `whole` functions."""
     waves = WAVE_OPERATIONS * whole**2 * (case.bands.count + WAVES_ABOVE)
     dense = Cost(
@@ -556,10 +556,10 @@ def _lattice(
         solves * (operations * dof**3 + SOLVE_OPERATIONS + waves),
         dof,
     )
-    return Demand(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
+    return ResourceEstimate(reducing.then(dense), None, dof, change=_cell_changes(case, choice), cad=choice.kind != HEX)
 
 
-def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
+def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> ResourceEstimate:
     """Estimate the cell without reduction: the real embedding at a wavevector has twice the size."""
     assert choice.hexahedra
     mesh = of_boxes(cell_scene(case.design, choice.hexahedra), choice.hexahedra.order)
@@ -567,7 +567,7 @@ def _meshed_cell(case: Case, choice: ModelChoice, wavevectors: int) -> Demand:
     solve = modal_solve(2.0 * mesh.dofs, EMBEDDED * 9.0 * mesh.pairs, fill, 2.0 * case.bands.count, True)
     split = Stage("splitting the cell by phases", SPLIT_BYTES * 9.0 * mesh.pairs)
     cost = assembly(mesh).then(Cost((split,))).then(solve, (SPLIT_KEPT + 24.0 * EMBEDDED) * 9.0 * mesh.pairs)
-    return Demand(
+    return ResourceEstimate(
         Cost(cost.stages, assembly(mesh).operations + wavevectors * solve.operations, cost.dofs),
         float(case.bands.count),
         change=_cell_changes(case, choice),
