@@ -55,10 +55,8 @@ def of_tolerance(case: Case, choice: ModelChoice, band_hz: tuple[float, float], 
     demand = _driven(case, choice, band_hz, frequencies, set())
     if choice.reduction is None:
         return demand
-    own, pillars = (
-        resource_estimate.assembled_class(case.design, choice, choice.reduction),
-        resource_estimate.pillar_count(case.design),
-    )
+    own = resource_estimate.assembled_class(case.design, choice, choice.reduction)
+    pillars = resource_estimate.pillar_count(case.design)
     size = (demand.modes or 0.0) + 2.0 * len(choice.classes) * _loads(case) + pillars / 2.0
     varied = Stage("varying the pillars", own.kept_bytes + 2.0 * 8.0 * pillars * own.functions * size)
     held = len(choice.classes) * _Joined(own, _Patches(case, own)).bytes

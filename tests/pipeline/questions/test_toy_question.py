@@ -53,7 +53,7 @@ def test_it_is_a_command_with_help_limits_and_a_plan(toy: ModuleType, capsys: py
     with pytest.raises(SystemExit):
         main(["mass", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert "share out the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
+    assert "divide the mass" in said and "--strips N" in said and "number of strips (default: 4)" in said
     with pytest.raises(SystemExit) as refused:
         main(["mass", CASE, "--strips", "0"])
     assert refused.value.code == 2 and "must be 1 or more, at most 100" in capsys.readouterr().err

@@ -93,7 +93,7 @@ def put(monkeypatch: pytest.MonkeyPatch, result) -> None:
         (("--vary", "pillar.height_mm=5:8", "--evaluations", "0"), "1 or more"),
         (("--vary", "pillar.height_mm=5:8", "--goal", "worst"), "tolerance.height_mm"),
         (("--vary", "array.heights_mm=5:0.001"), "below the high end"),
-        (("--vary", "zone.count=1:2"), "zone.count: one zone has no other, must be left alone"),
+        (("--vary", "zone.count=1:2"), "zone.count: cannot vary, one zone has no other"),
         (("--vary", "array.stagger=0:1"), "must be array.stagger=false:true"),
         (("--vary", "array.pitches_y_mm=1:1.5", "--set", "array.pitch_x_mm=4"), "overlap"),
     ],

@@ -109,7 +109,7 @@ def test_the_largest_isolation_is_that_of_most_rows(monkeypatch: pytest.MonkeyPa
         ),
         (
             ("--set", "zone.count=1", "--set", "zone.shared_rows=0", "--min-isolation", "20"),
-            "--min-isolation: one zone",
+            "--min-isolation: needs several zones",
         ),
         (("--set", "patches.circuit='open'"), "must be 'short'"),
         (("--vary", "array.heights_mm=5:6"), "must be left out with several zones"),
@@ -169,5 +169,5 @@ def test_a_level_is_kept_by_its_question(coarsest_cells: None, tmp_path: Path, m
 def test_one_zone_has_no_cross_talk_to_ask_for() -> None:
     one = {**RAW, "zone": ZONE}
     space = space_of(case_from_dict(one), [Range("pillar.height_mm", 5, 7)])
-    with pytest.raises(InputError, match="--goal isolation: one zone has no other"):
+    with pytest.raises(InputError, match="--goal isolation: needs several zones"):
         optimiser.search(space, Settings("isolation"), RecordingLog())
