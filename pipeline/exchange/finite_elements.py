@@ -369,8 +369,7 @@ def _count(case: Case, part_mesh: Exchange, log: Log) -> int:
         return below + (part_mesh.search.count or 1)
     high = part_mesh.search.band_hz[1]
     below = modes_below(case, part_mesh.part, (high,), log)[0]
-    known = "coarse inertia count; CalculiX solves all of them and drops those below the band"
-    log.info(f"modes below {high:g} Hz: about {below} ({known})")
+    log.info(f"modes below {high:g} Hz: about {below} (coarse inertia count); CalculiX drops those below the band")
     return int(SPARE * below) + SPARE_MODES
 
 

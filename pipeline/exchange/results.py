@@ -83,9 +83,8 @@ def xdmf(case: Case, path: Path, log: Log) -> Path:
 
 
 def shapes_of(case: Case, log: Log) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Solve the modes of the plate on its closed surface; InputError if the band has none.
-
-    Returns points (p, 3) in m, triangles (m, 3), frequencies (k,) in Hz and displacements (k, p, 3).
+    """Solve the modes of the plate on its closed surface; InputError if the band has none. Returns points (p, 3) in m,
+    triangles (m, 3), frequencies (k,) in Hz and displacements (k, p, 3).
     """
     from geometry.decimation import closed_surface
     from pipeline.models.modes import solve_modes

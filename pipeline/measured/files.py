@@ -186,8 +186,7 @@ def read_sweep(path: str | Path) -> MeasuredSweep:
     twice = np.flatnonzero(np.diff(tone[order]) == 0.0)
     if len(twice):
         first, second = sorted(order[twice[0] : twice[0] + 2])
-        where = f"repeats the frequency of line {table.lines[first]}: must occur once"
-        raise table.error(where, int(second), "frequency")
+        raise table.error(f"repeats the frequency of line {table.lines[first]}", int(second), "frequency")
     if len(tone) < MIN_COUNT:
         raise table.error(f"{len(tone)} frequencies: must be at least {MIN_COUNT}")
     return MeasuredSweep(str(path), table.synthetic, cast("Quantity", quantity), Sweep(tone[order], values[order]))
@@ -217,8 +216,7 @@ def read_field(path: str | Path, design: Design) -> MeasuredField:
     again = np.flatnonzero(first[place.ravel()] != np.arange(len(points)))
     if len(again):
         row = int(again[0])
-        where = f"repeats the point of line {table.lines[int(first[place.ravel()[row]])]}: must occur once"
-        raise table.error(where, row, "x")
+        raise table.error(f"repeats the point of line {table.lines[int(first[place.ravel()[row]])]}", row, "x")
     return MeasuredField(str(path), table.synthetic, cast("Quantity", quantity), points, values)
 
 

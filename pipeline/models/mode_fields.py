@@ -32,10 +32,9 @@ def plate_arrays(part_modes: PartModes, rows: Sequence[int]) -> dict[str, Any]:
 
 
 def full_fields(part_modes: PartModes) -> dict[str, Any]:
-    """Return every mode on the meshed skin.
+    """Return every mode on the meshed skin: points (p, 3) in m, facets, frequency_hz and symmetry (k,), displacement (k, p, 3).
 
-    Arrays: points (p, 3) in m, facets, frequency_hz and symmetry (k,), displacement (k, p, 3). Modes are M-orthonormal in
-    the model's scaled units. A symmetry class gives a quarter, with u_z symmetric (S) or antisymmetric (A) in x, then y.
+    M-orthonormal in scaled units. A symmetry class gives a quarter, u_z symmetric (S) or antisymmetric (A) in x, then y.
     """
     skins = [_skin(part_modes, index) for index in range(len(part_modes.rows))]
     if not skins:

@@ -82,10 +82,7 @@ def _elsewhere(case: Case, band: tuple[float, float], target_hz: float | None) -
     about = f"{khz(band[0])} to {khz(band[1])}"
     if target_hz is None:
         return f"{case.name}: [tolerance]: needs a target mode to track, but no mode of the plate has the target shape"
-    return (
-        f"{case.name}: [tolerance]: the target mode lies at {khz(target_hz)}, outside {about}: change --band or "
-        "solve.band_kHz"
-    )
+    return f"{case.name}: [tolerance]: the target mode at {khz(target_hz)} is outside {about}: change --band or solve.band_kHz"
 
 
 def _sampled(

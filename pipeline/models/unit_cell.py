@@ -69,10 +69,8 @@ Bar = tuple[float | None, float]  # relative discretisation error (None if unkno
 
 @dataclass(frozen=True)
 class LatticeModel:
-    """A lattice of reduced cells with the name of its model and its relative errors.
-
-    reduction_error: largest truncation error of the bands; beyond: its part beyond the degree through the thickness;
-    mesh_error: discretisation error at the corners of the path, None without a coarser mesh.
+    """A lattice of reduced cells with its largest relative truncation error, the part of it beyond the degree through the
+    thickness, and its discretisation error at the corners of the path (None without a coarser mesh).
     """
 
     name: str
@@ -166,10 +164,9 @@ def _reducer(choice: ModelChoice, design: Design, log: Log, meshes: list[MeshRec
 
 
 class _Pilot:
-    """Lattices of a coarse cell whose pillar is a box.
+    """Lattices of a coarse cell whose pillar is a box: fast, and with nearly the truncation error of the fine cell.
 
-    They take a fraction of a second and have nearly the truncation error of the fine cell. The cell is reduced with finer
-    settings than needed, and its matrices contain those of the coarser settings.
+    The cell is reduced with finer settings than needed, and its matrices contain those of the coarser settings.
     """
 
     def __init__(self, design: Design, count: int) -> None:
@@ -265,8 +262,7 @@ def _good_enough(
     pilot = _Pilot(case.design, count)
     advised = _piloted(pilot, reduction, corners, count, MARGIN * accuracy, log, least_hz)
     if advised != reduction:
-        change = describe_change(reduction, advised)
-        log.info(f"reduction for {count} bands within {percent(accuracy)}: {change} (from a coarse cell)")
+        log.info(f"reduction for {count} bands within {percent(accuracy)}: {describe_change(reduction, advised)}")
     advised, beyond = _thick_enough(pilot, advised, corners, count, THROUGH * accuracy, log)
     lattice = ReducedLattice(reduce(advised))
     waves = _solved(lattice, corners, case)
@@ -284,8 +280,7 @@ def _good_enough(
             error, bar = error_of_waves(trial, waves), widest_bar(trial, waves, count, beyond)
             advised, lattice = finer, trial
     total = error.total + beyond
-    source = "estimated from the residual flexibility and the last degree"
-    log.info(f"truncation error of the bands: at most {percent(total)} ({source})")
+    log.info(f"truncation error of the bands: at most {percent(total)} (from residual flexibility and last degree)")
     if total > accuracy:
         log.warning(
             "REDUCTION",

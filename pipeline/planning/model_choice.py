@@ -301,10 +301,7 @@ def model_high_hz(case: Case, query: Request) -> float:
 
 
 def response_high_hz(case: Case, band_hz: tuple[float, float]) -> float:
-    """Highest frequency that the plate of a response has to resolve, Hz.
-
-    It is that of the modes in the same band, so that both are assembled from the same reduced panels.
-    """
+    """Highest frequency that a response's plate has to resolve, Hz: that of the modes in its band, to share their panels."""
     return model_high_hz(case, Request("plate", band_hz))
 
 

@@ -166,8 +166,9 @@ def finer_mesh(choice: ModelChoice, error: float | None, truncated: float, case:
     finer = _shorter_edges(choice, error, left) if edges else _finer_boxes(choice, case, error, left)
     if finer:
         source = "stress recovery" if edges else "coarser meshes"
-        known = f"{percent(error)} (estimated from {source})"
-        log.info(f"discretisation error: {known}, {percent(accuracy)} allowed; refining: {finer.mesh}")
+        log.info(
+            f"discretisation error: {percent(error)} (from {source}), {percent(accuracy)} allowed; refining: {finer.mesh}"
+        )
     return finer
 
 
@@ -258,8 +259,7 @@ def raise_cutoff(choice: ModelChoice, highest_hz: float, case: Case, log: Log) -
     if choice.reduction is None or choice.reduction.top_hz >= top_hz * (1.0 - SHORT):
         return None
     made_for = highest_hz * choice.reduction.top_hz / top_hz
-    reduced = f"cells were reduced for {khz(round(made_for))}"
-    log.info(f"highest mode: {khz(round(highest_hz))}, but {reduced}; reducing them again")
+    log.info(f"highest mode: {khz(round(highest_hz))}; reducing the cells again, so far for {khz(round(made_for))}")
     return replace(choice, reduction=replace(choice.reduction, top_hz=top_hz))
 
 

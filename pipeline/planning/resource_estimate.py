@@ -1,7 +1,4 @@
-"""Resource estimate of each step of a plan, from the design and its models.
-
-Nothing is reduced, and only a coarse cell and the panels around round feet are meshed.
-"""
+"""Resource estimate of each step of a plan; only a coarse cell and the panels around round feet are meshed for it."""
 
 from __future__ import annotations
 
@@ -425,9 +422,8 @@ def _mean_functions(design: Design, kinds: list[Kind], panels: int) -> float:
 
 
 def panel_reduction(mesh: MeshCounts, face: Interface, functions: float, copies: int, is_alike: bool = False) -> Cost:
-    """Cost of reducing one panel class by class: matrices, constraint modes, fixed-interface modes and nested meshes.
-
-    copies: panel size over mesh size; is_alike: a quarter that is symmetric under exchange of x and y.
+    """Cost of reducing one panel of `copies` times its mesh, class by class: matrices, constraint modes, fixed-interface modes
+    and nested meshes. is_alike: a quarter that is symmetric under exchange of x and y.
     """
     surface = 2.0 * SKIN * copies * mesh.dofs * 8.0 * (face.count + functions)
     shapes = 8.0 * mesh.dofs * (face.count + functions)

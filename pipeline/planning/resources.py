@@ -26,26 +26,11 @@ SECONDS_RANGE = (0.2, 5.0)
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """Resources that a step of a plan needs, and changes that reduce them.
+    """Resources that a step of a plan needs, and changes that reduce them, the most effective first.
 
-    Attributes
-    ----------
-    cost : Cost
-        Memory by stage, operations and the largest system.
-    modes : float or None
-        Number of modes expected in the window; None where none are counted.
-    functions : int or None
-        Degrees of freedom of a reduced cell, per wavevector or per panel of an assembled plate.
-    panels : int or None
-        Panels of an assembled plate; None for other models.
-    change : tuple of str
-        Changes to the case, the most effective first.
-    cad : bool
-        Whether the step loads CAD and the tetrahedral mesher.
-    parallel_bytes : float
-        Memory of the symmetry classes solved in parallel with the first, B; they run in sequence if it is not available.
-    finer_bytes : tuple of float
-        Peak memory on each finer mesh that may follow, B; a mesh that does not fit is skipped.
+    modes: number expected in the window (None if none are counted); functions: degrees of freedom of a reduced cell, per
+    wavevector or per panel of a plate; parallel_bytes: memory of the symmetry classes solved in parallel with the first, which
+    run in sequence if it is not available; finer_bytes: peak memory on each finer mesh that may follow, if it fits.
     """
 
     cost: Cost
